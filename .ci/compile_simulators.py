@@ -2,6 +2,7 @@
 
 import sys
 import tempfile
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from rover_hil.app.run import run_virtual
@@ -16,12 +17,24 @@ ROVERS = ("robotino", "el-dorado", "docs/examples/differential.toml")
 """One on each plant."""
 
 
-def main() -> int:
-    """Drive a rover on every plant for a moment and balance one on a slope; return 0."""
+def balance() -> None:
+    """Balance a rover on a slope."""
     solve_steady_state(paper_rover(), load_soil("toyoura"), Conditions(0.1), kernel=compiled_kernel)
+
+
+def drive(name: str) -> None:
+    """Drive a rover for a moment."""
     with tempfile.TemporaryDirectory() as folder:
-        for name in ROVERS:
-            run_virtual(load_config(name), Path(folder) / f"{Path(name).stem}.mcap", SHORT_S, None)
+        run_virtual(load_config(name), Path(folder) / "run.mcap", SHORT_S, None)
+
+
+def main() -> int:
+    """Do each in a process of its own; return 0."""
+    with ProcessPoolExecutor() as pool:
+        jobs = [pool.submit(drive, name) for name in ROVERS]
+        jobs.append(pool.submit(balance))
+        for job in jobs:
+            job.result()
     return 0
 
 

@@ -13,6 +13,7 @@ from controllers.roles import DeviceRoles
 from controllers.safety import Mode
 from controllers.safety.settings import SafetySettings
 from drivers.samples import LinkSample, PoseFixSample, Sample
+from tests.cases import first_often
 from tests.controllers.simulated import (
     LONG_WAY,
     PERIOD_NS,
@@ -78,7 +79,7 @@ def test_a_turn_while_the_process_was_stopped_is_that_of_the_wheels() -> None:
     assert output.estimate.yaw_rad == pytest.approx(rover.yaw_rad - 0.2, abs=0.01)
 
 
-@pytest.mark.parametrize("paused_s", [0.3, 0.6, 1.0])
+@pytest.mark.parametrize("paused_s", first_often([0.3, 0.6, 1.0]))
 def test_after_a_pause_of_the_process_the_covariance_holds_the_error(paused_s: float) -> None:
     for seed in range(6):
         rover = omni_rover(seed)
@@ -116,7 +117,8 @@ def buffered(rover: SimulatedRover, duration_s: float, held_s: float) -> list[Sa
 
 
 @pytest.mark.parametrize(
-    ("paused_s", "held_s"), [(0.2, 0.2), (0.28, 0.28), (0.4, 0.4), (1.0, 1.0), (1.0, 0.5), (3.0, 1.5)]
+    ("paused_s", "held_s"),
+    first_often([(0.28, 0.28), (0.2, 0.2), (0.4, 0.4), (1.0, 1.0), (1.0, 0.5), (3.0, 1.5)]),
 )
 def test_what_waited_in_buffers_during_a_pause_does_not_turn_the_rover(
     paused_s: float, held_s: float
@@ -137,7 +139,7 @@ def test_what_waited_in_buffers_during_a_pause_does_not_turn_the_rover(
         assert nees(rover, outputs[-1]) < GREATEST_NEES
 
 
-@pytest.mark.parametrize("silent_s", [0.5, 1.0])
+@pytest.mark.parametrize("silent_s", first_often([0.5, 1.0]))
 def test_what_devices_send_at_once_after_a_silence_does_not_turn_the_rover(silent_s: float) -> None:
     for seed in range(6):
         rover = omni_rover(seed)
@@ -156,7 +158,7 @@ def test_what_devices_send_at_once_after_a_silence_does_not_turn_the_rover(silen
         assert nees(rover, outputs[-1]) < GREATEST_NEES
 
 
-@pytest.mark.parametrize("broken_s", [0.2, 0.5, 1.0])
+@pytest.mark.parametrize("broken_s", first_often([0.5, 0.2, 1.0]))
 def test_after_a_break_of_the_wheels_link_the_covariance_holds_the_error(broken_s: float) -> None:
     for seed in range(6):
         rover = omni_rover(seed)

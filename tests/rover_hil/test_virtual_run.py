@@ -122,7 +122,7 @@ def test_replay_refuses_a_device_that_the_configuration_lacks(tmp_path: Path) ->
     [
         ("robotino", "board"),
         ("robotino", "imu"),
-        ("el-dorado", "compass"),
+        pytest.param("el-dorado", "compass", marks=pytest.mark.nightly),
         pytest.param("el-dorado", "wheels", marks=pytest.mark.nightly),
         pytest.param("el-dorado", "imu", marks=pytest.mark.nightly),
     ],

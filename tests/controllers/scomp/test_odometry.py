@@ -9,6 +9,7 @@ from controllers.slip.scomp.two_segment_slip_law import TwoSegmentSlip
 from drivers.errors import ModelError
 from rover_hil.scomp.drive import Drive, Track, TruePath, final_error_m
 from rover_hil.scomp.odometry import estimate_track, start_heading
+from tests.cases import first_often
 from tests.controllers.scomp.drives import estimated, fitted, mounds, read, rms, sideways
 
 TWO_SEGMENTS = TwoSegmentSlip(slip_0=0.2, k_per_rad=0.5, beta_0_rad=0.1, fit_range_rad=(0.0, 0.5))
@@ -98,13 +99,15 @@ def test_the_whole_drive_ends_where_the_rover_knew_it_was() -> None:
 
 @pytest.mark.parametrize(
     ("sensor", "word", "bar_m"),
-    [
-        ("gyro_rad_s", "no gyro", 1.2),
-        ("compass_rad", "no compass", 1.2),
-        ("pitch_rad", "no pitch", 1.2),
-        ("roll_rad", "no roll", 0.5),
-        ("trace_rad", "no trace", 0.5),
-    ],
+    first_often(
+        [
+            ("trace_rad", "no trace", 0.5),
+            ("gyro_rad_s", "no gyro", 1.2),
+            ("compass_rad", "no compass", 1.2),
+            ("pitch_rad", "no pitch", 1.2),
+            ("roll_rad", "no roll", 0.5),
+        ]
+    ),
 )
 def test_without_a_sensor(sensor: str, word: str, bar_m: float) -> None:
     drive, path = read(mounds())

@@ -11,6 +11,7 @@ from rover_hil.gap.statistics.noise import SeriesNoise, for_other_runs, series_n
 from rover_hil.gap.statistics.run_scatter import likeliest, run_scatter
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.interface import Array, Channel, Run
+from tests.cases import first_often
 from tests.nature.axis import Drive
 from tests.rover_hil.gap.gap_data import axis_runs, make_axis
 
@@ -60,7 +61,7 @@ def slow(seed: int) -> Array:
     return fading[:, -SAMPLES:]
 
 
-@pytest.mark.parametrize("errors", [white, with_constants, slow])
+@pytest.mark.parametrize("errors", first_often([with_constants, white, slow]))
 def test_a_constant_of_all_runs_is_judged_by_the_scatter_between_them(
     errors: Callable[[int], Array],
 ) -> None:
