@@ -304,9 +304,8 @@ class ControlLoop:
         excited = None if self._effort is None else self._effort.excited
         if excited is not None:
             now_s = seconds(now_ns)
+            yaw_rate_rad_s = excited.swing.without_swing(now_s, yaw_rate_rad_s)
             yaw_rate_rad_s += excited.yaw_rate_rad_s(now_s)
-            if excited.waits_in_place(now_s):
-                velocity_x_m_s = velocity_y_m_s = 0.0
         twist = (velocity_x_m_s, velocity_y_m_s, yaw_rate_rad_s)
         wanted_rad_s, self._steering_rad = self._kinematics.set_points(
             *twist, self._estimator.steering.angles_rad
@@ -323,4 +322,5 @@ def _make_effort(
     slip, rover = settings.slip, settings.rover
     if slip is None or not isinstance(rover, OmniRoverSettings):
         return None
-    return EffortCompensator(slip, rover, kinematics, roles)
+    travel_m_s = None if settings.mission is None else settings.mission.speed_m_s
+    return EffortCompensator(slip, rover, kinematics, roles, travel_m_s)

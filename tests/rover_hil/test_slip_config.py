@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigError
-from rover_hil.config import Config, load_config, load_slip_map, shipped_configs
+from rover_hil.config import Config, load_config, shipped_configs
 
 CONFIGS = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"
 SLIP = '[slip]\nmaps = "robotino"\nuse = "yaw_probe"\n'
@@ -34,7 +34,7 @@ def test_the_shipped_rover_shakes_and_carries_its_maps() -> None:
     slip = load_config("robotino").slip
     assert slip is not None
     assert slip.use == "yaw_probe"
-    assert slip.maps.yaw_probe is not None
+    assert slip.excitation.frequency_hz == 2.0
     assert {surface.name for surface in slip.maps.surfaces.surfaces} >= {"table_surface", "green_surface"}
 
 
@@ -51,7 +51,7 @@ def test_every_shipped_map_can_be_used_and_survives_the_log(tmp_path: Path, use:
     [
         (
             '[slip]\nmaps = "robotino"\nuse = "linear"\n',
-            "slip: use is 'linear', but the maps hold surfaces, yaw_probe, linear_m",
+            "slip: use is 'linear', but there are surfaces, yaw_probe, linear_m",
         ),
         (
             '[slip]\nmaps = "robotino"\nknown_surfaces = ["ice"]\n',
@@ -88,14 +88,27 @@ def test_a_map_file_with_a_mistake_names_the_key(tmp_path: Path) -> None:
     assert "is not valid TOML" in message_of(edited(tmp_path, ('maps = "robotino"', f'maps = "{broken}"')))
 
 
-def test_maps_without_a_probe_cannot_be_probed(tmp_path: Path) -> None:
+OLD_PROBE = """
+[yaw_probe]
+source = "drives of mine"
+amplitude_rad_s = 0.35
+frequency_hz = 5.0
+lost = [0.0, 0.5]
+slips = [0.0, 0.9]
+slip_sd = 0.07
+directions_rad = [0.0]
+speed_range_m_s = [0.1, 0.14]
+"""
+
+
+def test_maps_with_a_fit_of_earlier_versions_are_read(tmp_path: Path) -> None:
     shipped = (CONFIGS.parent / "slip_maps" / "robotino.toml").read_text(encoding="utf-8")
-    start, end = shipped.index("[yaw_probe]"), shipped.index("[cross_validation]")
-    plain = tmp_path / "plain.toml"
-    plain.write_text(shipped[:start] + shipped[end:], encoding="utf-8")
-    assert "yaw_probe" not in load_slip_map(str(plain))
-    message = message_of(edited(tmp_path, ('maps = "robotino"', f'maps = "{plain}"')))
-    assert "slip: use is 'yaw_probe', but the maps hold surfaces, linear_m" in message
+    old = tmp_path / "old.toml"
+    old.write_text(shipped + OLD_PROBE, encoding="utf-8")
+    slip = load_config(edited(tmp_path, ('maps = "robotino"', f'maps = "{old}"'))).slip
+    assert slip is not None
+    assert slip.use == "yaw_probe"
+    assert slip.excitation.frequency_hz == 2.0
 
 
 def test_the_probe_needs_a_gyro(tmp_path: Path) -> None:
