@@ -60,7 +60,7 @@ def replay_log(
     ):
         task = progress.add_task("replaying", total=path.stat().st_size)
         if controller is None:
-            _refuse_old_excitation(logged_config, path)
+            refuse_old_excitation(logged_config, path)
         config = logged_config if controller is None else with_controller_of(logged_config, controller)
         result = replay(log, config, lambda: progress.update(task, completed=log.bytes_read))
     if result.cycles == 0:
@@ -78,7 +78,12 @@ def replay_log(
     return EXIT_NO if result.differences else EXIT_OK
 
 
-def _refuse_old_excitation(config: Config, path: Path) -> None:
+def refuse_old_excitation(config: Config, path: Path) -> None:
+    """Check that the slip of a log was not read from the excitation as in earlier versions.
+
+    Raises:
+        LogError: It was, and cannot be replayed.
+    """
     slip = config.slip
     if slip is not None and slip.use == YAW_PROBE and "excitation" not in slip.model_fields_set:
         raise LogError(

@@ -4,8 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from controllers.slip.effort.gyro_response import GyroResponse
 from drivers.errors import ConfigError
 from rover_hil.config import Config, load_config, shipped_configs
+from rover_hil.doctor.config_consistency import check_consistency
+from rover_hil.doctor.finding import Level
+from tests.rover_hil.command import Command
 
 CONFIGS = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"
 SLIP = '[slip]\nmaps = "robotino"\nuse = "yaw_probe"\n'
@@ -116,6 +120,60 @@ def test_the_probe_needs_a_gyro(tmp_path: Path) -> None:
     message = message_of(edited(tmp_path, without))
     assert "slip.use is 'yaw_probe', which needs a gyro: name one in roles.gyro, or use 'surfaces'" in message
     assert load_config(edited(tmp_path, without, ('use = "yaw_probe"', 'use = "surfaces"'))).slip is not None
+
+
+STEERED = """
+[[rover.wheels]]
+x_m = {x}
+y_m = {y}
+radius_m = 0.04
+{steering}
+"""
+
+
+def wheels_rover(*, steers: bool) -> str:
+    """Return a rover of two driven wheels, with two steered ones in front where asked to."""
+    text = '[rover]\nkinematics = "wheels"\n'
+    for y in (-0.15, 0.15):
+        text += STEERED.format(x=0.0, y=y, steering="")
+        if steers:
+            text += STEERED.format(x=0.3, y=y, steering="steering = { low_deg = -40, high_deg = 40 }")
+    return text
+
+
+@pytest.mark.parametrize(
+    ("steers", "words"),
+    [
+        (True, "steered wheels cannot turn the rover about its centre while it travels: leave [slip] out"),
+        (False, "with two driven wheels it is no better than the encoders: leave [slip] out"),
+    ],
+)
+def test_rovers_that_the_excitation_is_not_for_are_refused_with_the_reason(
+    tmp_path: Path, *, steers: bool, words: str
+) -> None:
+    shipped = (CONFIGS / "robotino.toml").read_text(encoding="utf-8")
+    rover = shipped[shipped.index("[rover]") : shipped.index("[loop]")]
+    message = message_of(edited(tmp_path, (rover, wheels_rover(steers=steers))))
+    assert words in message
+
+
+def test_an_unknown_gyro_is_a_warning_of_check_that_names_the_command() -> None:
+    config = load_config("robotino")
+    (found,) = [each for each in check_consistency(config) if each.subject == "slip.gyro_response"]
+    assert found.level is Level.WARNING
+    assert "calibrate imu" in found.fix
+    assert config.slip is not None
+    gyro = GyroResponse(source="by hand", identified_on="2026-01-01")
+    for update in ({"gyro_response": gyro}, {"use": "surfaces"}):
+        other = config.model_copy(update={"slip": config.slip.model_copy(update=update)})
+        assert "slip.gyro_response" not in {each.subject for each in check_consistency(other)}
+
+
+def test_identify_probe_names_what_replaced_it(command: Command) -> None:
+    assert command("identify", "probe", "runs", "--out", "a.toml", "--amplitude", "0.35") != 0
+    said = " ".join(command.error.split())
+    assert "[slip.excitation]" in said
+    assert "calibrate imu" in said
 
 
 def test_a_skid_steer_rover_has_no_maps(tmp_path: Path) -> None:
