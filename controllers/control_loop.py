@@ -130,6 +130,7 @@ class ControlLoop:
         self._pauses = PauseWatch(ESTIMATION.pose.pause_ages * shortest_age_s)
         self._driven_to = Pose()
         self._commanded_rad_s = (0.0,) * kinematics.wheel_count
+        self._travel_rad_s = self._swing_rad_s = self._commanded_rad_s
         self._steering_rad: tuple[float, ...] = ()
         self._is_paused = False
         self._operator_reason = ""
@@ -177,6 +178,7 @@ class ControlLoop:
         For a replay with other parameters: the rover drove as it was commanded, not as it would have been.
         """
         self._commanded_rad_s = command.speed_rad_s
+        self._travel_rad_s = tuple(map(operator.sub, command.speed_rad_s, self._swing_rad_s))
         self._steering_rad = command.steering_rad or ()
 
     def step(self, now_ns: int, samples: Sequence[Sample]) -> StepOutput:
@@ -199,6 +201,8 @@ class ControlLoop:
         guidance = self._guide(now_ns, estimate, innovations)
         speed_rad_s, limit = self._set_points(now_ns, guidance)
         self._commanded_rad_s = speed_rad_s
+        # A wheel at rest that swings is always behind its set-point: only the travel says whether it stalls.
+        self._travel_rad_s = tuple(map(operator.sub, speed_rad_s, self._swing_rad_s))
         odometry = self._estimator.odometry
         is_fresh = self._is_motion_fresh(now_ns)
         return StepOutput(
@@ -253,7 +257,7 @@ class ControlLoop:
                 estimate_is_finite=estimate.is_finite,
                 motion_ns=self._estimator.motion_ns,
                 innovations=innovations,
-                commanded_rad_s=self._commanded_rad_s,
+                commanded_rad_s=self._travel_rad_s,
                 measured_rad_s=odometry.wheel_speed_rad_s,
                 distance_m=abs(driven_m),
                 travel_m=driven_m * cmath.rect(1.0, estimate.yaw_rad - odometry.pose.yaw_rad),
@@ -293,6 +297,7 @@ class ControlLoop:
         return guidance
 
     def _set_points(self, now_ns: int, guidance: Guidance | None) -> tuple[tuple[float, ...], Limit]:
+        self._swing_rad_s = (0.0,) * self._kinematics.wheel_count
         if guidance is None or guidance.finished or guidance.waits:
             self._limiter.stop()
             held_rad = self._estimator.steering.hold()
@@ -302,11 +307,11 @@ class ControlLoop:
         yaw_rate_rad_s = guidance.yaw_rate_rad_s
         velocity_x_m_s, velocity_y_m_s = guidance.velocity_x_m_s, guidance.velocity_y_m_s
         excited = None if self._effort is None else self._effort.excited
+        swing_rad_s = 0.0
         if excited is not None:
             now_s = seconds(now_ns)
-            yaw_rate_rad_s += excited.yaw_rate_rad_s(now_s)
-            if excited.waits_in_place(now_s):
-                velocity_x_m_s = velocity_y_m_s = 0.0
+            swing_rad_s = excited.yaw_rate_rad_s(now_s)
+            yaw_rate_rad_s = excited.swing.without_swing(now_s, yaw_rate_rad_s) + swing_rad_s
         twist = (velocity_x_m_s, velocity_y_m_s, yaw_rate_rad_s)
         wanted_rad_s, self._steering_rad = self._kinematics.set_points(
             *twist, self._estimator.steering.angles_rad
@@ -314,7 +319,12 @@ class ControlLoop:
         changes_rad_s = None if self._effort is None else self._effort.set_point_changes(twist)
         if changes_rad_s is not None:
             wanted_rad_s = tuple(map(operator.add, wanted_rad_s, changes_rad_s))
-        return self._limiter.limit(now_ns, wanted_rad_s, self._estimator.odometry.wheel_speed_rad_s)
+        limited_rad_s, limit = self._limiter.limit(
+            now_ns, wanted_rad_s, self._estimator.odometry.wheel_speed_rad_s
+        )
+        if swing_rad_s:
+            self._swing_rad_s = self._kinematics.wheel_speeds(0.0, 0.0, swing_rad_s)
+        return limited_rad_s, limit
 
 
 def _make_effort(
@@ -323,4 +333,5 @@ def _make_effort(
     slip, rover = settings.slip, settings.rover
     if slip is None or not isinstance(rover, OmniRoverSettings):
         return None
-    return EffortCompensator(slip, rover, kinematics, roles)
+    travel_m_s = None if settings.mission is None else settings.mission.speed_m_s
+    return EffortCompensator(slip, rover, kinematics, roles, travel_m_s)

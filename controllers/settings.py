@@ -7,10 +7,15 @@ from pydantic import AliasChoices, Field, model_validator
 
 from controllers.estimation.settings import FilterSettings
 from controllers.motion.mission import mission_legs
-from controllers.motion.rover_geometry import OmniRoverSettings, RoverSettings, has_four_wheels
+from controllers.motion.rover_geometry import (
+    OmniRoverSettings,
+    RoverSettings,
+    WheelsRoverSettings,
+    has_four_wheels,
+)
 from controllers.motion.settings import LimitSettings, MissionSettings
 from controllers.safety.settings import SafetySettings
-from controllers.slip.effort.settings import SlipSettings
+from controllers.slip.effort.settings import YAW_PROBE, SlipSettings
 from controllers.slip.scomp.settings import ScompSettings
 from drivers.settings import Settings
 
@@ -79,7 +84,9 @@ def find_slip_conflicts(
     rover: RoverSettings, slip: SlipSettings | None, scomp: ScompSettings | None
 ) -> Iterator[str]:
     """Yield which slip compensation is not for this kind of rover, with the fix."""
-    if slip is not None and not isinstance(rover, OmniRoverSettings):
+    if slip is not None and slip.use == YAW_PROBE and not isinstance(rover, OmniRoverSettings):
+        yield f"slip.use is '{YAW_PROBE}', but {_why_not_excited(rover)}: leave [slip] out"
+    elif slip is not None and not isinstance(rover, OmniRoverSettings):
         yield (
             f"slip: its maps are of three omnidirectional wheels, but rover.kinematics is "
             f"'{rover.kinematics}': leave [slip] out"
@@ -89,6 +96,18 @@ def find_slip_conflicts(
             f"scomp: it is for a rover with four wheels, front left, front right, rear left, rear right, but "
             f"rover.kinematics is '{rover.kinematics}' with others: leave [scomp] out"
         )
+
+
+def _why_not_excited(rover: RoverSettings) -> str:
+    """Return why slip is not read from a yaw excitation of a rover without three omnidirectional wheels."""
+    if isinstance(rover, WheelsRoverSettings) and any(wheel.steering for wheel in rover.wheels):
+        return "steered wheels cannot turn the rover about its centre while it travels"
+    if isinstance(rover, WheelsRoverSettings) and sum(wheel.driven for wheel in rover.wheels) == 2:
+        return (
+            "a castor resists the swing by its side force, which the reading takes for slip: with two driven "
+            "wheels it is no better than the encoders"
+        )
+    return "its maps and its sharing of slip are of three omnidirectional wheels"
 
 
 def find_crab_conflicts(mission: MissionSettings | None, scomp: ScompSettings | None) -> Iterator[str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import binomtest
 
-from benchmarks.safety.missions import drive, with_fixes
+from benchmarks.safety.missions import Driven, Falsify, drive, with_fixes
 from controllers.motion.mission import corner_points
 from controllers.safety import Mode
 from rover_hil.config import Config, load_config
@@ -22,7 +22,8 @@ FIRST_FULL_FLOOR = 200
 """Of `make gates-full`; nothing is tuned on these."""
 DIFFERENTIAL = Path(__file__).parents[2] / "docs" / "examples" / "differential.toml"
 TWO_WHEELS = "tread, two wheels"
-VERSIONS = ("encoders and gyro", "shipped", "secant")
+NATURE_NAMES = tuple(nature.name for nature in NATURES if nature.name != TWO_WHEELS)
+VERSIONS = ("encoders and gyro", "shipped")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,27 +79,23 @@ def cells(versions: Sequence[str]) -> Iterator[Cell]:
 def configure(cell: Cell, seed: int) -> Config:
     """Return the rover of a row, with noise of `seed`."""
     if cell.nature == TWO_WHEELS:
-        config = _with_the_rectangle_of_the_robotino(load_config(str(DIFFERENTIAL)))
+        config = _with_noise(_with_the_rectangle_of_the_robotino(load_config(str(DIFFERENTIAL))), seed)
     else:
-        config = _with_slip_by(load_config("robotino"), cell.version)
-    simulation = config.require_simulation().model_copy(update={"seed": seed})
-    config = config.model_copy(update={"simulation": simulation})
+        config = configure_version(cell.version, seed)
     return with_fixes(config, FIXES_PER_S) if cell.has_fixes else config
 
 
-def _with_slip_by(config: Config, version: str) -> Config:
+def configure_version(version: str, seed: int) -> Config:
+    """Return the shipped Robotino with slip by a version, with noise of `seed`."""
+    config = load_config("robotino")
     if version == VERSIONS[0]:
-        return config.model_copy(update={"slip": None})
-    if version == "secant":
-        assert config.slip is not None
-        assert config.slip.maps.yaw_probe is not None
-        same = (0.0, 1.0)
-        probe = config.slip.maps.yaw_probe.model_copy(
-            update={"reads": "loss", "transmission_losses": same, "slips": same}
-        )
-        maps = config.slip.maps.model_copy(update={"yaw_probe": probe})
-        return config.model_copy(update={"slip": config.slip.model_copy(update={"maps": maps})})
-    return config
+        config = config.model_copy(update={"slip": None})
+    return _with_noise(config, seed)
+
+
+def _with_noise(config: Config, seed: int) -> Config:
+    simulation = config.require_simulation().model_copy(update={"seed": seed})
+    return config.model_copy(update={"simulation": simulation})
 
 
 def _with_the_rectangle_of_the_robotino(config: Config) -> Config:
@@ -109,21 +106,30 @@ def _with_the_rectangle_of_the_robotino(config: Config) -> Config:
 
 def drive_floor(cell: Cell, seed: int) -> Way:
     """Drive the rectangle on the floor of `seed`; the same arguments give the same way."""
-    nature = _nature(cell.nature)
-    floor, config = nature.draw_floor(seed), configure(cell, seed)
+    return drive_config(configure(cell, seed), cell.nature, seed)[0]
+
+
+def drive_config(
+    config: Config, nature_name: str, seed: int, falsify: Falsify = lambda _, sample: sample
+) -> tuple[Way, Driven]:
+    """Drive a rover's mission on the floor of `seed`; return the way, and the drive cycle by cycle."""
+    nature = _nature(nature_name)
+    floor = nature.draw_floor(seed)
     driven = drive(
         config,
+        falsify,
         limit_s=config.loop.time_limit_s,
         make_plant=lambda start_ns: nature.plant(floor, np.random.default_rng(seed), start_ns),
     )
     x_m, y_m, yaw_rad = np.array([moment.truth for moment in driven.moments]).T
     assert config.mission is not None
     path, corners = TruePath(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad), corner_points(config.mission)
-    return Way(
+    way = Way(
         has_finished=driven.mode is Mode.FINISHED,
         path_m=path_rms_m(path, corners),
         closure_m=closure_m(path, corners),
     )
+    return way, driven
 
 
 def _nature(name: str) -> Nature:

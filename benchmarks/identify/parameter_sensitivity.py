@@ -34,7 +34,6 @@ from benchmarks.robotino.motor_identification import CASES, record, truth
 from benchmarks.sensitivity import print_table
 from controllers.motion.kinematics import OmniKinematics
 from controllers.slip.effort.motor_model import MotorSettings
-from controllers.slip.effort.yaw_excitation import YawExcitationMap
 from drivers.errors import LogError, ModelError
 from rover_hil.app.calibrate.imu import calibrate_imu
 from rover_hil.datasets.robotino_csv import ROBOTINO
@@ -48,7 +47,6 @@ from rover_hil.identify.scomp.fit import identify
 from rover_hil.identify.scomp.parameters import SCOMP_FIT
 from rover_hil.identify.slip.identification import identify_slip_maps, read_all
 from rover_hil.identify.slip.parameters import SLIP_FIT
-from rover_hil.identify.slip.probe_fit import fit_probe
 from rover_hil.identify.slip.run_data import MeasuredRun
 from rover_hil.identify.slip.runs import find_runs
 from rover_hil.identify.slip.scores import Score
@@ -62,16 +60,6 @@ FIX_SD_M = 0.0025  # of the simulated drive
 LOSSES = (0.0, 0.1, 0.2, 0.3, 0.4)
 STRETCH_S = 24.0
 SPEED_M_S = 0.15
-EXCITATION = YawExcitationMap(
-    source="simulated",
-    amplitude_rad_s=0.5,
-    frequency_hz=5.0,
-    transmission_losses=(0.0, 1.0),
-    slips=(0.0, 1.0),
-    slip_sd=0.1,
-    directions_rad=(0.0,),
-    speed_range_m_s=(0.1, 0.2),
-)
 PROMISES = ("surface.least_runs",)
 """A number that documents promise."""
 
@@ -134,7 +122,7 @@ def shaken_drive(seed: int) -> MeasuredRun:
 
 
 def slip_figures(files: Sequence[Path], shaken: MeasuredRun) -> Figures:
-    """Return scale and cross-validated errors of the measured runs, windows and table of the shaken drive."""
+    """Return scale and cross-validated errors of the measured runs, and windows of the drive with fixes."""
     figures: dict[str, float] = {}
     if files:
         found = identify_slip_maps(read_all(files, MotorSettings(), lambda: None), lambda: None)
@@ -149,11 +137,6 @@ def slip_figures(files: Sequence[Path], shaken: MeasuredRun) -> Figures:
         )
     windows = form_windows(shaken, MotorSettings())
     figures["windows by fixes"] = float(len(windows.elapsed_s))
-    fitted, rejected = fit_probe([shaken], EXCITATION)
-    figures["table: deviation"] = fitted.slip_sd
-    figures["table: points"] = float(len(fitted.slips) + len(fitted.directions_rad))
-    figures["table: last slip"] = fitted.slips[-1]
-    figures["table: rejected"] = float(sum(rejected.values()))
     return figures
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from rich.table import Table
 
+from controllers.slip.effort.settings import YAW_PROBE
 from drivers.clock import SystemClock, seconds
 from drivers.errors import LogError
 from rover_hil.app.error_message import readable_line
@@ -13,7 +14,7 @@ from rover_hil.app.json_text import print_json
 from rover_hil.app.options import log_at
 from rover_hil.app.run import live_mirror
 from rover_hil.app.steps import show_progress
-from rover_hil.config import load_config
+from rover_hil.config import Config, load_config
 from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.recording.data_files import restore_config, with_controller_of
 from rover_hil.recording.made_with import changes_since, made_with
@@ -42,7 +43,7 @@ def replay_log(
     With `live_port` the log is then streamed to viewers on that port, at the speed at which it was recorded.
 
     Raises:
-        LogError: The log cannot be read.
+        LogError: The log cannot be read, or its slip was read in a way that no longer exists.
         ConfigError: The configuration is wrong, or the folder for the report cannot be used or holds one.
     """
     if out is not None:
@@ -58,6 +59,8 @@ def replay_log(
         show_progress() as progress,
     ):
         task = progress.add_task("replaying", total=path.stat().st_size)
+        if controller is None:
+            refuse_old_excitation(logged_config, path)
         config = logged_config if controller is None else with_controller_of(logged_config, controller)
         result = replay(log, config, lambda: progress.update(task, completed=log.bytes_read))
     if result.cycles == 0:
@@ -73,6 +76,20 @@ def replay_log(
         if not as_json:
             Terminal().print(f"report of the recorded run: {out / REPORT_NAME}", soft_wrap=True)
     return EXIT_NO if result.differences else EXIT_OK
+
+
+def refuse_old_excitation(config: Config, path: Path) -> None:
+    """Check that the slip of a log was not read from the excitation as in earlier versions.
+
+    Raises:
+        LogError: It was, and cannot be replayed.
+    """
+    slip = config.slip
+    if slip is not None and slip.use == YAW_PROBE and "excitation" not in slip.model_fields_set:
+        raise LogError(
+            f"log {path}: its slip was read from the yaw excitation by fitted constants that this version "
+            "does not have: replay it with the version that made it, or name a configuration of this version"
+        )
 
 
 def _stream(log: LogReader, port: int) -> None:

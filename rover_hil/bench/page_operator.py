@@ -215,7 +215,7 @@ def _relative(truth: Truth | None, first: Truth | None) -> tuple[float, float, f
 
 
 def _slip(output: StepOutput) -> tuple[list[float | None], list[str], str]:
-    """Return the slip that is estimated, what each number is, and why one is not valid."""
+    """Return the slip that is estimated, what each number is, and why one is not valid or unsure."""
     if output.scomp is not None:
         reason = output.scomp.reason
         return [None if reason else output.scomp.slip], ["rover"], reason
@@ -223,6 +223,9 @@ def _slip(output: StepOutput) -> tuple[list[float | None], list[str], str]:
         return [], [], ""
     wheels = output.slip.wheels
     reasons = [wheel.reason for wheel in wheels if not wheel.valid]
+    rover = output.slip.rover
+    if rover is not None and rover.unsure:
+        reasons.append(rover.unsure)
     values = [wheel.slip if wheel.valid else None for wheel in wheels]
     return values, [f"wheel {number}" for number in range(len(wheels))], next(iter(reasons), "")
 

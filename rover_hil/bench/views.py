@@ -63,7 +63,7 @@ class View(TypedDict):
         headings: Yaw of each heading device in rad, from an arbitrary zero.
         slip: Slip ratio of each wheel, or of the rover where only that is estimated; None where not valid.
         slip_names: What each entry of `slip` is.
-        slip_reason: Why the first entry that is not valid is not.
+        slip_reason: Why the first entry that is not valid is not, or why all are unsure.
         suspicion: What may be wrong although it stops nothing; empty for nothing.
         current_a: Newest current of each wheel; None before the first.
         set_rad_s: Set-points as sent.

@@ -1,5 +1,6 @@
 """Check settings that are valid one by one but do not fit each other."""
 
+from controllers.slip.effort.settings import YAW_PROBE
 from controllers.unwatched_yaw import find_unwatched_yaw
 from drivers.robotino3_board.settings import Robotino3BoardSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
@@ -38,6 +39,7 @@ def check_consistency(config: Config) -> list[Finding]:
                 )
             )
     findings += _check_yaw(config)
+    findings += _check_gyro_constants(config)
     return findings or [ok(CHECK, "times", "the periods and limits fit each other")]
 
 
@@ -47,3 +49,13 @@ def _check_yaw(config: Config) -> list[Finding]:
         return []
     cause = "a wrong yaw looks like a rover that keeps its heading"
     return [warning(CHECK, "yaw unwatched", unwatched.what, cause, unwatched.help)]
+
+
+def _check_gyro_constants(config: Config) -> list[Finding]:
+    slip = config.slip
+    if slip is None or slip.use != YAW_PROBE or slip.gyro_response is not None:
+        return []
+    what = "delay and bandwidth of the gyro are unknown: slip by the yaw excitation is unsure"
+    cause = "a late gyro looks like wheels that slip, so only the least slip is used"
+    fix = "run `rover-hil calibrate imu`, and enter its file as gyro_response in [slip]"
+    return [warning(CHECK, "slip.gyro_response", what, cause, fix)]

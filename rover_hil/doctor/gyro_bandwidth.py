@@ -19,7 +19,7 @@ CHECK = "bandwidth"
 BANDWIDTHS_HZ = (256.0, 188.0, 98.0, 42.0, 20.0, 10.0, 5.0)
 """By the value of the register."""
 FASTEST = 8.0
-"""Bandwidth over frequency from which on the low-pass is not noticed; chosen by hand: 4 ms at 5 Hz."""
+"""Bandwidth over frequency from which on the low-pass is not noticed; chosen by hand: 10 ms at 2 Hz."""
 SAME = 1.6
 """Factor within which stated and identified bandwidth agree; chosen by hand."""
 
@@ -38,14 +38,14 @@ def stated_bandwidth_hz(received: bytes) -> float | None:
 def check_gyro_bandwidth(reception: Reception, config: Config) -> list[Finding]:
     """Check the stated bandwidth of the gyro if slip is read from the yaw excitation; else nothing."""
     slip, name = config.slip, reception.device
-    if slip is None or slip.use != YAW_PROBE or slip.maps.yaw_probe is None or name != config.roles.gyro:
+    if slip is None or slip.use != YAW_PROBE or name != config.roles.gyro:
         return []
     if not isinstance(reception.settings, WitMotionSettings):
         return []
     stated_hz = stated_bandwidth_hz(b"".join(item.payload for item in reception.arrivals))
     if stated_hz is None:
         return [ok(CHECK, name, "not stated by the sensor; `rover-hil calibrate imu` identifies it")]
-    frequency_hz, found = slip.maps.yaw_probe.frequency_hz, slip.gyro_response
+    frequency_hz, found = slip.excitation.frequency_hz, slip.gyro_response
     what = f"the sensor states {stated_hz:g} Hz, the yaw excitation has {frequency_hz:g} Hz"
     if found is None and stated_hz < FASTEST * frequency_hz:
         lag_ms = 1e3 * math.atan2(frequency_hz, stated_hz) / (math.tau * frequency_hz)

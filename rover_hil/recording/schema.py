@@ -116,13 +116,13 @@ class WheelSlipRecord(TypedDict):
 
 
 class RoverSlipRecord(TypedDict):
-    """Slip of the rover with its uncertainty and source, and the check of the gyro."""
+    """Slip of the rover with its uncertainty and source, and why that is larger than it could be."""
 
     slip: float
     sd: float
     source: str
     reason: str
-    gyro_lag_s: float | None
+    unsure: NotRequired[str]
 
 
 class SlipRecord(TypedDict):
@@ -427,7 +427,7 @@ def _rover_slip(found: RoverSlip) -> RoverSlipRecord:
         "sd": found.sd,
         "source": found.source.value,
         "reason": found.reason,
-        "gyro_lag_s": found.gyro_lag_s,
+        "unsure": found.unsure,
     }
 
 

@@ -147,9 +147,9 @@ def _no_search_for_cycles() -> Iterator[None]:
 def _without_yaw_excitation(config: Config, set_points_rad_s: Array) -> Array:
     """Return the set-points averaged over one period of the yaw excitation where there is one."""
     slip = config.slip
-    if slip is None or slip.use != YAW_PROBE or slip.maps.yaw_probe is None:
+    if slip is None or slip.use != YAW_PROBE:
         return set_points_rad_s
-    cycles = max(1, round(config.loop.rate_hz / slip.maps.yaw_probe.frequency_hz))
+    cycles = max(1, round(config.loop.rate_hz / slip.excitation.frequency_hz))
     if len(set_points_rad_s) < cycles:
         return set_points_rad_s
     sums = np.cumsum(np.vstack((np.zeros(set_points_rad_s.shape[1]), set_points_rad_s)), axis=0)

@@ -6,19 +6,8 @@ from datetime import date
 from controllers.slip.effort.motor_model import MotorSettings
 from controllers.slip.effort.slip_map import PolynomialMap, SlipMapFile
 from controllers.slip.effort.surface_map import DirectionCurve, SurfaceMap, SurfaceModel
-from controllers.slip.effort.yaw_excitation import YawExcitationMap
 
 ALL_AROUND = tuple(math.radians(degrees) for degrees in range(-180, 180, 20))
-PROBE = YawExcitationMap(
-    source="by hand",
-    amplitude_rad_s=0.5,
-    frequency_hz=5.0,
-    transmission_losses=(0.0, 0.5),
-    slips=(0.0, 1.0),
-    slip_sd=0.05,
-    directions_rad=ALL_AROUND,
-    speed_range_m_s=(0.1, 0.3),
-)
 
 
 def flat(value: float) -> DirectionCurve:
@@ -40,7 +29,7 @@ def surface(name: str, force_n: float, slip: float, drift_rad: float = 0.0) -> S
 def make_maps(
     drift_rad: float = 0.0, directions_rad: tuple[float, ...] = ALL_AROUND, slip_per_a: float = 0.5
 ) -> SlipMapFile:
-    """Return maps: a line slip = current / 2 A, a firm and a soft surface, and the probe."""
+    """Return maps: a line slip = current / 2 A, a firm and a soft surface."""
     line = PolynomialMap(feature="current_a", valid_from=0.1, valid_to=1.5, coefficients=(0.0, slip_per_a))
     return SlipMapFile(
         source="by hand",
@@ -53,6 +42,5 @@ def make_maps(
             surfaces=(surface("firm", 5.0, 0.1, drift_rad), surface("soft", 25.0, 0.5, drift_rad)),
             directions_rad=directions_rad,
         ),
-        yaw_probe=PROBE,
         cross_validation={},
     )

@@ -77,7 +77,7 @@ def _record(
 ) -> dict[str, object]:
     velocity = {"velocity_x_m_s": 0.0, "velocity_y_m_s": 0.0, "yaw_rate_rad_s": 0.0, "gyro_bias_rad_s": 0.0}
     covariance = [sd_m**2, 0.0, 0.0, sd_m**2, 0.0, 0.01**2]
-    rover = {"slip": 0.2, "sd": 0.01, "source": "excitation", "reason": reason, "gyro_lag_s": None}
+    rover = {"slip": 0.2, "sd": 0.01, "source": "excitation", "reason": reason, "unsure": ""}
     return {
         "t_ns": t_ns, "mode": "running", "reason": "",
         "odometry": {"x_m": SCALE * x, "y_m": SCALE * y, "yaw_rad": yaw}, "odometry_rebases": 0,

@@ -45,8 +45,8 @@ def test_the_answer_is_no_rejection() -> None:
 @pytest.mark.parametrize(
     ("config", "value", "level", "word"),
     [
-        (ROBOTINO, 4, Level.WARNING, "calibrate imu"),
-        (ROBOTINO, 2, Level.OK, ""),
+        (ROBOTINO, 5, Level.WARNING, "calibrate imu"),
+        (ROBOTINO, 4, Level.OK, ""),
         (calibrated(18.0), 4, Level.OK, ""),
         (calibrated(200.0), 4, Level.WARNING, "again"),
     ],

@@ -51,7 +51,7 @@ def helps(group: TyperGroup, before: str = "") -> Iterator[tuple[str, str]]:
     for name, item in group.commands.items():
         if isinstance(item, TyperGroup):
             yield from helps(item, f"{before}{name} ")
-        else:
+        elif not item.hidden:
             yield f"{before}{name}", item.help or ""
 
 
@@ -158,7 +158,6 @@ def test_quick_examples_run_on_their_sample(
         "gap side-slope nowhere --out a",
         "ftrace nowhere --rig rig.json --out a.csv",
         "identify slip nowhere",
-        "identify probe nowhere --out a.toml",
         "identify motor nowhere",
         "terrain fit nowhere",
         "calibrate camera nowhere --ground g.png --rover r.json --out a.json --columns 8 --rows 6 "

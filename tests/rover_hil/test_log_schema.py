@@ -77,7 +77,7 @@ OUTPUT = StepOutput(
                 reason="too slow",
             ),
         ),
-        rover=RoverSlip(slip=0.3, sd=0.05, source=SlipSource.EXCITATION, reason="", gyro_lag_s=0.001),
+        rover=RoverSlip(slip=0.3, sd=0.05, source=SlipSource.EXCITATION, reason="", unsure="gyro"),
     ),
     scomp=ScompReport(
         slip=0.1,
@@ -103,7 +103,7 @@ RECORD = (
     b'"cross_track_m":null,"slip":{"map":"linear_m","surface":null,"drift_rad":0.01,"wheels":['
     b'{"current_a":0.5,"paper_torque_nm":0.1,"wheel_torque_nm":0.2,"slip":0.3,"valid":false,'
     b'"reason":"too slow"}],"rover":{"slip":0.3,"sd":0.05,"source":"excitation",'
-    b'"reason":"","gyro_lag_s":0.001}},"drift":{"slip":0.1,"slip_angle_rad":0.2,"trace":{"t_ns":5,"detected":true,'
+    b'"reason":"","unsure":"gyro"}},"drift":{"slip":0.1,"slip_angle_rad":0.2,"trace":{"t_ns":5,"detected":true,'
     b'"theta_rad":0.15,"confidence":0.9,"source":"trace","theta_sd_rad":0.01},"reason":""},'
     b'"contradiction":{"scaled":1.5,"wheel":1,"rolling_m":[0.0,0.01],"side_m":[0.0,0.002]},'
     b'"steering_rad":[0.05,0.0],"crab":{"drift_rad":0.14,"source":"trace"},'

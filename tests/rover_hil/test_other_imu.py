@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.safety.missions import ROVERS, Driven, drive
 from controllers.safety import Mode
-from controllers.slip.effort.gyro_watch import LATER_THAN_CALIBRATED, LATER_THAN_FAST
+from controllers.slip.effort.excited_slip import UNKNOWN_GYRO
 from controllers.slip.effort.yaw_excitation import TOO_FEW_READINGS
 from drivers.samples import RateSample, Sample
 from rover_hil.config import Config
@@ -34,19 +34,11 @@ class LowPass:
         return replace(sample, rate_z_rad_s=self._rate_rad_s)
 
 
-def config_of(
-    rover: str, sent_hz: float, configured_hz: float | None = 50.0, calibrated_hz: float | None = None
-) -> Config:
+def config_of(rover: str, sent_hz: float, configured_hz: float | None = 50.0) -> Config:
     """Return a rover whose IMU sends at a rate, perhaps another one than configured."""
     table = ROVERS[rover](SEED).model_dump(by_alias=True)
     table["devices"]["imu"] |= {"rate_hz": configured_hz, "max_age_s": 0.2}
     table["simulation"]["devices"]["imu"] = {"type": "witmotion", "frames": ["rate"], "rate_hz": sent_hz}
-    if calibrated_hz is not None:
-        table["slip"]["gyro_response"] = {
-            "source": "by hand",
-            "identified_on": "2026-01-01",
-            "bandwidth_hz": calibrated_hz,
-        }
     return Config.model_validate(table)
 
 
@@ -83,7 +75,7 @@ def test_the_configured_rate_stops_nothing(rover: str) -> None:
     assert driven.stops() == []
 
 
-@pytest.mark.parametrize("sent_hz", first_often([20.0, 10.0]))
+@pytest.mark.parametrize("sent_hz", first_often([7.0, 5.0]))
 def test_a_rate_below_that_of_the_excitation_gives_no_valid_slip(sent_hz: float) -> None:
     config = config_of("robotino", sent_hz, configured_hz=None)
     driven = drive(config, limit_s=10.0)
@@ -92,14 +84,12 @@ def test_a_rate_below_that_of_the_excitation_gives_no_valid_slip(sent_hz: float)
     assert greatest_nees(driven) < GREATEST_NEES
 
 
-@pytest.mark.parametrize(
-    ("calibrated_hz", "reason"), [(None, LATER_THAN_FAST), (42.0, LATER_THAN_CALIBRATED)]
-)
-def test_a_low_pass_of_5_hz_that_is_not_configured_gives_no_valid_slip(
-    calibrated_hz: float | None, reason: str
-) -> None:
-    driven = drive(config_of("robotino", 50.0, calibrated_hz=calibrated_hz), LowPass(5.0), limit_s=10.0)
-    assert slip_reasons(driven) == {reason}
+def test_a_low_pass_of_5_hz_that_is_not_calibrated_is_said_and_does_no_harm() -> None:
+    driven = drive(config_of("robotino", 50.0), LowPass(5.0), limit_s=10.0)
+    last = driven.moments[-1].output.slip
+    assert last is not None
+    assert last.rover is not None
+    assert last.rover.unsure == UNKNOWN_GYRO
     assert greatest_nees(driven) < GREATEST_NEES
 
 

@@ -4,8 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from controllers.slip.effort.gyro_response import GyroResponse
 from drivers.errors import ConfigError
-from rover_hil.config import Config, load_config, load_slip_map, shipped_configs
+from rover_hil.config import Config, load_config, shipped_configs
+from rover_hil.doctor.config_consistency import check_consistency
+from rover_hil.doctor.finding import Level
+from tests.rover_hil.command import Command
 
 CONFIGS = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"
 SLIP = '[slip]\nmaps = "robotino"\nuse = "yaw_probe"\n'
@@ -34,7 +38,7 @@ def test_the_shipped_rover_shakes_and_carries_its_maps() -> None:
     slip = load_config("robotino").slip
     assert slip is not None
     assert slip.use == "yaw_probe"
-    assert slip.maps.yaw_probe is not None
+    assert slip.excitation.frequency_hz == 2.0
     assert {surface.name for surface in slip.maps.surfaces.surfaces} >= {"table_surface", "green_surface"}
 
 
@@ -51,7 +55,7 @@ def test_every_shipped_map_can_be_used_and_survives_the_log(tmp_path: Path, use:
     [
         (
             '[slip]\nmaps = "robotino"\nuse = "linear"\n',
-            "slip: use is 'linear', but the maps hold surfaces, yaw_probe, linear_m",
+            "slip: use is 'linear', but there are surfaces, yaw_probe, linear_m",
         ),
         (
             '[slip]\nmaps = "robotino"\nknown_surfaces = ["ice"]\n',
@@ -88,14 +92,27 @@ def test_a_map_file_with_a_mistake_names_the_key(tmp_path: Path) -> None:
     assert "is not valid TOML" in message_of(edited(tmp_path, ('maps = "robotino"', f'maps = "{broken}"')))
 
 
-def test_maps_without_a_probe_cannot_be_probed(tmp_path: Path) -> None:
+OLD_PROBE = """
+[yaw_probe]
+source = "drives of mine"
+amplitude_rad_s = 0.35
+frequency_hz = 5.0
+lost = [0.0, 0.5]
+slips = [0.0, 0.9]
+slip_sd = 0.07
+directions_rad = [0.0]
+speed_range_m_s = [0.1, 0.14]
+"""
+
+
+def test_maps_with_a_fit_of_earlier_versions_are_read(tmp_path: Path) -> None:
     shipped = (CONFIGS.parent / "slip_maps" / "robotino.toml").read_text(encoding="utf-8")
-    start, end = shipped.index("[yaw_probe]"), shipped.index("[cross_validation]")
-    plain = tmp_path / "plain.toml"
-    plain.write_text(shipped[:start] + shipped[end:], encoding="utf-8")
-    assert "yaw_probe" not in load_slip_map(str(plain))
-    message = message_of(edited(tmp_path, ('maps = "robotino"', f'maps = "{plain}"')))
-    assert "slip: use is 'yaw_probe', but the maps hold surfaces, linear_m" in message
+    old = tmp_path / "old.toml"
+    old.write_text(shipped + OLD_PROBE, encoding="utf-8")
+    slip = load_config(edited(tmp_path, ('maps = "robotino"', f'maps = "{old}"'))).slip
+    assert slip is not None
+    assert slip.use == "yaw_probe"
+    assert slip.excitation.frequency_hz == 2.0
 
 
 def test_the_probe_needs_a_gyro(tmp_path: Path) -> None:
@@ -103,6 +120,60 @@ def test_the_probe_needs_a_gyro(tmp_path: Path) -> None:
     message = message_of(edited(tmp_path, without))
     assert "slip.use is 'yaw_probe', which needs a gyro: name one in roles.gyro, or use 'surfaces'" in message
     assert load_config(edited(tmp_path, without, ('use = "yaw_probe"', 'use = "surfaces"'))).slip is not None
+
+
+STEERED = """
+[[rover.wheels]]
+x_m = {x}
+y_m = {y}
+radius_m = 0.04
+{steering}
+"""
+
+
+def wheels_rover(*, steers: bool) -> str:
+    """Return a rover of two driven wheels, with two steered ones in front where asked to."""
+    text = '[rover]\nkinematics = "wheels"\n'
+    for y in (-0.15, 0.15):
+        text += STEERED.format(x=0.0, y=y, steering="")
+        if steers:
+            text += STEERED.format(x=0.3, y=y, steering="steering = { low_deg = -40, high_deg = 40 }")
+    return text
+
+
+@pytest.mark.parametrize(
+    ("steers", "words"),
+    [
+        (True, "steered wheels cannot turn the rover about its centre while it travels: leave [slip] out"),
+        (False, "with two driven wheels it is no better than the encoders: leave [slip] out"),
+    ],
+)
+def test_rovers_that_the_excitation_is_not_for_are_refused_with_the_reason(
+    tmp_path: Path, *, steers: bool, words: str
+) -> None:
+    shipped = (CONFIGS / "robotino.toml").read_text(encoding="utf-8")
+    rover = shipped[shipped.index("[rover]") : shipped.index("[loop]")]
+    message = message_of(edited(tmp_path, (rover, wheels_rover(steers=steers))))
+    assert words in message
+
+
+def test_an_unknown_gyro_is_a_warning_of_check_that_names_the_command() -> None:
+    config = load_config("robotino")
+    (found,) = [each for each in check_consistency(config) if each.subject == "slip.gyro_response"]
+    assert found.level is Level.WARNING
+    assert "calibrate imu" in found.fix
+    assert config.slip is not None
+    gyro = GyroResponse(source="by hand", identified_on="2026-01-01")
+    for update in ({"gyro_response": gyro}, {"use": "surfaces"}):
+        other = config.model_copy(update={"slip": config.slip.model_copy(update=update)})
+        assert "slip.gyro_response" not in {each.subject for each in check_consistency(other)}
+
+
+def test_identify_probe_names_what_replaced_it(command: Command) -> None:
+    assert command("identify", "probe", "runs", "--out", "a.toml", "--amplitude", "0.35") != 0
+    said = " ".join(command.error.split())
+    assert "[slip.excitation]" in said
+    assert "calibrate imu" in said
 
 
 def test_a_skid_steer_rover_has_no_maps(tmp_path: Path) -> None:

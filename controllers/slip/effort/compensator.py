@@ -70,6 +70,7 @@ class SlipReport:
     rover: RoverSlip | None = None
 
 
+MEASURED_BY_FIXES = "pose fixes measure the slip"
 KNOWN_BUT_FOR_SIGN = frozenset((None, *SIGN_UNKNOWN))
 
 
@@ -89,6 +90,7 @@ class EffortCompensator:
         rover: Geometry of the wheels.
         kinematics: Of the same rover.
         roles: Which device is what.
+        travel_m_s: Speed of the mission; None without one.
 
     Attributes:
         efforts: Of the wheels, as of the newest increment; empty before the first.
@@ -96,10 +98,15 @@ class EffortCompensator:
     """
 
     def __init__(
-        self, settings: SlipSettings, rover: OmniRoverSettings, kinematics: Kinematics, roles: DeviceRoles
+        self,
+        settings: SlipSettings,
+        rover: OmniRoverSettings,
+        kinematics: Kinematics,
+        roles: DeviceRoles,
+        travel_m_s: float | None = None,
     ) -> None:
         count = kinematics.wheel_count
-        surfaces, probe_map = settings.maps.surfaces, settings.maps.yaw_probe
+        surfaces = settings.maps.surfaces
         if settings.known_surfaces:
             surfaces = surfaces.only(settings.known_surfaces)
         self._report: SlipReport | None = None
@@ -113,10 +120,19 @@ class EffortCompensator:
         self._gyro_ns: int | None = None
         self.efforts: tuple[WheelEffort, ...] = ()
         self.excited = (
-            ExcitedSlip(probe_map, settings.gyro_response, roles.wheel_age_s, settings.excitation_rest_s)
-            if settings.use == YAW_PROBE and probe_map
+            ExcitedSlip(
+                settings.excitation,
+                rover,
+                kinematics,
+                gyro=settings.gyro_response,
+                wheel_age_s=roles.wheel_age_s,
+                travel_m_s=travel_m_s,
+                rest_s=settings.excitation_rest_s,
+            )
+            if settings.use == YAW_PROBE
             else None
         )
+        self._has_fixes = bool(roles.fixes)
         correction = settings.torque_correction
         self._correction = None if correction is None else TorqueCorrection(rover, correction)
         self._settings = settings
@@ -285,11 +301,9 @@ class EffortCompensator:
             reason = EffortFlag.SLOW.value
         if reason:
             source = SlipSource.HELD if abs(slip) > EFFORT.hold.encoders_below else SlipSource.ENCODERS
-            return RoverSlip(slip=slip, sd=1.0, source=source, reason=reason, gyro_lag_s=None)
+            return RoverSlip(slip=slip, sd=1.0, source=source, reason=reason)
         off = 0.0 if self._wheel_map is None else self._map_slip - known.slip
-        return RoverSlip(
-            slip=slip, sd=math.hypot(known.sd, off), source=known.source, reason="", gyro_lag_s=None
-        )
+        return RoverSlip(slip=slip, sd=math.hypot(known.sd, off), source=known.source, reason="")
 
     def _travel_slip(self, turned_rad: Sequence[float], moved: BodyMotion) -> float:
         """Return which share of the travel by the wheels is missing in a motion; 0 without travel."""
@@ -440,19 +454,28 @@ class EffortCompensator:
             return None
         x_m, y_m, turn_rad = self._kinematics.body_motion(self._window_rad)
         known = self._slip_by_excited_force(x_m, y_m, turn_rad)
-        found = self.excited.take(response, complex(x_m, y_m), known)
+        found = self.excited.take(response, complex(x_m, y_m), self._window_force_n(x_m, y_m), known)
         if found.source is SlipSource.EXCITATION:
             self._ground.learn(found.slip)
+        if self._has_fixes:
+            return _WindowSlip((0.0,) * self._kinematics.wheel_count, 0.0, found.reason or MEASURED_BY_FIXES)
         if found.source is not SlipSource.EXCITATION:
             return _WindowSlip((found.slip,) * self._kinematics.wheel_count, 0.0, found.reason)
         missing_rad_s = (1.0 - found.slip) * response.wheel_rate_rad_s - response.gyro_rate_rad_s
         slips = share_slip(self._kinematics, self._window_rad, found.slip, missing_rad_s * self._window_s)
         return _WindowSlip(slips, 0.0, "")
 
+    def _window_force_n(self, x_m: float, y_m: float) -> float | None:
+        """Return the mean drive force in the open window; None where currents or travel do not give it."""
+        distance_m = math.hypot(x_m, y_m)
+        if self._window_work_j is None or distance_m < EFFORT.excitation.least_distance_m:
+            return None
+        return self._window_work_j / distance_m
+
     def _slip_by_excited_force(self, x_m: float, y_m: float, turn_rad: float) -> KnownSlip | None:
         """Return the slip by the drive force of the open window; None where currents are not to be used.
 
-        With the excitation each set-point falls below the speed ten times in a second. Where the sign of a
+        With the excitation each set-point falls below the speed four times in a second. Where the sign of a
         current is then unknown, it is taken to drive the wheel: on average the motors hardly brake.
         """
         if not (self._settings.known_surfaces or self._settings.learn):

@@ -1,27 +1,37 @@
 """Slip of the rover by the yaw excitation, its premises, and what is used while they do not hold."""
 
-import cmath
 import math
 from dataclasses import dataclass
 
+from controllers.motion.kinematics import Kinematics
+from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.slip.effort.ground_knowledge import GYRO_WAS_WRONG, KnownSlip, SlipSource
 from controllers.slip.effort.gyro_response import GyroResponse
-from controllers.slip.effort.gyro_watch import GyroWatch
+from controllers.slip.effort.gyro_watch import GyroScaleWatch
 from controllers.slip.effort.parameters import EFFORT
+from controllers.slip.effort.slip_bracket import (
+    BodyResponse,
+    DrivenTravel,
+    SlipReading,
+    YawLever,
+    per_slip_m2,
+    read_slip,
+    read_slip_by_unknown_gyro,
+)
 from controllers.slip.effort.yaw_excitation import (
     SPRINGS,
-    ContactSlip,
+    WHEELS_DO_NOT_FOLLOW,
     ExcitationResponse,
+    ExcitationSettings,
+    SwingFilter,
     YawExcitation,
-    YawExcitationMap,
-    contact_slip,
-    range_problem,
     sensor_response,
-    slip_of,
 )
 
 RESTS = "the excitation rests"
-RETURNING = "excitation valid again, waiting for a second window"
+TOO_LITTLE_TRAVEL = "too little travel to read slip from"
+GAVE_UP = "the drives do not follow the excitation under load: it is off"
+UNKNOWN_GYRO = "delay and bandwidth of the gyro are unknown: run `rover-hil calibrate imu`"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,18 +39,18 @@ class RoverSlip:
     """Slip of the rover.
 
     Attributes:
-        slip: In use, 0 to 1.
+        slip: In use, 0 to 1: the slip ratio of all wheels that gives the translation of the rover.
         sd: Its standard deviation; 1 while it is not valid.
         source: Where it comes from.
         reason: Why it is not valid; empty where it is.
-        gyro_lag_s: Lag of the gyro in place beyond the assumed one; None before it was measured.
+        unsure: Why its standard deviation is larger than it could be; empty for no such reason.
     """
 
     slip: float
     sd: float
     source: SlipSource
     reason: str
-    gyro_lag_s: float | None
+    unsure: str = ""
 
 
 class ExcitedSlip:
@@ -48,92 +58,97 @@ class ExcitedSlip:
 
     While the excitation gives no valid slip, the slip is, in this order: that of a recognised surface, if the
     user has named the surfaces; that of the learned curve, if the user wants one; the last valid one, which
-    decays; zero, as the encoders have it. After a map or zero the excitation must be valid in
-    `windows_to_return` windows before it is used again.
+    decays; zero, as the encoders have it.
 
     Where asked to, the excitation rests after some valid windows, as long as map or learned curve are valid.
 
     Args:
         settings: The excitation.
+        rover: Geometry of the wheels.
+        kinematics: Of the same rover.
         gyro: Constants of the gyro; None where they were not identified.
         wheel_age_s: Age of the wheels' positions at their time stamp; None where it is unknown.
+        travel_m_s: Speed of the mission; None without one.
         rest_s: How long the excitation may rest.
 
     Attributes:
         excitation: Excites the yaw.
-        watch: Compares the gyro with the wheels in place.
+        swing: Keeps the path follower from working against the excitation.
+        watch: Judges the scale of the gyro.
     """
 
     def __init__(
         self,
-        settings: YawExcitationMap,
-        gyro: GyroResponse | None,
-        wheel_age_s: float | None,
+        settings: ExcitationSettings,
+        rover: OmniRoverSettings,
+        kinematics: Kinematics,
+        *,
+        gyro: GyroResponse | None = None,
+        wheel_age_s: float | None = None,
+        travel_m_s: float | None = None,
         rest_s: float = 0.0,
     ) -> None:
         self._settings = settings
-        sensors = sensor_response(settings, gyro, wheel_age_s or 0.0)
-        self.excitation = YawExcitation(settings, sensors)
-        lag_sd_s = 0.0 if gyro is None else _lag_sd_s(gyro, settings.frequency_hz)
-        self.watch = GyroWatch(
-            is_calibrated=gyro is not None,
-            lag_sd_s=lag_sd_s,
-            wheels_may_be_old=gyro is None and wheel_age_s is None,
-        )
-        self._unsure_lag_s = EFFORT.contact.unsure_lag_s if gyro is None else lag_sd_s
-        self._unsure_gain = (
-            EFFORT.contact.unsure_gain if gyro is None else _gain_sd(gyro, settings.frequency_hz)
-        )
-        self._began_s: float | None = None
+        self._kinematics = kinematics
+        self._radius_m = rover.wheel_radius_m
+        self._inertia_kg_m2 = settings.inertia_kg_m2(rover.base_radius_m + rover.wheel_radius_m)
+        frequency_hz = settings.frequency_hz
+        amplitude_rad_s = settings.rim_m_s(travel_m_s) / rover.base_radius_m
+        sensors = sensor_response(frequency_hz, gyro, wheel_age_s or 0.0)
+        self.excitation = YawExcitation(settings, amplitude_rad_s, sensors)
+        self.swing = SwingFilter(frequency_hz)
+        self.watch = GyroScaleWatch()
+        self._gyro = gyro
+        self._lag_sd_rad = math.tau * frequency_hz * _lag_sd_s(gyro, frequency_hz, wheel_age_s)
+        self._gain_sd = 0.0 if gyro is None else _gain_sd(gyro, frequency_hz)
         self._valid_windows = 0
+        self._weak_windows = 0
         self._now_s = 0.0
         self._pause_end_s = 0.0
         self._rest_s = rest_s
         self._rest_end_s = 0.0
-        self.slip = RoverSlip(
-            slip=0.0, sd=1.0, source=SlipSource.ENCODERS, reason=self.watch.reason, gyro_lag_s=None
-        )
+        self._has_given_up = False
+        self.slip = self._no_slip(TOO_LITTLE_TRAVEL)
+
+    def _no_slip(self, reason: str) -> RoverSlip:
+        return RoverSlip(slip=0.0, sd=1.0, source=SlipSource.ENCODERS, reason=reason, unsure=self._unsure)
+
+    @property
+    def _unsure(self) -> str:
+        return UNKNOWN_GYRO if self._gyro is None else ""
 
     def doubt_gyro(self) -> None:
         """Return to the encoders' slip: that in use was read from a gyro that was wrong."""
         self._valid_windows = 0
-        self.slip = RoverSlip(
-            slip=0.0,
-            sd=1.0,
-            source=SlipSource.ENCODERS,
-            reason=GYRO_WAS_WRONG,
-            gyro_lag_s=self.watch.lag_s,
-        )
-
-    def waits_in_place(self, t_s: float) -> bool:
-        """Return whether the rover should excite in place: until the gyro was compared with the wheels.
-
-        Args:
-            t_s: Time of a cycle in which the rover may move; the first of them begins the wait.
-        """
-        if self._began_s is None:
-            self._began_s = t_s
-        return not self.watch.is_compared and t_s - self._began_s < EFFORT.watch.longest_s
+        self.slip = self._no_slip(GYRO_WAS_WRONG)
 
     def yaw_rate_rad_s(self, t_s: float) -> float:
-        """Return what to add to the commanded yaw rate at a time; 0 during a pause."""
+        """Return what to add to the commanded yaw rate at a time; 0 during a pause, and once it is off."""
         self._now_s = t_s
-        return 0.0 if t_s < max(self._pause_end_s, self._rest_end_s) else self.excitation.yaw_rate_rad_s(t_s)
+        is_quiet = self._has_given_up or t_s < max(self._pause_end_s, self._rest_end_s)
+        return 0.0 if is_quiet else self.excitation.yaw_rate_rad_s(t_s)
 
-    def take(self, response: ExcitationResponse, travelled_m: complex, known: KnownSlip | None) -> RoverSlip:
+    def take(
+        self,
+        response: ExcitationResponse,
+        travelled_m: complex,
+        force_n: float | None,
+        known: KnownSlip | None,
+    ) -> RoverSlip:
         """Take one window; return the slip to use from here on.
 
         Args:
             response: Of the window.
             travelled_m: By the wheels in the window, in the body frame.
+            force_n: Mean drive force along the travel; None where it is unknown.
             known: Slip by the drive force; None where it is not to be used.
         """
-        found, reason = self._read(response, travelled_m)
+        is_travel = abs(travelled_m) >= EFFORT.excitation.least_distance_m
+        if not response.reason and not is_travel and self.slip.source is SlipSource.EXCITATION:
+            return self.slip
+        found = self._read(response, travelled_m, force_n)
+        reason = found.problem
         self._valid_windows = 0 if reason else self._valid_windows + 1
-        before = self.slip
-        is_back = before.source in (SlipSource.EXCITATION, SlipSource.LEARNED, SlipSource.HELD)
-        if not reason and not is_back and self._valid_windows < EFFORT.hold.windows_to_return:
-            reason = RETURNING
         slip, sd, source = found.slip, found.sd, SlipSource.EXCITATION
         if reason and known is not None and not known.reason:
             slip, sd, source, reason = known.slip, known.sd, known.source, ""
@@ -141,28 +156,48 @@ class ExcitedSlip:
             slip, source = self._fall_back()
             sd = 1.0
         self._rest(known)
-        self.slip = RoverSlip(slip=slip, sd=sd, source=source, reason=reason, gyro_lag_s=self.watch.lag_s)
+        unsure = self._unsure if source is SlipSource.EXCITATION or reason else ""
+        self.slip = RoverSlip(slip=slip, sd=sd, source=source, reason=reason, unsure=unsure)
         return self.slip
 
-    def _read(self, response: ExcitationResponse, travelled_m: complex) -> tuple[ContactSlip, str]:
-        """Return the slip by this window alone, and why it is not valid; else empty."""
+    def _read(self, response: ExcitationResponse, travelled_m: complex, force_n: float | None) -> SlipReading:
+        """Return the slip by this window alone."""
+        problem = self._problem(response, travelled_m)
+        if problem:
+            return SlipReading(0.0, 1.0, problem)
+        body = BodyResponse(response.share, response.noise, self._lag_sd_rad, self._gain_sd)
+        travel = DrivenTravel(abs(travelled_m) / self._settings.window_s, force_n)
+        direction_rad = math.atan2(travelled_m.imag, travelled_m.real)
+        lever = YawLever(
+            frequency_hz=self._settings.frequency_hz,
+            inertia_kg_m2=self._inertia_kg_m2,
+            mass_kg=self._settings.mass_kg,
+            per_slip_m2=per_slip_m2(self._kinematics, self._radius_m, direction_rad),
+        )
+        read = read_slip_by_unknown_gyro if self._gyro is None else read_slip
+        found = read(body, travel, lever)
+        if not found.problem and force_n is not None:
+            self.watch.take(found)
+        return found._replace(problem=found.problem or self.watch.reason)
+
+    def _problem(self, response: ExcitationResponse, travelled_m: complex) -> str:
+        """Return why this window says nothing about slip; empty where it does."""
+        if self._has_given_up:
+            return GAVE_UP
         if response.reason == SPRINGS and self._now_s >= self._pause_end_s:
             self._pause_end_s = self._now_s + EFFORT.excitation.pause_s
         if self._now_s < self._pause_end_s:
-            return ContactSlip(0.0, 1.0), SPRINGS
+            return SPRINGS
+        is_travel = abs(travelled_m) >= EFFORT.excitation.least_distance_m
         if response.reason:
-            rests = self._now_s < self._rest_end_s
-            return ContactSlip(0.0, 1.0), RESTS if rests else response.reason
-        speed_m_s = abs(travelled_m) / EFFORT.excitation.window_s
-        turning = math.tau * self._settings.frequency_hz
-        lag_s = -cmath.phase(response.share) / turning
-        self.watch.take(speed_m_s, lag_s, abs(response.share))
-        problem = self.watch.reason or range_problem(self._settings, response.transmission_loss, travelled_m)
-        if self._settings.reads == "contact":
-            found = contact_slip(response.share, speed_m_s, turning * self._unsure_lag_s, self._unsure_gain)
-        else:
-            found = ContactSlip(slip_of(self._settings, response.transmission_loss), self._settings.slip_sd)
-        return found, problem
+            if self._now_s < self._rest_end_s:
+                return RESTS
+            is_weak = is_travel and response.reason == WHEELS_DO_NOT_FOLLOW
+            self._weak_windows = self._weak_windows + 1 if is_weak else 0
+            self._has_given_up = self._weak_windows >= EFFORT.excitation.windows_to_give_up
+            return response.reason
+        self._weak_windows = 0
+        return "" if is_travel else TOO_LITTLE_TRAVEL
 
     def _rest(self, known: KnownSlip | None) -> None:
         """Begin a rest of the excitation after enough valid windows; end it where nothing else is valid."""
@@ -173,7 +208,7 @@ class ExcitedSlip:
             self._rest_end_s = self._now_s + self._rest_s
 
     def _fall_back(self) -> tuple[float, SlipSource]:
-        slip = self.slip.slip * math.exp(-EFFORT.excitation.window_s / EFFORT.hold.fade_s)
+        slip = self.slip.slip * math.exp(-self._settings.window_s / EFFORT.hold.fade_s)
         if slip < EFFORT.hold.encoders_below:
             return 0.0, SlipSource.ENCODERS
         return slip, SlipSource.HELD
@@ -191,7 +226,12 @@ def _gain_sd(gyro: GyroResponse, frequency_hz: float) -> float:
     return math.hypot(gyro.gain_sd / gyro.gain, by_bandwidth)
 
 
-def _lag_sd_s(gyro: GyroResponse, frequency_hz: float) -> float:
-    """Return the standard deviation of the lag of an oscillation, from those of delay and bandwidth."""
+def _lag_sd_s(gyro: GyroResponse | None, frequency_hz: float, wheel_age_s: float | None) -> float:
+    """Return the standard deviation of the lag of an oscillation that the sensors' constants leave.
+
+    The delay of a gyro that was not calibrated is not in it.
+    """
+    if gyro is None:
+        return EFFORT.bracket.least_lag_sd_s if wheel_age_s is not None else EFFORT.bracket.unknown_age_s
     by_bandwidth_s = _slower(gyro).lag_s(frequency_hz) - gyro.lag_s(frequency_hz)
-    return max(math.hypot(gyro.delay_sd_s, by_bandwidth_s), EFFORT.contact.least_lag_sd_s)
+    return max(math.hypot(gyro.delay_sd_s, by_bandwidth_s), EFFORT.bracket.least_lag_sd_s)

@@ -103,11 +103,19 @@ class FixParameters:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExcitationParameters:
-    """Evaluation of the yaw excitation."""
+    """Yaw excitation and its evaluation."""
 
-    window_s: float = 0.5  # the amplitudes are compared over this time, at least one period
-    least_amplitude: float = 0.3  # of the wheels, over the commanded one
-    least_distance_m: float = 0.02  # shorter travel in a window has no direction, and its slip hardly matters
+    rim_share: float = 0.2  # speed of the rims by the excitation, over that of the travel
+    least_rim_m_s: float = 0.005  # a slower excitation is lost in the noise of the gyro
+    greatest_rim_m_s: float = 0.04  # a faster one exceeds slip speeds, and every contact law is read too low
+    usual_rim_m_s: float = 0.03  # without a mission that gives the speed
+    notch_s: float = (
+        4.0  # time constant of the notch in the yaw rate of the follower: a narrow one, for its lag
+    )
+    periods: int = 2  # whole ones in which the amplitudes are compared
+    least_amplitude: float = 0.5  # of the wheels, over the commanded one
+    windows_to_give_up: int = 3  # so many windows below it in travel: the drives cannot follow
+    least_distance_m: float = 0.04  # shorter travel in a window has no direction, and its slip hardly matters
     # With four readings in a period the third harmonic of stick and slip looks like the excitation itself.
     least_readings: float = 4.5  # of the gyro in a period, each counted once
     # Near the resonance of relaxation length and inertia the gyro follows the wheels with the wrong sign, and
@@ -120,48 +128,36 @@ class ExcitationParameters:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchParameters:
-    """Comparison of gyro and wheels in place.
+    """Scale of the gyro, by the secant reading beyond the bound."""
 
-    Chosen on two kinds of simulated rover (`sim_backends/plants/robotino` with sites 0 to 11,
-    `tests/nature/omni_contact.py` with floors 0 to 9): in place the contact lags by at most 3 ms at 5 Hz
-    on the softest ground, a low-pass of 20 Hz by 8 ms, one of 10 Hz by 15 ms.
-    """
-
-    greatest_lag_s: float = 0.006  # of the gyro beyond the assumed lag, in either direction
-    greatest_wheel_age_s: float = 0.025  # of positions of an unknown age: by so much the gyro may be ahead
-    in_place_m_s: float = 0.03  # slower travel counts as in place
-    greatest_share: float = 1.15  # a larger one is a contact that springs
-    least_windows: int = 2  # for a verdict
-    weight: float = 0.5  # of the newest window in the mean lag
-    longest_s: float = 2.5  # the rover waits in place for a verdict no longer than this
+    bound_factor: float = 1.5  # drive force and yaw inertia are known no better
+    greatest_excess: float = 0.15  # of the secant reading over the bound, in the mean
+    least_windows: int = 4  # for a verdict
+    weight: float = 0.2  # of the newest window in the mean
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ContactParameters:
-    """Slip from the complex response of the body to the excitation, where wheel and gyro times are known.
+class BracketParameters:
+    """Slip between the secant reading and the bound by lag and force, `slip_bracket`.
 
-    Fitted by least squares, each group with equal weight, to windows of drives on two kinds of simulated
-    rover: `sim_backends/plants/robotino` on random patchworks (random_site, seeds 0 to 11) and on
-    patchworks of surfaces with random constants (seeds 0 to 19), and `tests/nature/omni_contact.py` (three
-    contact laws, floors 0 to 9) with a relaxation length of 1, 5 and 15 mm. Residual by group: 0.02 to 0.10.
+    `weight` and `greatest_bound` were chosen after seeing four of nine contact laws on three simulated
+    rovers, and `sd`, `sd_width`, `sd_share` on one of these; all were tried on fresh floors.
     """
 
-    gain: float = 0.985  # of the gyro over the wheels on firm ground, both sampled at 50 Hz
-    speed_m_s: float = 0.13  # at which the numbers hold; the lag of a contact is proportional to the speed
+    weight: float = 0.5  # of the way from the secant reading to the bound
+    greatest_bound: float = 0.6  # a larger bound counts as this
+    sd: float = 0.08
+    sd_width: float = 0.25  # growth of the standard deviation with the width of the bracket
+    sd_share: float = 0.2  # and with the slip
+    usual_force_n_kg: float = 1.1  # drive force over mass where it is not measured
+    idle_force_n_kg: float = 0.2  # a smaller one at a long lag is that of wheels without grip
+    idle_lag: float = 0.3  # tangent of a long lag
+    deviations: float = 2.0  # of the response's noise, from which on it counts
     least_speed_m_s: float = 0.05  # slower travel counts as this
-    in_phase: float = 1.839  # factor on what the body lacks in phase, 2 / pi atan(Re 1/H - 1)
-    lagging: float = 0.273  # factor on what it lags, 2 / pi atan(Im 1/H)
-    product: float = -1.776  # factor on the product of the two
-    lagging_square: float = 0.107  # factor on the square of the second
-    sd: float = 0.015  # standard deviation of small slips
-    sd_share: float = (
-        0.27  # and its growth with slip: the slope of the force measures a secant worse and worse
-    )
-    greatest_sd: float = 0.16
-    springing_sd: float = 0.05  # in addition where the body swings further than the wheels: relaxation length
-    unsure_lag_s: float = 0.002  # standard deviation of the lag of a gyro that was not calibrated
-    unsure_gain: float = 0.03  # and of its gain
+    greatest_delay_s: float = 0.04  # of a gyro that was not calibrated
+    delay_steps: int = 4  # between no delay and the greatest
     least_lag_sd_s: float = 0.001  # of a calibrated gyro: time stamps scatter
+    unknown_age_s: float = 0.025  # of wheel positions whose age is unknown; a gyro may be ahead by so much
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,7 +183,6 @@ class HoldParameters:
     hold_s: float = 1.0  # without a new value the slip of a wheel decays to the surface's with this time
     fade_s: float = 5.0  # the same with the yaw excitation, to the encoders' slip of zero
     encoders_below: float = 0.02  # a held slip below this counts as that of the encoders
-    windows_to_return: int = 2  # valid windows of the excitation that end a fall-back
     least_speed_m_s: float = 0.02  # slower travel has no direction
 
 
@@ -204,7 +199,7 @@ class EffortParameters:
     fixes: FixParameters = FixParameters()
     excitation: ExcitationParameters = ExcitationParameters()
     watch: WatchParameters = WatchParameters()
-    contact: ContactParameters = ContactParameters()
+    bracket: BracketParameters = BracketParameters()
     sharing: SharingParameters = SharingParameters()
     range: RangeParameters = RangeParameters()
     hold: HoldParameters = HoldParameters()

@@ -6,6 +6,7 @@ from pydantic import Field, field_validator, model_validator
 
 from controllers.slip.effort.gyro_response import GyroResponse
 from controllers.slip.effort.slip_map import SlipMapFile
+from controllers.slip.effort.yaw_excitation import ExcitationSettings
 from drivers.settings import Settings
 
 SURFACES = "surfaces"
@@ -39,11 +40,12 @@ class SlipSettings(Settings):
 
     Attributes:
         maps: Fitted maps: name of a shipped file or path of one.
-        use: `yaw_probe` excites the yaw a little and measures how much of the motion is lost; `surfaces` uses
+        use: `yaw_probe` excites the yaw a little and reads the slip from the body's response; `surfaces` uses
             the map of the recognised surface; the name of a wheel map uses that one.
         known_surfaces: Where the ground is known: only these surfaces are considered.
         gyro_response: Constants of the gyro by `rover-hil calibrate imu`: path of the file. Without them the
-            yaw probe accepts only a gyro that is fast, and says so.
+            yaw excitation gives the least slip that a gyro late by 0 to 40 ms may show, with a larger
+            standard deviation, and says so.
         unknown_ground: What is used where the drive force fits no known surface, or several that differ in
             slip. `encoders`: the last valid slip, which decays to zero. `map`: the map nevertheless, as in
             paper 003. Either way the slip is flagged as not valid. Not used by `yaw_probe`.
@@ -54,6 +56,7 @@ class SlipSettings(Settings):
         excite_real_rover: Excite the yaw of a real rover, too: `rover-hil commission CONFIG --enter` sets
             it where the excitation has passed. Without it a real run with `yaw_probe` does not compensate
             slip, and says so.
+        excitation: The yaw excitation, and mass and inertia of the rover.
         torque_correction: Also corrects the set-points; without it they stay as they are.
     """
 
@@ -65,14 +68,15 @@ class SlipSettings(Settings):
     learn: bool = False
     excitation_rest_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0
     excite_real_rover: bool = False
+    excitation: ExcitationSettings = ExcitationSettings()
     torque_correction: TorqueCorrectionSettings | None = None
 
     @model_validator(mode="after")
     def _check_names(self) -> Self:
-        probe = () if self.maps.yaw_probe is None else (YAW_PROBE,)
-        if self.use not in (SURFACES, *probe, *self.maps.wheel_maps):
-            names = ", ".join((SURFACES, *probe, *self.maps.wheel_maps))
-            raise ValueError(f"use is '{self.use}', but the maps hold {names}: name one of these")
+        uses = (SURFACES, YAW_PROBE, *self.maps.wheel_maps)
+        if self.use not in uses:
+            names = ", ".join(uses)
+            raise ValueError(f"use is '{self.use}', but there are {names}: name one of these")
         shipped = [surface.name for surface in self.maps.surfaces.surfaces]
         for name in self.known_surfaces:
             if name not in shipped:

@@ -4,11 +4,10 @@ import math
 from datetime import date
 from typing import Annotated, Literal, NamedTuple, Self, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import Field, JsonValue, model_validator
 
 from controllers.slip.effort.motor_model import MotorSettings, WheelEffort
 from controllers.slip.effort.surface_map import SurfaceMap
-from controllers.slip.effort.yaw_excitation import YawExcitationMap
 from controllers.slip.interpolation import check_rising, interpolate
 from drivers.settings import Settings
 
@@ -157,7 +156,7 @@ class SlipMapFile(Settings):
         wheel_maps: Maps of one wheel for all surfaces together, by name.
         surface_wheel_maps: Isotonic maps over the wheel's torque for each surface, by its name.
         surfaces: The map that recognises the surface; the best one without yaw excitation.
-        yaw_probe: Slip by yaw excitation; None where no drives with it were fitted.
+        yaw_probe: Fit of earlier versions to a yaw excitation; not used, the excitation needs no fit.
         cross_validation: Score of each map within the training data.
     """
 
@@ -170,5 +169,5 @@ class SlipMapFile(Settings):
     wheel_maps: dict[str, WheelMap]
     surface_wheel_maps: dict[str, WheelMap]
     surfaces: SurfaceMap
-    yaw_probe: YawExcitationMap | None = None
+    yaw_probe: dict[str, JsonValue] | None = None
     cross_validation: dict[str, MapScore]

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from drivers.errors import ConfigError
 from rover_hil.app.options import (
     ClusterOption,
     ForceOption,
@@ -40,40 +41,14 @@ def identify_slip(
     sys.exit(identify(train, test=test or [], force=force, as_json=json, out=out, cluster=cluster))
 
 
-@identify_app.command("probe")
-def identify_probe(
-    logs: Annotated[list[Path], typer.Argument(help="Logs of drives with a yaw excitation and a true pose.")],
-    out: Annotated[Path, out_option("Write the maps with the fitted probe to this TOML file.")],
-    maps: Annotated[
-        str, typer.Option(help="The other maps: a shipped file by its name, or a path.")
-    ] = "robotino",
-    amplitude: Annotated[float, typer.Option(help="Of the yaw excitation in the logs, rad/s.")] = 0.35,
-    frequency: Annotated[float, typer.Option(help="Of the yaw excitation in the logs, Hz.")] = 5.0,
-    cluster: ClusterOption = None,
-    force: ForceOption = False,
-    json: JsonOption = False,
-) -> None:
-    """Fit slip over the transmission loss of a small yaw excitation.
-
-    Example: `rover-hil identify probe probe/ --out my_ground.toml`
-
-    Data: `rover-hil sample probe` writes such logs; yours need a yaw excitation and an overhead camera:
-    docs/how-to/fit_slip_maps.md gives the settings.
-    """
-    with held_signals():
-        from rover_hil.app.identify.probe import identify_probe as identify
-
-    sys.exit(
-        identify(
-            logs,
-            maps=maps,
-            amplitude_rad_s=amplitude,
-            frequency_hz=frequency,
-            out=out,
-            force=force,
-            as_json=json,
-            cluster=cluster,
-        )
+@identify_app.command(
+    "probe", hidden=True, context_settings={"allow_extra_args": True, "ignore_unknown_options": True}
+)
+def identify_probe() -> None:
+    """Say what has replaced this command."""
+    raise ConfigError(
+        "`identify probe` was removed, the yaw excitation needs no fitted map: give mass_kg and "
+        "body_radius_m of your rover in [slip.excitation], and run `rover-hil calibrate imu`"
     )
 
 

@@ -35,7 +35,6 @@ SAMPLES: Mapping[str, Sample] = {
         ("floors", "floors_test"),
         runs.write_floors,
     ),
-    "probe": Sample("drives with a yaw excitation on four floors", ("probe",), runs.write_probe),
     "wheels": Sample(
         "drives of a rover whose left wheel is 3 % larger than its configuration states",
         ("my_wheels.toml", "drives"),

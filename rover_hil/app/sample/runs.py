@@ -17,8 +17,6 @@ from sim_backends.settings import PlantSettings
 RUN_S = 15.0
 SAND_S = 10.0
 FLOOR_S = 12.0
-PROBE_S = 40.0
-PROBE_FLOORS = ("table", "brown", "gray", "green")
 WHEELS_S = 20.0
 NOISE_S = 45.0
 NOISE_LOGS = 6
@@ -67,14 +65,6 @@ def write_floors(folder: Path) -> None:
             path.parent.mkdir(parents=True, exist_ok=True)
             here = _on_floor(config, floor, seed=number).model_copy(update={"mission": mission})
             run_virtual(here, path, FLOOR_S, None)
-
-
-def write_probe(folder: Path) -> None:
-    """Write logs of drives around a rectangle with a yaw excitation, each on another floor."""
-    (folder / "probe").mkdir()
-    config = load_config("robotino")
-    for number, floor in enumerate(PROBE_FLOORS, start=1):
-        run_virtual(_on_floor(config, floor, seed=number), folder / "probe" / f"{number}.mcap", PROBE_S, None)
 
 
 def write_wheels(folder: Path) -> None:

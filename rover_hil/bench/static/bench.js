@@ -135,7 +135,7 @@ function showTables(v, data) {
     ["beside the path", v.cross_track_m === null ? "–" : (100 * v.cross_track_m).toFixed(1) + " cm"],
     ["set-points", v.set_rad_s.map((speed) => speed.toFixed(2)).join(" / ") + " rad/s" + (v.limit === "none" ? "" : ", limit: " + v.limit)],
     ["log", data.run_name ? `${data.run_name}, ${(data.log_bytes / 1e6).toFixed(2)} MB, ${v.cycles} cycles` : "closed"],
-    ["slip not valid", v.slip_reason || "–"],
+    ["slip not valid or unsure", v.slip_reason || "–"],
     ["may be wrong", v.suspicion || "–"],
     ["orders refused", data.refused ? `${data.refused}: no finite numbers` : "none"],
     ["behind real time", v.lost_s > 0.05 ? v.lost_s.toFixed(1) + " s: this computer is too slow" : "no"],

@@ -1,1 +1,1 @@
-"""Identify slip maps and the yaw probe from runs with a true pose."""
+"""Identify slip maps from runs with a true pose."""

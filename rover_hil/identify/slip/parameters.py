@@ -69,17 +69,6 @@ class SurfaceParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ProbeParameters:
-    """Table of the yaw excitation's transmission loss."""
-
-    least_windows: int = 100
-    fix_reach_s: float = 0.3  # greatest distance of a pose fix from an end of a window
-    sectors: int = 12  # of the directions of travel
-    least_share: float = 0.03  # of the windows, in a trained direction: at corners every direction occurs
-    fast_share: float = 0.5  # of the median distance in a window; slower ones have no direction
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class HandParameters:
     """Positions that were measured by hand."""
 
@@ -104,7 +93,6 @@ class SlipFitParameters:
     camera: CameraParameters = CameraParameters()
     wheel: WheelParameters = WheelParameters()
     surface: SurfaceParameters = SurfaceParameters()
-    probe: ProbeParameters = ProbeParameters()
     hand: HandParameters = HandParameters()
     validation: ValidationParameters = ValidationParameters()
 
