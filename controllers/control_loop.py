@@ -275,6 +275,7 @@ class ControlLoop:
                 rejected_rate_rad_s=self._estimator.rejected_rate_rad_s,
                 unseen_m=self._estimator.unseen_m,
                 unseen_rad=self._estimator.unseen_rad,
+                ground_pairs=self._estimator.ground_pairs,
                 slip=self._valid_slip(),
                 sees_no_motion=self._scomp is not None and self._scomp.sees_no_motion,
                 set_steering_rad=self._steering_rad,

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import binomtest
 
-from benchmarks.safety.missions import drive, with_fixes
+from benchmarks.safety.missions import drive, ground_camera, with_fixes
 from controllers.motion.mission import corner_points
 from controllers.safety import Mode
 from rover_hil.config import Config, load_config
 from rover_hil.tune.metrics import TruePath, closure_m, path_rms_m
 from tests.nature.floors import NATURES, Nature
-from tests.nature.ground_camera import GroundCamera
 
 BAR_PATH_M, BAR_CLOSURE_M = 0.045, 0.100
 FIXES_PER_S = 0.5
@@ -118,11 +117,7 @@ def drive_floor(cell: Cell, seed: int) -> Way:
         config,
         limit_s=config.loop.time_limit_s,
         make_plant=lambda start_ns: nature.plant(floor, np.random.default_rng(seed), start_ns),
-        make_camera=(
-            (lambda plant: GroundCamera(plant, np.random.default_rng((seed, 1))))
-            if cell.version in CAMERA_VERSIONS
-            else None
-        ),
+        make_camera=ground_camera(seed) if cell.version in CAMERA_VERSIONS else None,
     )
     x_m, y_m, yaw_rad = np.array([moment.truth for moment in driven.moments]).T
     assert config.mission is not None

@@ -108,6 +108,11 @@ def with_fixes(config: Config, fixes_per_s: float) -> Config:
     return Config.model_validate(table)
 
 
+def ground_camera(seed: int) -> MakeCamera:
+    """Return a camera that measures the motion over the ground, with errors of `seed`."""
+    return lambda rover: GroundCamera(rover, np.random.default_rng((seed, 1)))
+
+
 def any_rig() -> RigFile:
     """Return a rig for a camera without pictures: the estimator looks at none."""
     rig = load_config("el-dorado").scomp

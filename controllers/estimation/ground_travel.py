@@ -24,6 +24,12 @@ GREATEST_SLIP = 1.5
 """Greatest difference of ground and wheels, over the travel of the wheels, that slip explains."""
 SLACK_M = 0.005
 """And beside it: camera and wheels are timed to some hundredths of a second, and a rover starts and stops."""
+REST_NS = 500_000_000
+"""Motion while the wheels rest is summed over this time."""
+TURN_NS = 1_000_000_000
+"""Turns by gyro and by camera are compared over this time."""
+DEVIATIONS = 4.0
+"""Beyond so many standard deviations a motion at rest, or a difference of turns, is none of noise."""
 STRAIGHT = 0.7
 """Least length of the sum of the travels over the sum of their lengths, for a slip of the whole."""
 WHEELS_SD = 0.005
@@ -91,8 +97,9 @@ class GroundPair(NamedTuple):
         ):
             return ""
         return (
-            f"ground moves {1e3 * self.ground_m.real:.0f} mm ahead and {1e3 * self.ground_m.imag:.0f} mm aside "
-            f"where the wheels roll {1e3 * self.rolled_m.real:.0f} and {1e3 * self.rolled_m.imag:.0f} mm"
+            f"the rover moves over the ground {1e3 * self.ground_m.real:.0f} mm ahead and "
+            f"{1e3 * self.ground_m.imag:.0f} mm to the left where its wheels roll "
+            f"{1e3 * self.rolled_m.real:.0f} and {1e3 * self.rolled_m.imag:.0f} mm"
         )
 
     @property
@@ -143,6 +150,8 @@ class GroundTravel:
         self._valid: GroundPair | None = None
         self._reason = "no pair of frames so far"
         self._rates_rad_s: Rates | None = None
+        self._recent: deque[GroundPair] = deque()
+        self._turned: list[GroundPair] = []
         self._t_ns = 0
 
     def add(self, frame: FrameSample, t_ns: int) -> None:
@@ -196,7 +205,11 @@ class GroundTravel:
         if self._reason:
             return pair
         self._valid = pair
-        self._window.append(self._valid)
+        self._recent.append(pair)
+        while self._recent[0].motion.from_ns < motion.to_ns - REST_NS:
+            self._recent.popleft()
+        self._turned.append(pair)
+        self._window.append(pair)
         length_m = sum(abs(pair.rolled_m) for pair in self._window)
         while length_m - abs(self._window[0].rolled_m) >= SLIP_WINDOW_M:
             length_m -= abs(self._window.popleft().rolled_m)
@@ -205,6 +218,36 @@ class GroundTravel:
     def is_valid(self, now_ns: int) -> bool:
         """Return whether a valid pair is new enough to be used."""
         return self._valid is not None and now_ns - self._valid.motion.to_ns <= self._age_ns
+
+    def moved_m(self, since_ns: int) -> float:
+        """Return how far the rover has moved over the ground in the last half second, after a time.
+
+        0 where it may not have moved at all.
+        """
+        pairs = [pair for pair in self._recent if pair.motion.from_ns >= since_ns]
+        moved_m = abs(sum(pair.ground_m for pair in pairs))
+        noise_m = math.sqrt(sum(pair.sd_m**2 for pair in pairs))
+        return moved_m if moved_m > DEVIATIONS * noise_m else 0.0
+
+    def compare_turns(self, camera: str) -> Iterator[Innovation]:
+        """Yield the turn by the camera against that by the gyro, once in a second; it corrects nothing.
+
+        Errors of neighbouring pairs are alike: their standard deviations add up.
+        """
+        pairs = self._turned
+        if not pairs or pairs[-1].motion.to_ns - pairs[0].motion.from_ns < TURN_NS:
+            return
+        self._turned = []
+        residual_rad = sum(pair.motion.turn_rad - pair.turn_rad for pair in pairs)
+        variance = sum(pair.motion.turn_sd_rad for pair in pairs) ** 2
+        nis = residual_rad**2 / variance if variance > 0.0 else math.inf
+        yield Innovation(
+            name=f"{camera} turn",
+            residual=residual_rad,
+            variance=variance,
+            nis=nis,
+            accepted=nis <= DEVIATIONS**2,
+        )
 
     def report(self, now_ns: int) -> GroundReport:
         """Return the motion as of the newest pair."""

@@ -179,6 +179,7 @@ def _inline_files(table: Table) -> dict[KeyPath, str]:
         ("slip", "gyro_response", "gyro response", "gyro_responses/{}.toml"),
         ("scomp", "parameters", "parameters", "scomp_parameters/{}.toml"),
         ("scomp", "rig", "rig file", "rigs/{}.json"),
+        ("ground_motion", "rig", "rig file", "rigs/{}.json"),
     ):
         settings = table.get(section)
         name = settings.get(key) if isinstance(settings, dict) else None
