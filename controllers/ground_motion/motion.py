@@ -7,9 +7,9 @@ from dataclasses import dataclass
 class GroundMotion:
     """What a pair of frames tells about the rover's motion.
 
-    The motion is that of `point_m` over the ground, in the vehicle's axes of the later frame. An error has two
-    parts: one of this pair, and one in proportion to the travel that all pairs share (height and pitch of the
-    camera, sinkage, focal length). Sums of pairs are as uncertain as the second part; it does not average.
+    The motion is that of `point_m` over the ground, in the vehicle's axes of the later frame. An error has
+    two parts: one of this pair, and one in proportion to the travel that all pairs share (height and pitch of
+    the camera, sinkage, focal length). The second part does not average: sums keep it.
 
     Attributes:
         from_ns: Time of the earlier frame, middle of its exposure.

@@ -9,7 +9,7 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from controllers.ftrace.rig import RigFile
+from controllers.ground_motion.rig import RigFile
 from controllers.settings import OLD_SCOMP_KEY
 from drivers.errors import ConfigError
 from drivers.files import is_file, parse_json, parse_toml, read_text

@@ -123,7 +123,7 @@ def _find_rig_mistakes(draft: Draft) -> Iterator[str]:
     if not rigs:
         return
     # Imported here because it brings OpenCV, which a rover without a camera must not wait for.
-    from controllers.ftrace.rig_geometry import GroundPatch
+    from controllers.ground_motion.ground_patch import GroundPatch
 
     for key, rig in rigs.items():
         try:
