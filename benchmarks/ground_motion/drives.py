@@ -28,7 +28,7 @@ from benchmarks.ground_motion.scores import (
     standing,
     windows,
 )
-from controllers.ground_motion.tolerance import RigTolerance
+from controllers.ground_motion.rig_tolerance import RigTolerance
 
 COLUMNS = "windows | valid % | slip rms | bias | p95 | max | distance % | sideways mm | pairs % | ms | p95 ms"
 LENGTHS_M = (0.1, 0.5, 2.0)

@@ -17,7 +17,7 @@ from controllers.ground_motion.motion import GroundMotion
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
 from controllers.ground_motion.rig import RigFile
-from controllers.ground_motion.tolerance import RigTolerance
+from controllers.ground_motion.rig_tolerance import RigTolerance
 from drivers.clock import nanoseconds
 from drivers.samples import Image
 from rover_hil.ftrace.telemetry import read_telemetry

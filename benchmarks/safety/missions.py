@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.estimation.ground_settings import GroundMotionSettings
-from controllers.ftrace.rig import RigFile
+from controllers.ground_motion.rig import RigFile
 from controllers.safety import Mode
 from drivers.clock import VirtualClock, nanoseconds, seconds
 from drivers.link import NoTap

@@ -4,7 +4,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from controllers.ftrace.rig import RigFile
+from controllers.ground_motion.rig import RigFile
+from controllers.ground_motion.rig_tolerance import RigTolerance
 from drivers.settings import Settings
 
 
@@ -13,6 +14,7 @@ class GroundMotionSettings(Settings):
 
     Attributes:
         rig: Calibration of the camera, schema `rear-camera-rig/1`: name of a shipped file or path of one.
+        tolerance: What is not known about the rig, and how deep the rover sinks.
         camera_delay_s: From the middle of an exposure to the time of its frame: the capture time where the
             camera reports it, else the arrival.
         greatest_age_s: Without a valid pair of frames for this long the wheels, and what else compensates
@@ -20,5 +22,6 @@ class GroundMotionSettings(Settings):
     """
 
     rig: RigFile
+    tolerance: RigTolerance = RigTolerance()
     camera_delay_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     greatest_age_s: Annotated[float, Field(ge=0.05, le=10.0)] = 0.5

@@ -241,6 +241,8 @@ class PoseFilter:
         if self._slip_pairs:
             way_m = rolled_m * toward
             self._let_slip_change(ground_m, state)
+            if increment.is_measured:
+                self._let_measured_slip_change(abs(rolled_m), state)
             for index, effect_m in ((active, slip_sd * way_m), (active + 1, across_sd * 1j * way_m)):
                 self._transition[X, index], self._transition[Y, index] = effect_m.real, effect_m.imag
         if by_slip is not None:
@@ -517,6 +519,17 @@ class PoseFilter:
         self._slip_noises[:] = 1.0 - keep * keep
         for index in range(self._first_slip, self._first_slip + 2 * self._slip_pairs):
             state[index] *= keep
+
+    def _let_measured_slip_change(self, rolled_m: float, state: list[float]) -> None:
+        """Let the slip that a camera measures walk at random over the travel of the wheels.
+
+        It does not return to zero by itself: then it would lag behind a slip that stays.
+        """
+        first = 2 * self._estimated_pairs
+        index = self._measured_index
+        state[index : index + 2] = self._filter.state[index : index + 2]
+        self._slip_keeps[first:] = 1.0
+        self._slip_noises[first:] = -math.expm1(-2.0 * rolled_m / self._settings.slip_distance_m)
 
     def _set_noise(self, increment: BodyIncrement, turn: Turn) -> None:
         settings = self._settings

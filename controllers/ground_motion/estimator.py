@@ -10,9 +10,10 @@ from controllers.ground_motion.ground_patch import Floats, GroundPatch, Mask, Pa
 from controllers.ground_motion.motion import GroundMotion
 from controllers.ground_motion.parameters import DEFAULTS, GroundMotionParameters
 from controllers.ground_motion.prior import MotionPrior
+from controllers.ground_motion.rig_tolerance import RigTolerance
 from controllers.ground_motion.static_pattern import StaticPattern
 from controllers.ground_motion.structure import FineStructure
-from controllers.ground_motion.tolerance import RigTolerance, scale_of
+from controllers.ground_motion.tolerance import scale_of
 from drivers.errors import ModelError
 from drivers.samples import Image
 

@@ -1,40 +1,18 @@
 """How much an error of the rig changes the measured travel."""
 
 from dataclasses import replace
-from typing import Annotated
 
 import cv2
 import numpy as np
-from pydantic import Field
 
 from controllers.ground_motion.ground_patch import Floats, GroundPatch, project
 from controllers.ground_motion.rig import RigGeometry
-from drivers.settings import Settings
+from controllers.ground_motion.rig_tolerance import RigTolerance
 
 STEP_M = 0.01
 """Travel that is compared; the factor hardly depends on it."""
 STRIDE = 16
 """Every so many pixels of the rectified ground are compared."""
-
-Deviation = Annotated[float, Field(ge=0)]
-
-
-class RigTolerance(Settings):
-    """What is not known about a rig: standard deviations, and how deep the rover sinks.
-
-    Attributes:
-        height_sd_m: Of the height of the camera over the plane of the wheels' contacts.
-        pitch_sd_deg: Of the angle between the camera's axis and the ground.
-        focal_length_sd: Of the focal length, over itself.
-        sinkage_m: Usual depth to which the wheels sink into the ground, with the camera.
-        sinkage_sd_m: Standard deviation of it.
-    """
-
-    height_sd_m: Deviation = 0.005
-    pitch_sd_deg: Deviation = 0.2
-    focal_length_sd: Deviation = 0.005
-    sinkage_m: Deviation = 0.0
-    sinkage_sd_m: Deviation = 0.01
 
 
 def scale_of(ground: GroundPatch, tolerance: RigTolerance) -> tuple[float, float]:

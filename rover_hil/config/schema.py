@@ -6,7 +6,7 @@ from typing import Annotated, Literal, NamedTuple, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from controllers.ftrace.rig import RigFile
+from controllers.ground_motion.rig import RigFile
 from controllers.roles import DeviceRoles
 from controllers.settings import (
     ControlSettings,

@@ -26,7 +26,7 @@ from tests.controllers.simulated import (
 )
 from tests.nature.ground_camera import DEVICE, CameraErrors, GroundCamera
 
-EXACT = CameraErrors(pair_sd_m=1e-4, scale_sd=0.0, drift_sd=0.0, burst_probability=0.0)
+EXACT = CameraErrors(share_sd=0.0, scale_sd=0.0, drift_sd=0.0, burst_probability=0.0)
 WITH_GYRO = DeviceRoles(wheels="wheels", gyro="gyro", required={"wheels": 0.15, "gyro": 0.15}, camera=DEVICE)
 WITHOUT_GYRO = replace(WITH_GYRO, gyro=None, required={"wheels": 0.15})
 
@@ -74,6 +74,10 @@ class Drive:
             outputs.append(self.loop.step(self.rover.t_ns, samples))
             self.rover.set_point_rad_s = np.array(outputs[-1].command.speed_rad_s)
         return outputs
+
+    def loop_odometry_m(self) -> float:
+        """Return the travel of the wheels so far."""
+        return self.run(PERIOD_NS / SECOND_NS)[-1].odometry.x_m
 
     def error_m(self, output: StepOutput) -> float:
         """Return the distance of the estimate from the truth."""
@@ -185,3 +189,16 @@ def test_a_camera_that_contradicts_the_wheels_stops_the_rover_and_does_not_move_
         assert drive.rover.t_ns < 10 * SECOND_NS
     assert stopped.reason.startswith(f"{DEVICE} forward: contradicts the estimate")
     assert drive.error_m(stopped) < 0.02
+
+
+@pytest.mark.parametrize(("slip", "is_stopped"), [(1.0, True), (0.98, False)])
+def test_a_rover_whose_ground_stands_still_is_stopped_for_good(slip: float, is_stopped: bool) -> None:
+    drive = start(CameraErrors(), slip=0.2)
+    drive.run(4.0)
+    drive.rover.slip = slip
+    before_m = drive.loop_odometry_m()
+    outputs = drive.run(3.0)
+    assert (outputs[-1].mode is Mode.EMERGENCY_STOP) == is_stopped
+    if is_stopped:
+        assert outputs[-1].reason.startswith("rover: entrapped, its wheels travelled 0.2")
+        assert outputs[-1].odometry.x_m - before_m < 0.3

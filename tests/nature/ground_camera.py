@@ -2,8 +2,8 @@
 
 It stands for rendered pictures where many missions are driven. Errors: of a pair of frames; a factor of the
 travel, the same for a whole drive (height and pitch of the camera, focal length, sinkage); a factor that
-drifts with the travel (relief, shadows); pairs that measure nothing, in bursts. It knows nothing of any
-estimator.
+drifts with the travel (relief, shadows); pairs that measure nothing, in bursts. Each frame is located against
+one before: of a rover that stands the errors of pairs do not add up. It knows nothing of any estimator.
 """
 
 import cmath
@@ -35,8 +35,10 @@ class CameraErrors:
     """How the camera errs, and what it tells of it.
 
     Attributes:
-        pair_sd_m: Of the travel of a pair, forward; to the left it is two thirds of it.
-        turn_sd_rad: Of the turn of a pair.
+        place_sd_m: Of the place of a frame, forward; to the left it is half as much again.
+        share_sd: Of the travel of a pair, over itself, in any direction.
+        told_sd_m: What it tells of a pair, forward; to the left half as much again.
+        turn_sd_rad: Of the turn of a pair, and what it tells of it.
         scale_sd: Of the factor of a drive.
         drift_sd: Of the factor that drifts, with a memory of `drift_m`.
         burst_probability: That a burst of pairs without a measurement begins with a frame.
@@ -46,8 +48,10 @@ class CameraErrors:
         delay_ns: From exposure to arrival.
     """
 
-    pair_sd_m: float = 2.3e-4
-    turn_sd_rad: float = 1e-3
+    place_sd_m: float = 7e-5
+    share_sd: float = 0.015
+    told_sd_m: float = 1.7e-4
+    turn_sd_rad: float = 5e-4
     scale_sd: float = 0.015
     drift_sd: float = 0.005
     drift_m: float = 0.3
@@ -87,6 +91,7 @@ class GroundCamera:
         self.point_m = point_m
         self._scale = 1.0 + self._errors.scale_sd * float(rng.standard_normal())
         self._drift = 0.0
+        self._place_m = 0j
         self._on_way: deque[FrameSample] = deque()
         self._seen: dict[int, _Seen] = {}
         self._newest_ns: int | None = None
@@ -128,21 +133,23 @@ class GroundCamera:
         point_m = complex(*self.point_m)
         travel_m = (now.place_m - before.place_m) * cmath.rect(1.0, -now.yaw_rad)
         travel_m += point_m * (1.0 - cmath.rect(1.0, -turn_rad))
-        errors, noise = self._errors, self._rng.standard_normal(4)
+        errors, noise = self._errors, self._rng.standard_normal(6)
         kept = math.exp(-abs(travel_m) / errors.drift_m)
         self._drift = kept * self._drift + math.sqrt(1.0 - kept**2) * errors.drift_sd * float(noise[3])
         measured_m = travel_m * (self._scale + self._drift)
-        left_sd_m = errors.pair_sd_m / 1.5
+        measured_m += errors.share_sd * abs(travel_m) * complex(noise[0], noise[1])
+        before_m, self._place_m = self._place_m, errors.place_sd_m * complex(noise[4], 1.5 * noise[5])
+        measured_m += self._place_m - before_m
         reason = self._invalid_because(now)
         return GroundMotion(
             from_ns=from_ns,
             to_ns=t_ns,
             point_m=self.point_m,
-            forward_m=0.0 if reason else measured_m.real + errors.pair_sd_m * float(noise[0]),
-            left_m=0.0 if reason else measured_m.imag + left_sd_m * float(noise[1]),
+            forward_m=0.0 if reason else measured_m.real,
+            left_m=0.0 if reason else measured_m.imag,
             turn_rad=0.0 if reason else turn_rad + errors.turn_sd_rad * float(noise[2]),
-            forward_sd_m=errors.pair_sd_m,
-            left_sd_m=left_sd_m,
+            forward_sd_m=errors.told_sd_m,
+            left_sd_m=1.5 * errors.told_sd_m,
             turn_sd_rad=errors.turn_sd_rad,
             scale_sd=math.hypot(errors.scale_sd, errors.drift_sd),
             invalid_because=reason,
