@@ -3,7 +3,9 @@
 import cmath
 import operator
 from collections.abc import Sequence
+from dataclasses import replace
 
+from controllers.estimation.ground_travel import GroundMeter, GroundReport, GroundTravel
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.motor_field import MotorFieldCorrection
 from controllers.estimation.parameters import ESTIMATION
@@ -27,6 +29,8 @@ from controllers.safety import Mode, SafetySupervisor
 from controllers.safety.reasons import Cycle
 from controllers.settings import ControlSettings
 from controllers.slip.effort.compensator import EffortCompensator, SlipReport
+from controllers.slip.effort.excited_slip import RoverSlip
+from controllers.slip.effort.ground_knowledge import SlipSource
 from controllers.slip.scomp.compensator import ScompCompensator, ScompReport, TraceFinder
 from drivers.clock import nanoseconds, seconds
 from drivers.errors import ConfigError
@@ -57,6 +61,7 @@ class StepOutput:
             without fresh motion.
         steering_rad: Present steering angles of the wheels; None where none steers.
         crab: Slip angle against which a rover that crabs turns its wheels; None while it does not crab.
+        ground: Motion over the ground by the camera; None without.
     """
 
     t_ns: int
@@ -74,6 +79,7 @@ class StepOutput:
     contradiction: ContradictionReport | None = None
     steering_rad: tuple[float, ...] | None = None
     crab: CrabReport | None = None
+    ground: GroundReport | None = None
     suspicion: str = ""
 
 
@@ -87,6 +93,7 @@ class ControlLoop:
             device is required and the set-points are zero.
         roles: Roles of the devices.
         finder: Finds the trace in the frames of `roles.camera`; None without a camera.
+        meter: Measures the motion over the ground in these frames; None where that is not wanted.
 
     Raises:
         ConfigError: The mission does not fit the rover, or the wheel device is not required although there is
@@ -94,7 +101,11 @@ class ControlLoop:
     """
 
     def __init__(
-        self, settings: ControlSettings, roles: DeviceRoles, finder: TraceFinder | None = None
+        self,
+        settings: ControlSettings,
+        roles: DeviceRoles,
+        finder: TraceFinder | None = None,
+        meter: GroundMeter | None = None,
     ) -> None:
         kinematics = make_kinematics(settings.rover)
         mission = settings.mission
@@ -109,12 +120,14 @@ class ControlLoop:
         is_crabbing = mission is not None and mission.heading == "crab"
         self._crab = CrabDrift() if is_crabbing else None
         self._scomp = None if scomp is None else ScompCompensator(scomp, roles, kinematics, finder)
+        ground = settings.ground_motion
         self._estimator = Estimator(
             kinematics,
             settings.filter,
             settings.limits.wheel_speed_rad_s,
             roles,
             self._effort or self._scomp,
+            None if meter is None or ground is None else GroundTravel(ground, meter),
         )
         self._supervisor = SafetySupervisor(
             settings.safety, roles, kinematics.wheel_count, settings.filter.heading_lag_s
@@ -205,6 +218,7 @@ class ControlLoop:
         self._travel_rad_s = tuple(map(operator.sub, speed_rad_s, self._swing_rad_s))
         odometry = self._estimator.odometry
         is_fresh = self._is_motion_fresh(now_ns)
+        ground = self._estimator.ground_report(now_ns)
         return StepOutput(
             t_ns=now_ns,
             mode=self._mode(),
@@ -221,11 +235,12 @@ class ControlLoop:
             ),
             limit=limit,
             cross_track_m=None if guidance is None else guidance.cross_track_m,
-            slip=self._effort.report() if self._effort is not None and is_fresh else None,
-            scomp=self._scomp.report() if self._scomp is not None and is_fresh else None,
+            slip=_measured_slip(self._effort.report(), ground) if self._effort and is_fresh else None,
+            scomp=_measured_scomp(self._scomp.report(), ground) if self._scomp and is_fresh else None,
             contradiction=self._estimator.contradiction.report if is_fresh else None,
             steering_rad=self._estimator.steering.angles_rad or None,
             crab=None if guidance is None or self._crab is None else self._crab.report,
+            ground=ground,
             suspicion=self._supervisor.suspicion or self._estimator.suspicion,
         )
 
@@ -268,6 +283,7 @@ class ControlLoop:
                 rejected_rate_rad_s=self._estimator.rejected_rate_rad_s,
                 unseen_m=self._estimator.unseen_m,
                 unseen_rad=self._estimator.unseen_rad,
+                ground_pairs=self._estimator.ground_pairs,
                 slip=self._valid_slip(),
                 sees_no_motion=self._scomp is not None and self._scomp.sees_no_motion,
                 set_steering_rad=self._steering_rad,
@@ -308,7 +324,7 @@ class ControlLoop:
         velocity_x_m_s, velocity_y_m_s = guidance.velocity_x_m_s, guidance.velocity_y_m_s
         excited = None if self._effort is None else self._effort.excited
         swing_rad_s = 0.0
-        if excited is not None:
+        if excited is not None and not self._estimator.is_measured:
             now_s = seconds(now_ns)
             swing_rad_s = excited.yaw_rate_rad_s(now_s)
             yaw_rate_rad_s = excited.swing.without_swing(now_s, yaw_rate_rad_s) + swing_rad_s
@@ -325,6 +341,24 @@ class ControlLoop:
         if swing_rad_s:
             self._swing_rad_s = self._kinematics.wheel_speeds(0.0, 0.0, swing_rad_s)
         return limited_rad_s, limit
+
+
+def _measured_slip(report: SlipReport | None, ground: GroundReport | None) -> SlipReport | None:
+    """Return the report with the slip of the rover that a camera measured in place of an inferred one."""
+    if report is None or ground is None or ground.slip is None or ground.slip_sd is None:
+        return report
+    lag_s = None if report.rover is None else report.rover.gyro_lag_s
+    measured = RoverSlip(
+        slip=ground.slip, sd=ground.slip_sd, source=SlipSource.GROUND, reason="", gyro_lag_s=lag_s
+    )
+    return replace(report, rover=measured)
+
+
+def _measured_scomp(report: ScompReport | None, ground: GroundReport | None) -> ScompReport | None:
+    """Return the report with the slip that a camera measured in place of that of the slip law."""
+    if report is None or ground is None or ground.slip is None:
+        return report
+    return replace(report, slip=ground.slip)
 
 
 def _make_effort(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import binomtest
 
-from benchmarks.safety.missions import Driven, Falsify, drive, with_fixes
+from benchmarks.safety.missions import Driven, Falsify, MakeCamera, drive, ground_camera, with_fixes
 from controllers.motion.mission import corner_points
 from controllers.safety import Mode
 from rover_hil.config import Config, load_config
@@ -24,6 +24,8 @@ DIFFERENTIAL = Path(__file__).parents[2] / "docs" / "examples" / "differential.t
 TWO_WHEELS = "tread, two wheels"
 NATURE_NAMES = tuple(nature.name for nature in NATURES if nature.name != TWO_WHEELS)
 VERSIONS = ("encoders and gyro", "shipped")
+CAMERA_VERSIONS = ("encoders, gyro and camera", "shipped and camera")
+"""With a camera that measures the motion over the ground, by the model of its errors in `tests/nature`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +34,7 @@ class Cell:
 
     Attributes:
         nature: Name of the contact law.
-        version: How slip is known, one of `VERSIONS`.
+        version: How slip is known, one of `VERSIONS` or `CAMERA_VERSIONS`.
         has_fixes: With pose fixes every two seconds.
     """
 
@@ -70,7 +72,7 @@ def cells(versions: Sequence[str]) -> Iterator[Cell]:
     """Yield the rows of these versions; the rover with two wheels has no map of slip."""
     for nature in NATURES:
         for version in versions:
-            if nature.name == TWO_WHEELS and version != VERSIONS[0]:
+            if nature.name == TWO_WHEELS and version not in (VERSIONS[0], CAMERA_VERSIONS[0]):
                 continue
             for has_fixes in (False, True):
                 yield Cell(nature=nature.name, version=version, has_fixes=has_fixes)
@@ -88,7 +90,7 @@ def configure(cell: Cell, seed: int) -> Config:
 def configure_version(version: str, seed: int) -> Config:
     """Return the shipped Robotino with slip by a version, with noise of `seed`."""
     config = load_config("robotino")
-    if version == VERSIONS[0]:
+    if version in (VERSIONS[0], CAMERA_VERSIONS[0]):
         config = config.model_copy(update={"slip": None})
     return _with_noise(config, seed)
 
@@ -106,11 +108,16 @@ def _with_the_rectangle_of_the_robotino(config: Config) -> Config:
 
 def drive_floor(cell: Cell, seed: int) -> Way:
     """Drive the rectangle on the floor of `seed`; the same arguments give the same way."""
-    return drive_config(configure(cell, seed), cell.nature, seed)[0]
+    make_camera = ground_camera(seed) if cell.version in CAMERA_VERSIONS else None
+    return drive_config(configure(cell, seed), cell.nature, seed, make_camera=make_camera)[0]
 
 
 def drive_config(
-    config: Config, nature_name: str, seed: int, falsify: Falsify = lambda _, sample: sample
+    config: Config,
+    nature_name: str,
+    seed: int,
+    falsify: Falsify = lambda _, sample: sample,
+    make_camera: MakeCamera | None = None,
 ) -> tuple[Way, Driven]:
     """Drive a rover's mission on the floor of `seed`; return the way, and the drive cycle by cycle."""
     nature = _nature(nature_name)
@@ -120,6 +127,7 @@ def drive_config(
         falsify,
         limit_s=config.loop.time_limit_s,
         make_plant=lambda start_ns: nature.plant(floor, np.random.default_rng(seed), start_ns),
+        make_camera=make_camera,
     )
     x_m, y_m, yaw_rad = np.array([moment.truth for moment in driven.moments]).T
     assert config.mission is not None
