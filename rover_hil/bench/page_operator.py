@@ -215,7 +215,7 @@ def _relative(truth: Truth | None, first: Truth | None) -> tuple[float, float, f
 
 
 def _slip(output: StepOutput) -> tuple[list[float | None], list[str], str]:
-    """Return the slip that is measured or estimated, what each number is, and why one is not valid or unsure."""
+    """Return the measured or estimated slip, what each number is, and why one is not valid or unsure."""
     if output.ground is not None and not output.ground.reason:
         return [output.ground.slip], ["rover, by the camera"], ""
     if output.scomp is not None:
