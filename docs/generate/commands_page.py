@@ -69,7 +69,7 @@ def options_of(command: Command) -> Iterator[Option]:
 
 def _commands_of(group: Typer, prefix: str) -> Iterator[Command]:
     for command in group.registered_commands:
-        if command.callback is not None:
+        if command.callback is not None and not command.hidden:
             yield Command(f"{prefix} {command.name or command.callback.__name__}", command.callback)
     for inner in group.registered_groups:
         if inner.typer_instance is not None:
