@@ -4,6 +4,7 @@ import cmath
 import operator
 from collections.abc import Sequence
 
+from controllers.estimation.ground_travel import GroundMeter, GroundReport, GroundTravel
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.motor_field import MotorFieldCorrection
 from controllers.estimation.parameters import ESTIMATION
@@ -57,6 +58,7 @@ class StepOutput:
             without fresh motion.
         steering_rad: Present steering angles of the wheels; None where none steers.
         crab: Slip angle against which a rover that crabs turns its wheels; None while it does not crab.
+        ground: Motion over the ground by the camera; None without.
     """
 
     t_ns: int
@@ -74,6 +76,7 @@ class StepOutput:
     contradiction: ContradictionReport | None = None
     steering_rad: tuple[float, ...] | None = None
     crab: CrabReport | None = None
+    ground: GroundReport | None = None
     suspicion: str = ""
 
 
@@ -87,6 +90,7 @@ class ControlLoop:
             device is required and the set-points are zero.
         roles: Roles of the devices.
         finder: Finds the trace in the frames of `roles.camera`; None without a camera.
+        meter: Measures the motion over the ground in these frames; None where that is not wanted.
 
     Raises:
         ConfigError: The mission does not fit the rover, or the wheel device is not required although there is
@@ -94,7 +98,11 @@ class ControlLoop:
     """
 
     def __init__(
-        self, settings: ControlSettings, roles: DeviceRoles, finder: TraceFinder | None = None
+        self,
+        settings: ControlSettings,
+        roles: DeviceRoles,
+        finder: TraceFinder | None = None,
+        meter: GroundMeter | None = None,
     ) -> None:
         kinematics = make_kinematics(settings.rover)
         mission = settings.mission
@@ -109,12 +117,14 @@ class ControlLoop:
         is_crabbing = mission is not None and mission.heading == "crab"
         self._crab = CrabDrift() if is_crabbing else None
         self._scomp = None if scomp is None else ScompCompensator(scomp, roles, kinematics, finder)
+        ground = settings.ground_motion
         self._estimator = Estimator(
             kinematics,
             settings.filter,
             settings.limits.wheel_speed_rad_s,
             roles,
             self._effort or self._scomp,
+            None if meter is None or ground is None else GroundTravel(ground, meter),
         )
         self._supervisor = SafetySupervisor(
             settings.safety, roles, kinematics.wheel_count, settings.filter.heading_lag_s
@@ -222,6 +232,7 @@ class ControlLoop:
             contradiction=self._estimator.contradiction.report if is_fresh else None,
             steering_rad=self._estimator.steering.angles_rad or None,
             crab=None if guidance is None or self._crab is None else self._crab.report,
+            ground=self._estimator.ground_report(now_ns),
             suspicion=self._supervisor.suspicion or self._estimator.suspicion,
         )
 
@@ -264,6 +275,7 @@ class ControlLoop:
                 rejected_rate_rad_s=self._estimator.rejected_rate_rad_s,
                 unseen_m=self._estimator.unseen_m,
                 unseen_rad=self._estimator.unseen_rad,
+                ground_pairs=self._estimator.ground_pairs,
                 slip=self._valid_slip(),
                 sees_no_motion=self._scomp is not None and self._scomp.sees_no_motion,
                 set_steering_rad=self._steering_rad,
@@ -302,7 +314,7 @@ class ControlLoop:
         yaw_rate_rad_s = guidance.yaw_rate_rad_s
         velocity_x_m_s, velocity_y_m_s = guidance.velocity_x_m_s, guidance.velocity_y_m_s
         excited = None if self._effort is None else self._effort.excited
-        if excited is not None:
+        if excited is not None and not self._estimator.is_measured:
             now_s = seconds(now_ns)
             yaw_rate_rad_s += excited.yaw_rate_rad_s(now_s)
             if excited.waits_in_place(now_s):

@@ -4,6 +4,7 @@ import cmath
 import math
 from dataclasses import replace
 
+from controllers.estimation.ground_travel import GroundPair, GroundReport, GroundTravel, contradicting
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.gyro import GyroIntegrator, GyroTurn
 from controllers.estimation.odometry import BodyIncrement, WheelOdometry
@@ -27,6 +28,7 @@ from controllers.slip.protocol import SlipCompensator
 from drivers.clock import nanoseconds, seconds
 from drivers.samples import (
     AccelerationSample,
+    FrameSample,
     HeadingReference,
     HeadingSample,
     LinkSample,
@@ -49,6 +51,8 @@ class Estimator:
         wheel_speed_limit_rad_s: Greatest wheel set-point.
         roles: Which device is what.
         slip: Removes slip from the wheels' motion; None where the wheels are assumed to roll.
+        ground: Measures the motion over the ground in the frames of the camera; None without one. Where it
+            is valid it takes the place of `slip`.
 
     Attributes:
         odometry: Wheel odometry.
@@ -58,6 +62,7 @@ class Estimator:
         evidence: Turn of the last cycle by gyro and by wheels; None where one of them did not measure it.
         is_still: Whether the wheels have been at rest for a while, as commanded, at the last `advance`.
         suspicion: Why the wheels may not measure the motion of the rover; empty without a contradiction.
+        ground_pairs: Motions over the ground that the last cycle took.
     """
 
     def __init__(
@@ -67,8 +72,13 @@ class Estimator:
         wheel_speed_limit_rad_s: float,
         roles: DeviceRoles,
         slip: SlipCompensator[object] | None = None,
+        ground: GroundTravel | None = None,
     ) -> None:
         self._slip = slip
+        self._ground = ground
+        self._frame_ns: int | None = None
+        self._is_measured = False
+        self.ground_pairs: tuple[GroundPair, ...] = ()
         self._kinematics = kinematics
         self.steering = SteeringAngles(kinematics.steering_rates_rad_s)
         self.contradiction = WheelContradiction(kinematics)
@@ -106,6 +116,7 @@ class Estimator:
             roles.headings,
             roles.fixes,
             is_compensated=slip is not None,
+            has_ground=ground is not None,
             slip=None if slip is None else slip.states,
         )
         self._silences = {
@@ -113,7 +124,7 @@ class Estimator:
             for device in (roles.wheels, roles.gyro)
             if device
         }
-        self._fixes = FixQueue(roles.fixes)
+        self._fixes = FixQueue(roles.fixes, has_camera=ground is not None)
         self._headings: list[tuple[HeadingSample, int]] = []
         self._heading_ns: dict[tuple[str, HeadingReference], int] = {}
         self._wheel_turn_rad = 0.0
@@ -141,15 +152,21 @@ class Estimator:
         if isinstance(sample, RateSample | AccelerationSample):
             if device == self._roles.gyro:
                 self._take_inertial(sample, t_ns)
-        elif isinstance(sample, HeadingSample):
-            self._take_heading(sample, t_ns)
-        elif isinstance(sample, PoseFixSample):
-            self._fixes.add(sample, t_ns)
+        elif isinstance(sample, HeadingSample | PoseFixSample | FrameSample):
+            self._take_reference(sample, t_ns)
         elif isinstance(sample, LinkSample) and device == self._roles.wheels:
             # After a break the codec counts turns from zero.
             self.odometry.rebase()
             for angle in self._angles:
                 angle.reset()
+
+    def _take_reference(self, sample: HeadingSample | PoseFixSample | FrameSample, t_ns: int) -> None:
+        if isinstance(sample, HeadingSample):
+            self._take_heading(sample, t_ns)
+        elif isinstance(sample, PoseFixSample):
+            self._fixes.add(sample, t_ns)
+        elif self._ground is not None and sample.device == self._roles.camera:
+            self._ground.add(sample, t_ns)
 
     def _has_known_time(self, sample: Sample, t_ns: int) -> bool:
         silence = self._silences.get(sample.device)
@@ -165,6 +182,8 @@ class Estimator:
         self._rest.readings.take(sample, t_ns)
         if isinstance(sample, RateSample):
             self._gyro.feed(t_ns, sample.rate_z_rad_s)
+            if self._ground is not None:
+                self._ground.take_rates(sample)
 
     def _take_wheel(self, sample: WheelSample, t_ns: int) -> WheelSample:
         """Take a sample of a wheel; return it with the continuous angle as its position."""
@@ -207,15 +226,8 @@ class Estimator:
         if any(set_speed_rad_s):
             self._driven_ns = now_ns
         self._account_for_lost_motion(set_speed_rad_s)
-        if increment is not None and self._slip is not None:
-            gyro_rate_rad_s = self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s
-            rolled = increment
-            increment = self._slip.compensate(
-                increment, set_speed_rad_s, gyro_rate_rad_s if self._gyro.is_fresh(now_ns) else None
-            )
-            self._note_compensation(rolled.duration_s, rolled.x_m - increment.x_m, rolled.y_m - increment.y_m)
         if increment is not None:
-            increment = self._compare_wheels(increment)
+            increment = self._compare_wheels(self._compensate(increment, now_ns, set_speed_rad_s))
             self._account_for_speeds()
         self.is_still = self._is_still(now_ns)
         rest = self._follow_rest(now_ns)
@@ -232,6 +244,7 @@ class Estimator:
             self._correct_heading(sample, t_ns) for sample, t_ns in self._headings if self._is_usable(t_ns)
         ]
         self._headings.clear()
+        innovations += self._follow_ground(now_ns)
         for fix, way_back in self._fixes.take():
             innovations += (late(fix),) if way_back is None else self._filter.correct_pose(fix, way_back)
         gyro = self._gyro
@@ -242,6 +255,58 @@ class Estimator:
         if self.unseen_m or self.unseen_rad:
             self._unseen.limit(*self._variances())
         return tuple(innovations)
+
+    def _compensate(
+        self, rolled: BodyIncrement, now_ns: int, set_speed_rad_s: tuple[float, ...]
+    ) -> BodyIncrement:
+        """Return the increment of the wheels without slip; with it where the slip is measured.
+
+        A compensator that is sure of a wrong slip must not spoil what is measured.
+        """
+        increment = rolled
+        if self._slip is not None:
+            gyro_rate_rad_s = self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s
+            increment = self._slip.compensate(
+                rolled, set_speed_rad_s, gyro_rate_rad_s if self._gyro.is_fresh(now_ns) else None
+            )
+        if self._is_measured:
+            increment = replace(rolled, is_measured=True)
+        self._note_compensation(rolled.duration_s, rolled.x_m - increment.x_m, rolled.y_m - increment.y_m)
+        return increment
+
+    def _follow_ground(self, now_ns: int) -> list[Innovation]:
+        """Correct by the motion over the ground between frames; return the innovations."""
+        if self._ground is None:
+            return []
+        innovations: list[Innovation] = []
+        pairs: list[GroundPair] = []
+        camera = self._roles.camera or ""
+        for t_ns, way_back, pair in self._ground.take(self._fixes.known_ns, self._fixes.way_back):
+            if pair is not None and pair.contradiction:
+                innovations.append(contradicting(camera, pair))
+            elif pair is not None and pair.motion.from_ns == self._frame_ns:
+                corrects_yaw = self._yaw_source is not YawSource.GYRO
+                innovations += self._filter.correct_ground(
+                    camera, pair.motion, way_back, corrects_yaw=corrects_yaw
+                )
+                pairs.append(pair)
+            if pair is not None or self._frame_ns is None:
+                self._filter.mark_frame(way_back)
+                self._frame_ns = t_ns
+        if self._yaw_source is YawSource.GYRO or self._is_resting:
+            innovations += self._ground.compare_turns(camera)
+        self.ground_pairs = tuple(pairs)
+        self._is_measured = self._ground.is_valid(now_ns)
+        return innovations
+
+    def ground_report(self, now_ns: int) -> GroundReport | None:
+        """Return the motion over the ground; None without a camera that measures it."""
+        return None if self._ground is None else self._ground.report(now_ns)
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether the motion over the ground is measured, so that the slip need not be inferred."""
+        return self._is_measured
 
     def _compare_wheels(self, increment: BodyIncrement) -> BodyIncrement:
         """Return the increment, unsure where the wheels contradict each other."""
@@ -311,6 +376,7 @@ class Estimator:
             ),
             reports_speed=any(angle.contradicts_rest for angle in self._angles),
             is_commanded=self._is_commanded,
+            sees_motion=self._seen_at_rest_m() > 0.0,
         )
         self.suspicion = ""
         if not rest.is_contradicted:
@@ -331,12 +397,22 @@ class Estimator:
         reach_m = math.hypot(*greatest_motion(self._effects, wheel_rad)[:2])
         if self._is_commanded and rest.moving == (Witness.GYRO,):  # a nudge, or a wrong gyro
             reach_m = 0.0
+        if rest.moving == (Witness.CAMERA,):  # the motion is measured
+            reach_m = max(self._doubted[0], self._seen_at_rest_m())
         before_m, before_rad = self._doubted
         self._doubted = max(before_m, reach_m), max(before_rad, abs(rest.turned_rad))
         added_m, added_rad = map(_added, self._doubted, (before_m, before_rad))
         if added_m or added_rad:
             self._widen((added_m, added_m, added_rad))
         return rest
+
+    def _seen_at_rest_m(self) -> float:
+        """Return how far a camera has seen the rover move although its wheels rest."""
+        if self._ground is None or not self.is_still:
+            return 0.0
+        # The body swings after its wheels have stopped.
+        swung_ns = nanoseconds(2.0 * self._settings.standstill_s)
+        return self._ground.moved_m(self.odometry.still_since_ns + swung_ns)
 
     def _is_perhaps_offset(self, rest: Rest) -> bool:
         """Return whether only the gyro contradicts a rest, and has never been seen at rest."""
@@ -550,8 +626,12 @@ class Estimator:
         return self._body_velocity()[2]
 
     def _body_velocity(self) -> BodyMotion:
+        rolled = self.odometry.velocity
+        if self._is_measured:
+            velocity_m_s = complex(*rolled[:2]) * (1.0 + self._filter.measured_slip)
+            return velocity_m_s.real, velocity_m_s.imag, rolled[2]
         if self._slip is None:
-            return self.odometry.velocity
+            return rolled
         return self._slip.body_motion(self.odometry.wheel_speed_rad_s)
 
     def _take_heading(self, sample: HeadingSample, t_ns: int) -> None:

@@ -5,6 +5,7 @@ from typing import Annotated, Self
 
 from pydantic import AliasChoices, Field, model_validator
 
+from controllers.estimation.ground_settings import GroundMotionSettings
 from controllers.estimation.settings import FilterSettings
 from controllers.motion.mission import mission_legs
 from controllers.motion.rover_geometry import OmniRoverSettings, RoverSettings, has_four_wheels
@@ -32,6 +33,7 @@ class ControlSettings(Settings):
         mission: What the rover is to do; `run` needs one.
         slip: Slip compensation of three omnidirectional wheels.
         scomp: Slip compensation of four wheels by trace and tilt.
+        ground_motion: Motion over the ground by the camera: slip that is measured, of any wheels.
     """
 
     rover: RoverSettings
@@ -43,6 +45,7 @@ class ControlSettings(Settings):
     scomp: Annotated[ScompSettings | None, Field(validation_alias=AliasChoices("scomp", OLD_SCOMP_KEY))] = (
         None
     )
+    ground_motion: GroundMotionSettings | None = None
 
     @model_validator(mode="after")
     def _check_stall(self) -> Self:

@@ -43,7 +43,7 @@ from benchmarks.four_wheels.field_drives import (
 )
 from benchmarks.four_wheels.field_tests import FIRST_SEED, SITES, parameters_of, see
 from controllers.ftrace.estimator import TraceEstimator
-from controllers.ftrace.rig import RigFile
+from controllers.ground_motion.rig import RigFile
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.clock import nanoseconds
 from drivers.samples import Image

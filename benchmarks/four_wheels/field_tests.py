@@ -36,7 +36,7 @@ from benchmarks.four_wheels.field_drives import (
 from benchmarks.four_wheels.field_pictures import draw_test
 from benchmarks.four_wheels.scomp_peers import compass_track, paper_track, plain_track
 from controllers.ftrace.estimator import Method, TraceEstimator
-from controllers.ftrace.rig import RigFile
+from controllers.ground_motion.rig import RigFile
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.clock import nanoseconds
 from drivers.samples import Image

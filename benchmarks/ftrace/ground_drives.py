@@ -25,7 +25,7 @@ import numpy as np
 from benchmarks.ftrace.peers import PlanarFlow
 from benchmarks.ftrace.scores import Floats, Found, Judged, figures, judge, together
 from controllers.ftrace.estimator import TraceEstimator
-from controllers.ftrace.rig import RigFile
+from controllers.ground_motion.rig import RigFile
 from drivers.clock import nanoseconds, stopwatch_ns
 from drivers.samples import Image
 from rover_hil.ftrace.telemetry import TelemetryRow, read_telemetry
@@ -67,7 +67,7 @@ def drive(folder: Path) -> dict[str, Judged]:
         for path in sorted((folder / "frames").iterdir())
     ]
     found = {"fused": _fused(rig, images, telemetry), "flow+gyro": _flow(rig, images, telemetry)}
-    return {name: judge(one, truth, rig.wheel.width_m) for name, one in found.items()}
+    return {name: judge(one, truth, rig.geometry().wheel_width_m) for name, one in found.items()}
 
 
 def reliability(judged: Judged) -> list[tuple[float, float, int, float, float]]:
@@ -188,6 +188,7 @@ def _flow(rig: RigFile, images: Sequence[Image], telemetry: Sequence[TelemetryRo
 
 def _peer_rig(rig: RigFile) -> CalibratedRig:
     """Return the rig as the peers take it."""
+    assert rig.wheel is not None
     x, y, _ = rig.wheel.contact_point
     wheel = Wheel(
         name=rig.wheel.name,

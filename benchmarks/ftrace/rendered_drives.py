@@ -26,7 +26,7 @@ from benchmarks.ftrace.peers import BandFilter, CannyHough, Peer, PlanarFlow
 from benchmarks.ftrace.scores import Found, Judged, figures, judge, together
 from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator
 from controllers.ftrace.parameters import DEFAULTS, FTraceParameters
-from controllers.ftrace.rig import RigFile
+from controllers.ground_motion.rig import RigFile
 from drivers.clock import nanoseconds, stopwatch_ns
 from drivers.samples import Image
 from rover_hil.ftrace.overlay import draw

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import binomtest
 
-from benchmarks.safety.missions import drive, with_fixes
+from benchmarks.safety.missions import drive, ground_camera, with_fixes
 from controllers.motion.mission import corner_points
 from controllers.safety import Mode
 from rover_hil.config import Config, load_config
@@ -23,6 +23,8 @@ FIRST_FULL_FLOOR = 200
 DIFFERENTIAL = Path(__file__).parents[2] / "docs" / "examples" / "differential.toml"
 TWO_WHEELS = "tread, two wheels"
 VERSIONS = ("encoders and gyro", "shipped", "secant")
+CAMERA_VERSIONS = ("encoders, gyro and camera", "shipped and camera")
+"""With a camera that measures the motion over the ground, by the model of its errors in `tests/nature`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +33,7 @@ class Cell:
 
     Attributes:
         nature: Name of the contact law.
-        version: How slip is known, one of `VERSIONS`.
+        version: How slip is known, one of `VERSIONS` or `CAMERA_VERSIONS`.
         has_fixes: With pose fixes every two seconds.
     """
 
@@ -69,7 +71,7 @@ def cells(versions: Sequence[str]) -> Iterator[Cell]:
     """Yield the rows of these versions; the rover with two wheels has no map of slip."""
     for nature in NATURES:
         for version in versions:
-            if nature.name == TWO_WHEELS and version != VERSIONS[0]:
+            if nature.name == TWO_WHEELS and version not in (VERSIONS[0], CAMERA_VERSIONS[0]):
                 continue
             for has_fixes in (False, True):
                 yield Cell(nature=nature.name, version=version, has_fixes=has_fixes)
@@ -87,7 +89,7 @@ def configure(cell: Cell, seed: int) -> Config:
 
 
 def _with_slip_by(config: Config, version: str) -> Config:
-    if version == VERSIONS[0]:
+    if version in (VERSIONS[0], CAMERA_VERSIONS[0]):
         return config.model_copy(update={"slip": None})
     if version == "secant":
         assert config.slip is not None
@@ -115,6 +117,7 @@ def drive_floor(cell: Cell, seed: int) -> Way:
         config,
         limit_s=config.loop.time_limit_s,
         make_plant=lambda start_ns: nature.plant(floor, np.random.default_rng(seed), start_ns),
+        make_camera=ground_camera(seed) if cell.version in CAMERA_VERSIONS else None,
     )
     x_m, y_m, yaw_rad = np.array([moment.truth for moment in driven.moments]).T
     assert config.mission is not None

@@ -6,12 +6,14 @@ Rovers: both shipped ones, and the Robotino of `tests/nature/omni_contact.py`, w
 import math
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.control_loop import StepOutput
+from controllers.control_loop import ControlLoop, StepOutput
+from controllers.estimation.ground_settings import GroundMotionSettings
+from controllers.ground_motion.rig import RigFile
 from controllers.safety import Mode
 from drivers.clock import VirtualClock, nanoseconds, seconds
 from drivers.link import NoTap
@@ -22,6 +24,7 @@ from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.plants.robotino.site import random_site
 from sim_backends.world.plant import Plant
 from sim_backends.world.world import World
+from tests.nature.ground_camera import DEVICE, GroundCamera
 from tests.nature.omni_contact import Floor, OmniContact
 
 STEEPEST_DEG = 12.0
@@ -59,6 +62,9 @@ ROVERS = {"robotino": robotino, "el-dorado": el_dorado}
 
 MakePlant = Callable[[int], Plant]
 """From the time of the first step to a rover that takes the place of the configured one."""
+
+MakeCamera = Callable[[Plant], GroundCamera]
+"""From the rover to a camera that measures its motion over the ground."""
 
 
 def slippery_floor(seed: int) -> Floor:
@@ -100,6 +106,19 @@ def with_fixes(config: Config, fixes_per_s: float) -> Config:
     table["devices"]["overhead"] = {**CAMERA, "frame_rate_hz": fixes_per_s}
     table["roles"]["fixes"] = ["overhead"]
     return Config.model_validate(table)
+
+
+def ground_camera(seed: int) -> MakeCamera:
+    """Return a camera that measures the motion over the ground, with errors of `seed`."""
+    return lambda rover: GroundCamera(rover, np.random.default_rng((seed, 1)))
+
+
+def any_rig() -> RigFile:
+    """Return a rig for a camera without pictures: the estimator looks at none."""
+    rig = load_config("el-dorado").scomp
+    assert rig is not None
+    assert rig.rig is not None
+    return rig.rig
 
 
 def _put(world: World, plant: Plant) -> None:
@@ -169,6 +188,7 @@ def drive(
     paused_s: tuple[float, float] = (0.0, 0.0),
     limit_s: float = 120.0,
     make_plant: MakePlant | None = None,
+    make_camera: MakeCamera | None = None,
 ) -> Driven:
     """Run the loop on the simulated rover of `config` to its end.
 
@@ -178,12 +198,18 @@ def drive(
         paused_s: From when until when the process does not run; the world goes on.
         limit_s: The run ends after this time.
         make_plant: Makes a rover that takes the place of the simulated one of `config`.
+        make_camera: Makes a camera that measures the motion over the ground; None for a rover without.
     """
     clock = VirtualClock()
     rig, world = build_virtual_rig(config, clock, NoTap())
     start_ns = now_ns = clock.now_ns()
     if make_plant is not None:
         _put(world, make_plant(start_ns))
+    camera = None if make_camera is None else make_camera(world.plant)
+    if camera is not None:
+        roles = replace(config.device_roles(), camera=DEVICE)
+        config = config.model_copy(update={"ground_motion": GroundMotionSettings(rig=any_rig())})
+        rig = replace(rig, loop=ControlLoop(config, roles, meter=camera))
     begin = world.plant.truth()
     driven = Driven()
     rig.connect(timeout_s=1.0)
@@ -195,6 +221,7 @@ def drive(
             clock.sleep_until(now_ns)
             t_s = seconds(now_ns - start_ns)
             received = [falsify(t_s, sample) for sample in rig.poll()]
+            received += [] if camera is None else camera.frames(now_ns)
             output = rig.loop.step(now_ns, [sample for sample in received if sample is not None])
             rig.drive.command(output.command)
             truth = world.plant.truth()

@@ -10,7 +10,11 @@ from cmaes import CMA
 from scipy.stats import norm, qmc
 from sklearn.exceptions import ConvergenceWarning  # type: ignore[import-untyped]
 from sklearn.gaussian_process import GaussianProcessRegressor  # type: ignore[import-untyped]
-from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel  # type: ignore[import-untyped]
+from sklearn.gaussian_process.kernels import (  # type: ignore[import-untyped]
+    ConstantKernel,
+    Matern,
+    WhiteKernel,
+)
 
 from rover_hil.config.tune_settings import TunableSettings
 from rover_hil.datasets.arrays import Array

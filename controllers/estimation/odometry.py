@@ -23,6 +23,8 @@ class BodyIncrement:
         rolled_m: Motion of rolling wheels, before slip was removed, to the left as imaginary part; None where
             none was.
         slip_sd: Standard deviation of the slip that was removed; None where it is not known.
+        is_measured: Whether a camera measures the motion over the ground: the slip of the wheels is then a
+            state that it corrects.
     """
 
     x_m: float
@@ -34,6 +36,7 @@ class BodyIncrement:
     steering_rad: tuple[float, ...] = ()
     rolled_m: complex | None = None
     slip_sd: float | None = None
+    is_measured: bool = False
 
 
 @dataclass(slots=True)

@@ -47,10 +47,23 @@ class ContradictionParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class GroundParameters:
+    """Motion over the ground that a camera measures.
+
+    Both are priors, wide on purpose, so that the measurement decides: a wheel that begins to slip wholly
+    between two frames is still within the gate.
+    """
+
+    slip_sd: float = 0.5  # of the wheels' slip, along the travel and across
+    noise_m_sqrt_m: float = 0.05  # of the motion between two frames, beside that slip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EstimationParameters:
     """All tuned numbers, by their part of the estimate."""
 
     contradiction: ContradictionParameters = ContradictionParameters()
+    ground: GroundParameters = GroundParameters()
     odometry: OdometryParameters = OdometryParameters()
     pose: PoseParameters = PoseParameters()
 

@@ -14,6 +14,7 @@ from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pose_fixes import Step, WayBack, displaced
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.slip_states import SlipStates, SlipStep
+from controllers.ground_motion.motion import GroundMotion
 from controllers.motion.planar import Pose, move, wrap_angle
 from drivers.record import record
 from drivers.samples import HeadingReference, PoseFixSample
@@ -21,6 +22,8 @@ from drivers.samples import HeadingReference, PoseFixSample
 Array = NDArray[np.float64]
 
 X, Y, YAW, BIAS, FIRST_OFFSET = range(5)
+SCALE = 3
+"""Index of the scale of the measured travel, after the pose at the newest frame."""
 CERTAIN = 1e-12
 UNKNOWN_ANGLE_RAD2 = 10.0
 UNKNOWN_POSITION_M2 = 1e4
@@ -95,7 +98,7 @@ class PoseEstimate:
 
 
 class PoseFilter:
-    """State [x, y, yaw, gyro bias, offsets, origins, remaining slip, states of the slip compensator].
+    """State [x, y, yaw, gyro bias, offsets, origins, frame, remaining slip, states of the slip compensator].
 
     There is one offset per heading device and reference.
 
@@ -116,11 +119,17 @@ class PoseFilter:
     together with the position. With compensation there are two such pairs: what it leaves, and the slip of
     wheels where it is not valid. These states are left out where all standard deviations are 0.
 
+    With a camera that measures the motion over the ground there are the pose at the newest frame, a copy of
+    the pose then (stochastic cloning, Roumeliotis and Burdick 2002), and the scale of the measured travel,
+    the same for all pairs of frames: the position is uncertain in proportion to the travel. A further pair
+    of slips acts while the motion is measured; it is wide, so that the measurement decides.
+
     Args:
         settings: Noise.
         heading_devices: Names of the devices that give headings.
         fix_devices: Names of the devices that give absolute fixes.
         is_compensated: Whether slip is compensated where an increment is sure.
+        has_ground: Whether a camera measures the motion over the ground.
         slip: States of the slip compensator; None where it has none.
     """
 
@@ -131,6 +140,7 @@ class PoseFilter:
         fix_devices: Sequence[str] = (),
         *,
         is_compensated: bool = False,
+        has_ground: bool = False,
         slip: SlipStates | None = None,
     ) -> None:
         sources = [(device, reference) for device in heading_devices for reference in HeadingReference]
@@ -139,8 +149,11 @@ class PoseFilter:
         first_origin = FIRST_OFFSET + len(sources)
         self._origin_index = {device: first_origin + 3 * i for i, device in enumerate(fix_devices)}
         self._rejections: dict[str, int] = {}
-        first_slip = first_origin + 3 * len(fix_devices)
-        self._slip_pairs = (2 if is_compensated else 1) if settings.has_slip else 0
+        self._frame_index = first_origin + 3 * len(fix_devices)
+        first_slip = self._frame_index + (4 if has_ground else 0)
+        self._estimated_pairs = (2 if is_compensated else 1) if settings.has_slip else 0
+        self._slip_pairs = self._estimated_pairs + has_ground
+        self._has_scale = False
         self._first_slip = first_slip
         first_state = first_slip + 2 * self._slip_pairs
         self._slip = slip
@@ -153,9 +166,15 @@ class PoseFilter:
             + [settings.gyro_bias_rad_s**2]
             + [UNKNOWN_ANGLE_RAD2] * len(sources)
             + [UNKNOWN_POSITION_M2, UNKNOWN_POSITION_M2, UNKNOWN_ANGLE_RAD2] * len(fix_devices)
+            + [CERTAIN] * (4 if has_ground else 0)
             + [1.0] * (2 * self._slip_pairs)
             + [max(float(variance), CERTAIN) for variance in start_variances],
-            angles=[YAW, *self._offset_index.values(), *(i + YAW for i in self._origin_index.values())],
+            angles=[
+                YAW,
+                *self._offset_index.values(),
+                *(i + YAW for i in self._origin_index.values()),
+                *([self._frame_index + YAW] if has_ground else []),
+            ],
             gate_probability=settings.gate_probability,
         )
         self._transition = np.eye(size)
@@ -203,8 +222,7 @@ class PoseFilter:
             rolled_m = travel_m = by_slip.travel_m
         if increment.rolled_m is not None:
             rolled_m = increment.rolled_m
-        active, slip_sd = self._active_slip(increment)
-        across_sd = self._settings.cross_slip_ratio * slip_sd
+        active, slip_sd, across_sd = self._active_slip(increment)
         remaining, ground_m = 0j, abs(travel_m)
         if self._slip_pairs:
             remaining = complex(slip_sd * state[active], across_sd * state[active + 1])
@@ -223,11 +241,14 @@ class PoseFilter:
         if self._slip_pairs:
             way_m = rolled_m * toward
             self._let_slip_change(ground_m, state)
+            if increment.is_measured:
+                self._let_measured_slip_change(abs(rolled_m), state)
             for index, effect_m in ((active, slip_sd * way_m), (active + 1, across_sd * 1j * way_m)):
                 self._transition[X, index], self._transition[Y, index] = effect_m.real, effect_m.imag
         if by_slip is not None:
             self._take_slip(by_slip, toward * (1.0 + remaining), state)
         self._filter.predict(increment.duration_s, state, transition, self._noise)
+        by_wheels_m = increment.rolled_m
         return Step(
             x_m=travel_m.real,
             y_m=travel_m.imag,
@@ -235,6 +256,7 @@ class PoseFilter:
             duration_s=increment.duration_s,
             position_m2=_greatest_variance(self._noise),
             yaw_rad2=float(self._noise[YAW, YAW]),
+            rolled_m=complex(increment.x_m, increment.y_m) if by_wheels_m is None else by_wheels_m,
         )
 
     def _take_slip(self, step: SlipStep, toward: complex, state: list[float]) -> None:
@@ -406,13 +428,84 @@ class PoseFilter:
             np.array([position_m2, position_m2, yaw_rad2]),
         )
 
-    def _active_slip(self, increment: BodyIncrement) -> tuple[int, float]:
-        """Return the index of the slip that acts, and its standard deviation."""
+    def _active_slip(self, increment: BodyIncrement) -> tuple[int, float, float]:
+        """Return the index of the slip that acts, and its standard deviations along and across the travel."""
         settings = self._settings
-        if self._slip_pairs < 2 or not increment.is_sure:
-            return self._first_slip + max(0, 2 * self._slip_pairs - 2), settings.unsure_slip_sd
-        reported_sd = settings.slip_sd_share * (increment.slip_sd or 0.0)
-        return self._first_slip, math.hypot(settings.slip_sd, reported_sd)
+        if increment.is_measured:
+            sd = ESTIMATION.ground.slip_sd
+            return self._measured_index, sd, sd
+        if self._estimated_pairs < 2 or not increment.is_sure:
+            index = self._first_slip + max(0, 2 * self._estimated_pairs - 2)
+            sd = settings.unsure_slip_sd if self._estimated_pairs else 0.0
+        else:
+            index = self._first_slip
+            sd = math.hypot(settings.slip_sd, settings.slip_sd_share * (increment.slip_sd or 0.0))
+        return index, sd, settings.cross_slip_ratio * sd
+
+    @property
+    def _measured_index(self) -> int:
+        """Index of the slip while the motion over the ground is measured."""
+        return self._first_slip + 2 * self._estimated_pairs
+
+    @property
+    def measured_slip(self) -> complex:
+        """What is added to the wheels' travel while the motion is measured, as a share; left imaginary."""
+        state, index = self._filter.state, self._measured_index
+        return ESTIMATION.ground.slip_sd * complex(state[index], state[index + 1])
+
+    def mark_frame(self, way_back: WayBack) -> None:
+        """Keep the pose at the exposure of a frame; `way_back` leads to it from the present pose."""
+        frame = self._frame_index
+        then_m, then_rad = self._then(way_back)
+        state = self._filter.state
+        arm_m = then_m - complex(state[X], state[Y])
+        transition = np.eye(len(state))
+        transition[frame : frame + BIAS] = 0.0
+        transition[[frame + X, frame + Y, frame + YAW], [X, Y, YAW]] = 1.0
+        transition[frame + X, YAW], transition[frame + Y, YAW] = -arm_m.imag, arm_m.real
+        state[frame : frame + BIAS] = then_m.real, then_m.imag, then_rad
+        self._filter.predict(0.0, state, transition, np.zeros_like(transition))
+
+    def correct_ground(
+        self, device: str, motion: GroundMotion, way_back: WayBack, *, corrects_yaw: bool
+    ) -> tuple[Innovation, ...]:
+        """Correct by the motion over the ground since the frame of `mark_frame`.
+
+        Args:
+            device: Name of the camera.
+            motion: A valid one, from the time of that frame on.
+            way_back: From the present pose to that at the later frame.
+            corrects_yaw: Whether the turn is used, too; a gyro that is fresh measures it better.
+        """
+        frame, state = self._frame_index, self._filter.state
+        if not self._has_scale:
+            self._has_scale = True
+            self._filter.widen(frame + SCALE, motion.scale_sd**2)
+        then_m, then_rad = self._then(way_back)
+        before_m, before_rad = complex(state[frame + X], state[frame + Y]), state[frame + YAW]
+        turn_rad = wrap_angle(then_rad - before_rad)
+        axes, point_m = cmath.rect(1.0, -then_rad), complex(*motion.point_m)
+        swing_m = point_m * cmath.rect(1.0, -turn_rad)
+        factor = 1.0 + state[frame + SCALE]
+        chord_m = axes * (then_m - before_m)
+        travel_m = chord_m + point_m - swing_m
+        # Derivatives of the expected travel over the states, to the left as imaginary part.
+        slopes = np.zeros(len(state), dtype=complex)
+        slopes[X], slopes[Y] = factor * axes, factor * 1j * axes
+        arm_m = then_m - complex(state[X], state[Y])
+        slopes[YAW] = factor * 1j * (axes * arm_m - chord_m + swing_m)
+        slopes[frame + X], slopes[frame + Y] = -slopes[X], -slopes[Y]
+        slopes[frame + YAW] = -factor * 1j * swing_m
+        slopes[frame + SCALE] = travel_m
+        turn_row = np.zeros(len(state))
+        turn_row[YAW], turn_row[frame + YAW] = 1.0, -1.0
+        residual_m = complex(motion.forward_m, motion.left_m) - factor * travel_m
+        names = [f"{device} forward", f"{device} left", f"{device} turn"]
+        residuals = np.array([residual_m.real, residual_m.imag, wrap_angle(motion.turn_rad - turn_rad)])
+        rows = np.array([slopes.real, slopes.imag, turn_row])
+        variances = np.array([motion.forward_sd_m**2, motion.left_sd_m**2, motion.turn_sd_rad**2])
+        used = 3 if corrects_yaw else 2
+        return self._filter.update_together(names[:used], residuals[:used], rows[:used], variances[:used])
 
     def _let_slip_change(self, ground_m: float, state: list[float]) -> None:
         """Set the slip's part of transition, noise and `state` for a travel of `ground_m`.
@@ -427,12 +520,25 @@ class PoseFilter:
         for index in range(self._first_slip, self._first_slip + 2 * self._slip_pairs):
             state[index] *= keep
 
+    def _let_measured_slip_change(self, rolled_m: float, state: list[float]) -> None:
+        """Let the slip that a camera measures walk at random over the travel of the wheels.
+
+        It does not return to zero by itself: then it would lag behind a slip that stays.
+        """
+        first = 2 * self._estimated_pairs
+        index = self._measured_index
+        state[index : index + 2] = self._filter.state[index : index + 2]
+        self._slip_keeps[first:] = 1.0
+        self._slip_noises[first:] = -math.expm1(-2.0 * rolled_m / self._settings.slip_distance_m)
+
     def _set_noise(self, increment: BodyIncrement, turn: Turn) -> None:
         settings = self._settings
         distance_m = math.hypot(increment.x_m, increment.y_m)
         noise_m_sqrt_m = (
             settings.position_noise_m_sqrt_m if increment.is_sure else settings.unsure_position_noise_m_sqrt_m
         )
+        if increment.is_measured:
+            noise_m_sqrt_m = ESTIMATION.ground.noise_m_sqrt_m
         position_m2 = noise_m_sqrt_m**2 * distance_m
         yaw_rad2 = 0.0
         by_wheels_rad: float | None = turn.angle_rad

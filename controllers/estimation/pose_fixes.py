@@ -1,5 +1,6 @@
 """Late absolute fixes: each gets the motion from the present pose back to the pose at exposure."""
 
+import cmath
 import math
 from collections import deque
 from collections.abc import Sequence
@@ -25,6 +26,7 @@ class Step:
         turn_rad: Free of the gyro's bias.
         position_m2: Variance added to the position along its most uncertain axis.
         yaw_rad2: Variance added to the yaw.
+        rolled_m: What rolling wheels would have moved, to the left as imaginary part.
     """
 
     x_m: float
@@ -33,27 +35,38 @@ class Step:
     duration_s: float
     position_m2: float
     yaw_rad2: float
+    rolled_m: complex = 0j
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WayBack:
-    """Past pose in the present body frame, and the variances of the motion since."""
+    """Past pose in the present body frame, and the variances of the motion since.
+
+    Attributes:
+        rolled_m: Motion of rolling wheels since then, in the present body frame, left imaginary.
+    """
 
     x_m: float
     y_m: float
     turned_rad: float
     position_m2: float
     yaw_rad2: float
+    rolled_m: complex = 0j
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Mark:
-    """Sums of the motion up to a time: the pose of pure dead reckoning, and the variances."""
+    """Sums of the motion up to a time: the pose of pure dead reckoning, and the variances.
+
+    Attributes:
+        rolled_m: Place by rolling wheels with the same yaw.
+    """
 
     t_ns: int
     pose: Pose
     position_m2: float
     yaw_rad2: float
+    rolled_m: complex = 0j
 
 
 class FixQueue:
@@ -64,10 +77,12 @@ class FixQueue:
 
     Args:
         devices: Names of the devices that give fixes; others are ignored.
+        has_camera: Whether the motion is needed for pairs of frames, too.
     """
 
-    def __init__(self, devices: Sequence[str]) -> None:
+    def __init__(self, devices: Sequence[str], *, has_camera: bool = False) -> None:
         self._newest_ns: dict[str, int | None] = dict.fromkeys(devices)
+        self._is_recorded = bool(devices) or has_camera
         self._waiting: deque[tuple[int, PoseFixSample]] = deque(maxlen=MOST_WAITING)
         self._marks: deque[_Mark] = deque()
 
@@ -83,7 +98,7 @@ class FixQueue:
 
     def move(self, t_ns: int, step: Step) -> None:
         """Record the step that ended at `t_ns`; after a gap the motion starts anew."""
-        if not self._newest_ns:
+        if not self._is_recorded:
             return
         start_ns = t_ns - nanoseconds(step.duration_s)
         marks = self._marks
@@ -98,6 +113,8 @@ class FixQueue:
                 pose=move(last.pose, step.x_m, step.y_m, step.turn_rad),
                 position_m2=last.position_m2 + step.position_m2,
                 yaw_rad2=last.yaw_rad2 + step.yaw_rad2,
+                rolled_m=last.rolled_m
+                + step.rolled_m * cmath.rect(1.0, last.pose.yaw_rad + 0.5 * step.turn_rad),
             )
         )
         while marks[0].t_ns < t_ns - HISTORY_NS:
@@ -114,11 +131,17 @@ class FixQueue:
         ready = [(capture_ns, fix) for capture_ns, fix in self._waiting if capture_ns <= known_ns]
         for item in ready:
             self._waiting.remove(item)
-        return [(fix, self._way_back(capture_ns)) for capture_ns, fix in ready]
+        return [(fix, self.way_back(capture_ns)) for capture_ns, fix in ready]
 
-    def _way_back(self, then_ns: int) -> WayBack | None:
+    @property
+    def known_ns(self) -> int | None:
+        """Time up to which the motion is recorded; None before the first."""
+        return self._marks[-1].t_ns if self._marks else None
+
+    def way_back(self, then_ns: int) -> WayBack | None:
+        """Return the motion from the present pose back to a past one; None outside the recorded motion."""
         marks = self._marks
-        if then_ns < marks[0].t_ns:
+        if not marks or not marks[0].t_ns <= then_ns <= marks[-1].t_ns:
             return None
         index = len(marks) - 1
         while index > 0 and marks[index - 1].t_ns >= then_ns:
@@ -132,6 +155,7 @@ class FixQueue:
             turned_rad=wrap_angle(now.pose.yaw_rad - then.pose.yaw_rad),
             position_m2=now.position_m2 - then.position_m2,
             yaw_rad2=now.yaw_rad2 - then.yaw_rad2,
+            rolled_m=(now.rolled_m - then.rolled_m) * cmath.rect(1.0, -now.pose.yaw_rad),
         )
 
 
@@ -167,4 +191,5 @@ def _between(before: _Mark, after: _Mark, t_ns: int) -> _Mark:
         ),
         position_m2=before.position_m2 + share * (after.position_m2 - before.position_m2),
         yaw_rad2=before.yaw_rad2 + share * (after.yaw_rad2 - before.yaw_rad2),
+        rolled_m=before.rolled_m + share * (after.rolled_m - before.rolled_m),
     )

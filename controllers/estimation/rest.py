@@ -26,6 +26,7 @@ class Witness(StrEnum):
     GYRO = "gyro"
     ACCELEROMETER = "accelerometer"
     SPEED = "reported speed"
+    CAMERA = "camera"
 
 
 class Rest(NamedTuple):
@@ -159,6 +160,7 @@ class RestWatch:
         *,
         reports_speed: bool,
         is_commanded: bool,
+        sees_motion: bool = False,
     ) -> Rest:
         """Return what is known of the rest at `now_ns`.
 
@@ -170,6 +172,7 @@ class RestWatch:
             reports_speed: Whether a drive reports a speed although its position stays.
             is_commanded: Whether the wheels are commanded to rest: an accelerometer that shakes alone is then
                 no evidence of motion.
+            sees_motion: Whether a camera sees the ground move under the rover.
         """
         elapsed_s, self._now_ns = seconds(max(0, now_ns - self._now_ns)), now_ns
         if still_ns is None or self._still_ns is None:
@@ -182,6 +185,8 @@ class RestWatch:
             moving.append(Witness.ACCELEROMETER)
         if reports_speed:
             moving.append(Witness.SPEED)
+        if sees_motion:
+            moving.append(Witness.CAMERA)
         if moving:
             turned_rad = self._unconfirmed_turn(elapsed_s, bias[0], shakes=bool(shakes)) if turns else 0.0
             self._moving_ns = now_ns if self._moving_ns is None else self._moving_ns

@@ -5,14 +5,15 @@ from typing import Literal
 
 import numpy as np
 
-from controllers.ftrace.ground.frame import Frame, Reading, is_usable
+from controllers.ftrace.frame import Frame, Reading, is_usable
 from controllers.ftrace.hough.tracker import HoughTracker
 from controllers.ftrace.parameters import DEFAULTS, FTraceParameters
-from controllers.ftrace.rig import RigGeometry
-from controllers.ftrace.rig_geometry import Floats, GroundPatch
 from controllers.ftrace.rut.tracker import RutTracker
+from controllers.ground_motion.ground_patch import Floats, GroundPatch
+from controllers.ground_motion.prior import turned
+from controllers.ground_motion.rig import RigGeometry
 from drivers.clock import seconds
-from drivers.errors import ModelError
+from drivers.errors import ConfigError, ModelError
 from drivers.samples import Image
 
 Rates = tuple[float, float, float]
@@ -68,12 +69,14 @@ class TraceEstimator:
         parameters: Tuned numbers.
 
     Raises:
-        ConfigError: The camera does not see the ground behind the wheel.
+        ConfigError: The rig watches no wheel, or the camera does not see the ground behind it.
     """
 
     def __init__(
         self, rig: RigGeometry, method: Method = "fused", parameters: FTraceParameters = DEFAULTS
     ) -> None:
+        if not rig.watches_wheel:
+            raise ConfigError("the rig watches no wheel, so there is no trace: describe `wheel` in the rig")
         self._rig = rig
         self._parameters = parameters
         self._ground = GroundPatch(rig)
@@ -150,31 +153,19 @@ class TraceEstimator:
             )
         dt_s = 0.0 if self._t_ns is None else seconds(t_ns - self._t_ns)
         speed = self._rig.nominal_speed_m_s if speed_m_s is None else speed_m_s
-        turn, turn_sd = self._turn(rates, dt_s)
+        turn, turn_sd = turned(rates, self._rates, dt_s, self._parameters.ground_motion.turn)
         patch = self._ground.rectify(image)
         frame = Frame(
+            t_ns=t_ns,
             patch=patch,
             usable=is_usable(patch, self._ground.visible, self._parameters.frame),
-            distance_m=abs(speed) * dt_s,
+            travel_m=speed * dt_s,
             turn_rad=turn,
             turn_sd_rad=turn_sd,
             is_first=self._t_ns is None,
         )
         self._t_ns, self._rates = t_ns, rates
         return frame
-
-    def _turn(self, rates: Rates | None, dt_s: float) -> tuple[Rates, Rates]:
-        """Return the angles turned since the last frame and their standard deviations."""
-        noise = self._parameters.turn
-        if rates is None or self._rates is None:
-            tilt, yaw = noise.free_tilt_sd_rad, noise.free_turn_rate_sd_rad_s * dt_s
-            return (0.0, 0.0, 0.0), (tilt, tilt, yaw)
-        pairs = tuple(zip(rates, self._rates, strict=True))
-        # The rate is known at both ends only: the more the two differ, the less certain is the rate between.
-        x, y, z = ((now + then) / 2 * dt_s for now, then in pairs)
-        sd = noise.gyro_sd_rad + noise.gyro_rate_sd_rad_s * dt_s
-        sd_x, sd_y, sd_z = (sd + abs(now - then) * dt_s / 4 for now, then in pairs)
-        return (x, y, z), (sd_x, sd_y, sd_z)
 
     def _distance(self, theta_rad: float, offset_m: float) -> float:
         """Return the distance of the trace's line from the origin, positive where it passes left of it."""

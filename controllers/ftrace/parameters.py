@@ -8,15 +8,8 @@ sensitivity to each number is printed by `python -m benchmarks.ftrace.parameter_
 from dataclasses import dataclass
 from math import radians
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TurnParameters:
-    """Uncertainty of the angles turned between two frames."""
-
-    gyro_sd_rad: float = 0.001  # of an angle by the gyro
-    gyro_rate_sd_rad_s: float = 0.004  # bias and noise of a small gyro, changes of the rate between samples
-    free_tilt_sd_rad: float = 0.006  # of roll and pitch without a gyro
-    free_turn_rate_sd_rad_s: float = 0.05  # of yaw without a gyro
+from controllers.ground_motion.parameters import DEFAULTS as GROUND_MOTION
+from controllers.ground_motion.parameters import GroundMotionParameters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,40 +23,13 @@ class FrameParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StructureParameters:
-    """Fine structure of the ground, independent of light.
+class DirectionParameters:
+    """Direction of the wheel by the motion of the ground."""
 
-    Chosen on the three drives of `trace_drives`, and on development drives of two renderers.
-    """
-
-    fine_m: float = 0.036  # differences of log grey over more than this are light
-    near_m: float = 0.124  # side of the window in which the strength of the differences is measured
-    faintest: float = 0.01  # strength, in log grey, below which differences are noise
-    clip: float = 2.5  # limit of the structure, in units of its strength: edges of shadows
-    contrast: float = 40.0  # grey levels per unit in the pictures that are compared
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlowParameters:
-    """Motion of the rover from the optical flow of the ground."""
-
-    spacing_m: float = 0.056  # of the points
-    window_m: float = 0.060  # side of a point's window
-    least_points: int = 14  # that follow the ground
-    point_sd_m: float = 0.0006  # of the motion of a point
     most_direction_sd_rad: float = 0.05  # of a direction that is given without a trace
     least_motion_m: float = 0.003  # between two frames, for a direction that is given without a trace
-    standing_m: float = 0.008  # from this motion on, points that do not move are rejected
-    standing_share: float = 0.3  # a point with less than this share of the expected motion does not move
-    rounds: int = 4  # of the robust fit
-    cut: float = 3.0  # points with a greater residual have no weight; in robust standard deviations
-    most_scale_m: float = 0.0025  # greatest scatter of points that follow the ground
-    inlier_weight: float = 0.2  # least weight of a point that moves with the ground
-    covariance_factor: float = 2.0  # neighbouring windows overlap: there are fewer independent points
-    group_m: float = 0.0012  # motions closer than this are alike
-    group_stride: int = 2  # every so many motions is tried as the middle of a group
     reach_m: float = 0.12  # frames further apart share too little ground: they are matched first
-    least_share: float = 0.3  # of the points that must move with the ground
+    least_share: float = 0.3  # of the points that must move with the ground in matched frames
     slip_guess: float = 0.15  # expected slip where the ground's motion is not measured
     motion_sd_m: float = 0.0002  # least standard deviation of a motion
     backwards_share: float = 0.3  # motion against the wheel's, over the wheel's, that counts as backwards
@@ -112,7 +78,6 @@ class SectionParameters:
     clip: float = 2.5  # limit of an answer, in standard deviations: no stone decides alone
     energy_floor: float = 0.5  # of the gradients of the fine structure, before the logarithm
     texture_m: tuple[float, float] = (0.012, 0.044)  # window of the roughness, along and across
-    grey_floor: float = 12.0  # grey levels added before the logarithm
     least_blocks: int = 4  # that a curve must have in view
     one_sided_share: float = 0.3  # weight of evidence on one side only: walls may be lit from one side
     near_m: float = 0.016  # the place of a block's rut is searched this near to the curve
@@ -256,10 +221,9 @@ class FTraceParameters:
     """All groups."""
 
     most_misses: int = 3  # frames in a row without a trace for which the last one is kept
-    turn: TurnParameters = TurnParameters()
+    ground_motion: GroundMotionParameters = GROUND_MOTION
     frame: FrameParameters = FrameParameters()
-    structure: StructureParameters = StructureParameters()
-    flow: FlowParameters = FlowParameters()
+    direction: DirectionParameters = DirectionParameters()
     matching: MatchingParameters = MatchingParameters()
     shading: ShadingParameters = ShadingParameters()
     sections: SectionParameters = SectionParameters()

@@ -6,6 +6,7 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import ClassVar, NamedTuple
 
+from controllers.estimation.ground_travel import GroundPair
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.turn_evidence import TurnEvidence
 from drivers.samples import Sample
@@ -66,6 +67,7 @@ class Cycle(NamedTuple):
         rejected_rate_rad_s: Newest reading of the gyro if the rover cannot turn that fast; else None.
         unseen_m: Standard deviation of the position from motion that was not measured.
         unseen_rad: The same of the yaw.
+        ground_pairs: Motions over the ground that a camera has measured in this cycle.
         slip: Valid slip of the rover; None where it is unknown.
         sees_no_motion: Whether the rear camera has seen no motion of the ground for some travel.
         set_steering_rad: Steering set-points of the cycle before; empty where no wheel steers.
@@ -89,6 +91,7 @@ class Cycle(NamedTuple):
     rejected_rate_rad_s: float | None = None
     unseen_m: float = 0.0
     unseen_rad: float = 0.0
+    ground_pairs: tuple[GroundPair, ...] = ()
     slip: float | None = None
     sees_no_motion: bool = False
     set_steering_rad: tuple[float, ...] = ()

@@ -1,18 +1,22 @@
-"""Whether pose fixes watch the yaw."""
+"""Whether pose fixes or a camera watch the yaw."""
 
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity
 from drivers.clock import nanoseconds
 
 WATCHED_S = 3.0
-"""A pose fix whose yaw was accepted watches the yaw for this long; chosen by hand."""
+"""A pose fix whose yaw was accepted, or a turn that the ground shows, watches the yaw for this long; chosen
+by hand."""
 
 
 class YawFixes:
-    """Whether pose fixes agree with the yaw: then they decide, a wrong gyro or wheels without grip."""
+    """Whether pose fixes, or the ground under a camera, agree with the yaw.
+
+    Then they decide whether a gyro is wrong or wheels are without grip.
+    """
 
     def __init__(self, roles: DeviceRoles) -> None:
-        self._names = {f"{device} yaw" for device in roles.fixes}
+        self._names = {f"{device} yaw" for device in roles.fixes} | {f"{roles.camera} turn"}
         self._agreed_ns: int | None = None
 
     def take(self, cycle: Cycle) -> None:

@@ -9,7 +9,7 @@ from typing import NamedTuple, get_args
 import numpy as np
 
 from controllers.ftrace.estimator import Method, TraceEstimator
-from controllers.ftrace.rig import RigFile
+from controllers.ground_motion.rig import RigFile
 from drivers.camera.images import NO_PIXELS
 from drivers.errors import ConfigError
 from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_OK
@@ -78,7 +78,7 @@ def trace_angles(
                 task = progress.add_task("frames", total=source.count)
                 for item in estimate(source, rig, telemetry, estimator):
                     if writer is not None:
-                        writer.add(item.number, item.grey, item.angle, rig.wheel.width_m)
+                        writer.add(item.number, item.grey, item.angle, geometry.wheel_width_m)
                     found.append(replace(item, grey=NO_PIXELS))
                     progress.advance(task)
         except KeyboardInterrupt:

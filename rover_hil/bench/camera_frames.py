@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.ftrace.rig import RigGeometry
+from controllers.ground_motion.rig import RigGeometry
 from controllers.slip.scomp.compensator import TraceReading
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.samples import FrameSample, Image

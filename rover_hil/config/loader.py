@@ -9,7 +9,7 @@ from pathlib import Path
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from controllers.ftrace.rig import RigFile
+from controllers.ground_motion.rig import RigFile
 from controllers.settings import OLD_SCOMP_KEY
 from drivers.errors import ConfigError
 from drivers.files import is_file, parse_json, parse_toml, read_text
@@ -179,6 +179,7 @@ def _inline_files(table: Table) -> dict[KeyPath, str]:
         ("slip", "gyro_response", "gyro response", "gyro_responses/{}.toml"),
         ("scomp", "parameters", "parameters", "scomp_parameters/{}.toml"),
         ("scomp", "rig", "rig file", "rigs/{}.json"),
+        ("ground_motion", "rig", "rig file", "rigs/{}.json"),
     ):
         settings = table.get(section)
         name = settings.get(key) if isinstance(settings, dict) else None

@@ -6,6 +6,7 @@ from typing import Annotated, Literal, NamedTuple, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
+from controllers.ground_motion.rig import RigFile
 from controllers.roles import DeviceRoles
 from controllers.settings import (
     ControlSettings,
@@ -79,9 +80,10 @@ class RoleSettings(Settings):
             corrected: make `safety.settle_s` longer than their period.
         require_fixes: The rover also stops when one of them sends nothing, e.g. because it does not see the
             rover any more.
-        camera: The camera that looks back at the trace of the rear left wheel, for [scomp].
+        camera: The camera that sees the ground, for [ground_motion], or the trace of the rear left wheel, for
+            [scomp].
         require_camera: The rover also stops when this camera sends nothing or breaks. Otherwise slip is then
-            not compensated, and the estimate is less certain.
+            not measured, and the estimate is less certain.
     """
 
     wheels: str
@@ -257,16 +259,30 @@ def _find_crab_conflicts(draft: Draft) -> Iterator[str]:
 
 def _find_rig_conflicts(draft: Draft) -> Iterator[str]:
     config, name = draft.config, draft.config.roles.camera
-    rig = None if config.scomp is None else config.scomp.rig
-    if rig is None and name is not None:
-        yield "roles.camera: its calibration is missing: add scomp.rig, or remove the role"
-    if rig is not None and name is None:
-        yield "scomp.rig: it calibrates no camera: add roles.camera, or remove the rig"
+    rigs = find_rigs(config)
+    if not rigs and name is not None:
+        yield (
+            "roles.camera: its calibration is missing: add ground_motion.rig or scomp.rig, or remove the role"
+        )
     camera = None if name is None else config.devices.get(name)
-    if rig is not None and isinstance(camera, CameraSettings):
-        conflict = rig.size_conflict(camera.width, camera.height)
+    for key, rig in rigs.items():
+        if name is None:
+            yield f"{key}: it calibrates no camera: add roles.camera, or remove the rig"
+        conflict = (
+            rig.size_conflict(camera.width, camera.height) if isinstance(camera, CameraSettings) else ""
+        )
         if conflict:
             yield conflict
+
+
+def find_rigs(config: ControlSettings) -> dict[str, RigFile]:
+    """Return the calibrations of the camera in a configuration, by their keys."""
+    rigs: dict[str, RigFile] = {}
+    if config.scomp is not None and config.scomp.rig is not None:
+        rigs["scomp.rig"] = config.scomp.rig
+    if config.ground_motion is not None:
+        rigs["ground_motion.rig"] = config.ground_motion.rig
+    return rigs
 
 
 SCHEMA_RULES = (
@@ -275,6 +291,6 @@ SCHEMA_RULES = (
     Rule(("rover", "slip", "scomp"), _find_slip_conflicts),
     Rule(("rover", "mission", "safety"), _find_stall_conflicts),
     Rule(("mission", "scomp"), _find_crab_conflicts),
-    Rule(("roles", "devices", "scomp"), _find_rig_conflicts),
+    Rule(("roles", "devices", "scomp", "ground_motion"), _find_rig_conflicts),
 )
 """What every configuration fulfils, also one read from a log."""

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.ftrace.rig import SCHEMA, RigFile
+from controllers.ground_motion.rig import SCHEMA, RigFile
 from drivers.camera.images import read_image
 from drivers.errors import ConfigError
 from drivers.files import parse_json, read_text

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from controllers.ftrace.rig import RigFile
+from controllers.ground_motion.rig import RigFile
 from drivers.camera.settings import CameraSettings
 from drivers.errors import LogError
 from rover_hil.config import Config

@@ -8,8 +8,8 @@ import numpy as np
 from cv2.typing import MatLike
 
 from controllers.ftrace.estimator import TraceAngle
-from controllers.ftrace.rig import RigGeometry
-from controllers.ftrace.rig_geometry import Floats, project
+from controllers.ground_motion.ground_patch import Floats, project
+from controllers.ground_motion.rig import RigGeometry
 from drivers.errors import ConfigError
 from drivers.samples import Image
 

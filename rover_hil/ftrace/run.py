@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from controllers.ftrace.estimator import TraceAngle, TraceEstimator
-from controllers.ftrace.rig import RigFile
+from controllers.ground_motion.rig import RigFile
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
 from drivers.samples import Image

@@ -171,6 +171,18 @@ class CrabRecord(TypedDict):
     source: str
 
 
+class GroundRecord(TypedDict):
+    """Motion over the ground by the camera; None for what is not measured, with the reason."""
+
+    t_ns: int
+    velocity_x_m_s: float | None
+    velocity_y_m_s: float | None
+    slip: float | None
+    slip_sd: float | None
+    drift_rad: float | None
+    reason: str
+
+
 class EstimateRecord(TypedDict):
     """All that a cycle computed, on `ESTIMATE`."""
 
@@ -189,6 +201,7 @@ class EstimateRecord(TypedDict):
     contradiction: NotRequired[ContradictionRecord | None]
     steering_rad: NotRequired[MaybeNumbers]
     crab: NotRequired[CrabRecord | None]
+    ground: NotRequired[GroundRecord | None]
     suspicion: NotRequired[str | None]
     exact: NotRequired[str]
 
@@ -363,6 +376,7 @@ _innovation = _copy(InnovationRecord)
 _wheel_command = _copy(WheelCommandRecord)
 _wheel_slip = _copy(WheelSlipRecord)
 _contradiction = _copy(ContradictionRecord)
+_ground = _copy(GroundRecord)
 _trace = _copy(TraceRecord)
 set_point_record = _copy(SetPointRecord)
 """From a `SentCommand`."""
@@ -392,6 +406,7 @@ def estimate_record(output: StepOutput) -> EstimateRecord:
         "contradiction": None if output.contradiction is None else _contradiction(output.contradiction),
         "steering_rad": output.steering_rad,
         "crab": None if output.crab is None else _crab(output.crab),
+        "ground": None if output.ground is None else _ground(output.ground),
         "suspicion": output.suspicion or None,
     }
 

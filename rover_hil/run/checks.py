@@ -11,7 +11,7 @@ from drivers.device_settings import DriveSettings
 from drivers.driver import SteeringCodec
 from drivers.errors import ConfigError
 from rover_hil.config import Draft, Rule
-from rover_hil.config.schema import MISSING_SIMULATION
+from rover_hil.config.schema import MISSING_SIMULATION, find_rigs
 from rover_hil.run.composition import find_wheel_count_conflict
 from sim_backends.build import find_simulation_conflicts
 from sim_backends.serving.server import find_unservable
@@ -119,16 +119,17 @@ def _find_mission_conflicts(draft: Draft) -> Iterator[str]:
 
 
 def _find_rig_mistakes(draft: Draft) -> Iterator[str]:
-    scomp = draft.config.scomp
-    if scomp is None or scomp.rig is None:
+    rigs = find_rigs(draft.config)
+    if not rigs:
         return
     # Imported here because it brings OpenCV, which a rover without a camera must not wait for.
-    from controllers.ftrace.rig_geometry import GroundPatch
+    from controllers.ground_motion.ground_patch import GroundPatch
 
-    try:
-        GroundPatch(scomp.rig.geometry())
-    except ConfigError as error:
-        yield f"scomp.rig: {error}"
+    for key, rig in rigs.items():
+        try:
+            GroundPatch(rig.geometry())
+        except ConfigError as error:
+            yield f"{key}: {error}"
 
 
 def _find_simulation_conflicts(draft: Draft) -> Iterator[str]:
@@ -165,7 +166,7 @@ ROVER_CHECKS = (
     Rule(("rover", "roles", "devices"), _find_steering_mistakes),
     Rule(("rover", "roles", "filter"), _find_motor_field_mistakes),
     Rule(("rover", "mission"), _find_mission_conflicts),
-    Rule(("scomp",), _find_rig_mistakes),
+    Rule(("scomp", "ground_motion"), _find_rig_mistakes),
     Rule(("devices", "simulation"), _find_simulation_conflicts),
 )
 """What every command checks that drives a real or a simulated rover."""

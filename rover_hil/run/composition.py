@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, replace
 
 from controllers.control_loop import ControlLoop, StepOutput
+from controllers.estimation.ground_travel import GroundMeter
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import RoverSettings
 from controllers.slip.scomp.compensator import TraceFinder
@@ -143,6 +144,16 @@ def _make_finder(config: Config) -> TraceFinder | None:
     return LiveTraceFinder(config.scomp.rig, camera)
 
 
+def _make_meter(config: Config) -> GroundMeter | None:
+    camera = None if config.roles.camera is None else config.devices[config.roles.camera]
+    if config.ground_motion is None or not isinstance(camera, CameraSettings):
+        return None
+    # Imported here because it brings OpenCV, which a rover without a camera must not wait for.
+    from rover_hil.run.live_ground_motion import LiveGroundMotion
+
+    return LiveGroundMotion(config.ground_motion, camera)
+
+
 def _assemble(config: Config, clock: Clock, drivers: dict[str, AnyDriver]) -> Rig:
     drive = drivers[config.roles.wheels]
     if not isinstance(drive, WheelDrive):
@@ -151,5 +162,5 @@ def _assemble(config: Config, clock: Clock, drivers: dict[str, AnyDriver]) -> Ri
     if conflict:
         raise ConfigError(conflict)
     roles = replace(config.device_roles(), wheel_wraps_rad=drive.wheel_wraps_rad)
-    loop = ControlLoop(config, roles, _make_finder(config))
+    loop = ControlLoop(config, roles, _make_finder(config), _make_meter(config))
     return Rig(clock, drivers, drive, loop, frozenset(config.roles.names()))

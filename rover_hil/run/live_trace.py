@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from controllers.ftrace.estimator import TraceEstimator
-from controllers.ftrace.rig import RigFile
+from controllers.ground_motion.rig import RigFile
 from controllers.slip.scomp.compensator import Rates, TraceReading
 from drivers.camera.settings import CameraSettings
 from drivers.errors import ConfigError

@@ -88,7 +88,6 @@ def test_after_a_signal_that_was_swallowed_nothing_is_driven(
 def test_a_signal_before_the_drive_opens_keeps_it_closed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals, kind: type[BaseException]
 ) -> None:
-
     def build(*arguments: Any) -> object:
         with suppress(BaseException):
             send(number)

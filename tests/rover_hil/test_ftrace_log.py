@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controllers.ftrace.rig import RigFile
+from controllers.ground_motion.rig import RigFile
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.ftrace import trace_angles
 from rover_hil.app.run import run_virtual

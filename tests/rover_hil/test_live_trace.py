@@ -131,7 +131,6 @@ def test_a_rig_in_a_log_is_checked_again() -> None:
 
 
 def changed_config(tmp_path: Path, old: str, new: str) -> str:
-
     text = (resources.files("rover_hil.config") / "shipped" / "configs" / "el-dorado.toml").read_text("utf-8")
     assert old in text
     path = tmp_path / "rover.toml"

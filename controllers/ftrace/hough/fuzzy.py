@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controllers.ftrace.parameters import FuzzyParameters
-from controllers.ftrace.rig_geometry import Floats
+from controllers.ground_motion.ground_patch import Floats
 
 
 @dataclass(frozen=True, slots=True)

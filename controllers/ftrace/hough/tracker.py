@@ -5,10 +5,10 @@ from itertools import combinations
 import cv2
 import numpy as np
 
-from controllers.ftrace.ground.frame import Frame, Reading
+from controllers.ftrace.frame import Frame, Reading
 from controllers.ftrace.hough.fuzzy import Candidate, confidence
 from controllers.ftrace.parameters import FTraceParameters
-from controllers.ftrace.rig_geometry import RESOLUTION_M, Floats, GroundPatch
+from controllers.ground_motion.ground_patch import RESOLUTION_M, Floats, GroundPatch
 from drivers.samples import Image
 
 Line = tuple[float, float, float]
@@ -35,7 +35,7 @@ class HoughTracker:
 
     def track(self, frame: Frame) -> Reading:
         """Return the trace in the next frame."""
-        self._travelled_m += frame.distance_m
+        self._travelled_m += abs(frame.travel_m)
         best, match = None, 0.0
         if frame.usable:
             best, match = self._select(self._candidates(self._edges(frame.patch)))

@@ -7,8 +7,8 @@ of the observed wheel, shifted by the vector from one contact to the other.
 
 import numpy as np
 
-from controllers.ftrace.rig import RigGeometry
-from controllers.ftrace.rig_geometry import Floats
+from controllers.ground_motion.ground_patch import Floats
+from controllers.ground_motion.rig import RigGeometry
 
 MOST_AHEAD_M = 5.0
 """A wheel further ahead is a wrong entry in the rig."""

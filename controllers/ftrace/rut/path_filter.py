@@ -11,7 +11,7 @@ processes over distance.
 import numpy as np
 
 from controllers.ftrace.parameters import PathParameters
-from controllers.ftrace.rig_geometry import Floats
+from controllers.ground_motion.ground_patch import Floats
 
 PLACES = 3
 """Index of y_1."""

@@ -3,8 +3,8 @@
 import numpy as np
 
 from controllers.ftrace.parameters import PresenceParameters
-from controllers.ftrace.rig_geometry import Floats
 from controllers.ftrace.rut.strips import Stretch
+from controllers.ground_motion.ground_patch import Floats
 
 
 class Presence:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.ftrace.parameters import SectionParameters
-from controllers.ftrace.rig_geometry import RESOLUTION_M, Floats, GroundPatch, Mask, Patch
+from controllers.ground_motion.ground_patch import RESOLUTION_M, Floats, GroundPatch, Mask, Patch
 
 MEDIAN_STRIDE = 3
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controllers.ftrace.parameters import StripParameters
-from controllers.ftrace.rig_geometry import Floats, Mask
+from controllers.ground_motion.ground_patch import Floats, Mask
 
 KERNELS = 5
 """Number of kernels on each side: tone, wall, roughness, rough walls, rough floor."""

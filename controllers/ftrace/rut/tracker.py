@@ -2,23 +2,24 @@
 
 from copy import deepcopy
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.ftrace.ground.flow import GroundFlow, Motion
-from controllers.ftrace.ground.frame import Frame, Reading
-from controllers.ftrace.ground.matching import GroundMatch
-from controllers.ftrace.ground.static_shading import StaticShading
-from controllers.ftrace.ground.structure import FineStructure
+from controllers.ftrace.frame import Frame, Reading
+from controllers.ftrace.matching import GroundMatch
 from controllers.ftrace.parameters import FTraceParameters
-from controllers.ftrace.rig_geometry import RESOLUTION_M, Floats, GroundPatch, Mask
 from controllers.ftrace.rut.confidence import confidence
 from controllers.ftrace.rut.front_wheel_trace import FrontWheelTrace
 from controllers.ftrace.rut.path_filter import PathFilter
 from controllers.ftrace.rut.presence import Presence
 from controllers.ftrace.rut.rut import CrossSections, Edges, RutFinder, RutPoints, two_sided
 from controllers.ftrace.rut.strips import TraceStrips
+from controllers.ftrace.static_shading import StaticShading
+from controllers.ground_motion.estimator import GroundMotionEstimator, rotated
+from controllers.ground_motion.flow import GroundFlow, PatchMotion
+from controllers.ground_motion.ground_patch import RESOLUTION_M, Floats, GroundPatch, Mask, Patch
+from controllers.ground_motion.prior import MotionPrior
+from controllers.ground_motion.structure import FineStructure
 from drivers.samples import Image
 
 LEAST_SCORE = -1e6
@@ -38,10 +39,10 @@ class RutTracker:
         self._numbers, self._search = parameters, parameters.search
         sections, shading = parameters.sections, parameters.shading
         visible = ground.visible.astype(np.float32)
-        self._log_grey = np.log(np.arange(256, dtype=np.float32) + sections.grey_floor)
         self._finder = RutFinder(ground, sections)
-        self._structure = FineStructure(ground, parameters.structure)
-        self._flow = GroundFlow(ground, parameters.flow)
+        self._structure = FineStructure(ground, parameters.ground_motion.structure)
+        self._flow = GroundFlow(ground, parameters.ground_motion.flow)
+        self._ground_motion = GroundMotionEstimator(ground, parameters=parameters.ground_motion)
         self._match = GroundMatch(ground, parameters.matching)
         self._light = StaticShading(visible, ground.centre, shading.lit_share, shading)
         self._front = FrontWheelTrace(ground.rig, self._finder.block_m, self._search.touching_widths)
@@ -57,9 +58,9 @@ class RutTracker:
 
     def track(self, frame: Frame) -> Reading:
         """Return the trace in the next frame."""
-        log_grey = np.asarray(cv2.LUT(frame.patch, self._log_grey), np.float32)
+        log_grey = self._structure.log_grey(frame.patch)
         structure = self._structure.of(log_grey)
-        motion = self._motion(frame, self._structure.picture(structure))
+        motion = self._motion(frame, structure)
         moved_m, goes_back = self._advance(frame, motion)
         found, self._confidence = False, 0.0
         if frame.usable:
@@ -70,7 +71,7 @@ class RutTracker:
         if not found:
             self._path = deepcopy(self._odometry)
         s = self._finder.s_m
-        sd_rad, most_sd_rad = self._path.theta_sd_rad, self._numbers.flow.most_direction_sd_rad
+        sd_rad, most_sd_rad = self._path.theta_sd_rad, self._numbers.direction.most_direction_sd_rad
         return Reading(
             found=found,
             theta_rad=self._path.theta_rad,
@@ -85,19 +86,19 @@ class RutTracker:
         """Set the trace to absent."""
         self._presence.forget()
 
-    def _is_moving(self, motion: Motion | None) -> bool:
+    def _is_moving(self, motion: PatchMotion | None) -> bool:
         """Return whether the ground moves enough in this frame to have a direction."""
-        return motion is not None and motion.forward_m > self._numbers.flow.least_motion_m
+        return motion is not None and motion.forward_m > self._numbers.direction.least_motion_m
 
-    def _advance(self, frame: Frame, motion: Motion | None) -> tuple[float, bool]:
+    def _advance(self, frame: Frame, motion: PatchMotion | None) -> tuple[float, bool]:
         """Predict the path to this frame; return the distance moved, and whether it is backwards."""
-        numbers = self._numbers.flow
-        moved_m = frame.distance_m * (1 - numbers.slip_guess)
+        numbers = self._numbers.direction
+        moved_m = abs(frame.travel_m) * (1 - numbers.slip_guess)
         turn, turn_sd = frame.turn_rad[2], frame.turn_sd_rad[2]
         if motion is not None:
             moved_m = float(np.hypot(motion.forward_m, motion.left_m))
             turn, turn_sd = motion.turn_rad, motion.turn_sd_rad
-            backwards = motion.forward_m < -numbers.backwards_share * frame.distance_m < 0
+            backwards = motion.forward_m < -numbers.backwards_share * abs(frame.travel_m) < 0
             self._backwards += numbers.backwards_gain * (backwards - self._backwards)
             if backwards:
                 return moved_m, True
@@ -108,24 +109,38 @@ class RutTracker:
                 path.observe_motion(motion.forward_m, -motion.left_m, sd_m)
         return moved_m, self._backwards > numbers.most_backwards
 
-    def _motion(self, frame: Frame, grey: Image) -> Motion | None:
+    def _motion(self, frame: Frame, structure: Patch) -> PatchMotion | None:
         """Return the motion since the frame before, where the two share enough ground."""
-        numbers = self._numbers.flow
+        rig, direction = self._ground.rig, self._path.slope
+        travel_m = rotated(np.array([frame.travel_m, -direction * frame.travel_m]), rig.steer_rad)
+        prior = MotionPrior(
+            forward_m=float(travel_m[0]),
+            left_m=float(travel_m[1]),
+            turn_rad=frame.turn_rad,
+            turn_sd_rad=frame.turn_sd_rad,
+        )
+        self._ground_motion.step_patch(frame.t_ns, frame.patch, structure, prior)
         previous = self._previous
-        self._previous = grey if frame.usable else None
-        if previous is None or not frame.usable:
+        self._previous = self._structure.picture(structure) if frame.usable else None
+        if abs(frame.travel_m) <= self._numbers.direction.reach_m:
+            return self._ground_motion.pair
+        if previous is None or self._previous is None:
             return None
-        rolling = 1.0 - numbers.slip_guess
-        forwards_m = (np.array([rolling, 0.0, -rolling]) * frame.distance_m).tolist()
-        guesses = [(forward_m, -self._path.slope * forward_m) for forward_m in forwards_m]
-        if frame.distance_m > numbers.reach_m:
-            match = self._match.measure(previous, grey, frame.distance_m, frame.turn_rad[2])
-            guesses = [] if match is None else [match]
-        for guess in guesses:
-            motion = self._flow.measure(previous, grey, guess, frame)
-            if motion is not None and motion.share >= numbers.least_share:
-                return motion
-        return None
+        return self._sparse_motion(frame, previous, self._previous)
+
+    def _sparse_motion(self, frame: Frame, before: Image, after: Image) -> PatchMotion | None:
+        """Return the motion between frames that share too little ground to be followed everywhere."""
+        distance_m = abs(frame.travel_m)
+        match = self._match.measure(before, after, distance_m, frame.turn_rad[2])
+        if match is None:
+            return None
+        starts_m = np.array([match])
+        motion = self._flow.follow(
+            before, after, starts_m, frame.turn_rad, frame.turn_sd_rad, 1.5 * distance_m
+        ).moving
+        if motion is None or motion.share < self._numbers.direction.least_share:
+            return None
+        return motion
 
     def _find(self, sections: CrossSections, moved_m: float) -> bool:
         """Find the rut near the path and correct the path by it; return whether the trace is present."""

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from controllers.ftrace.rig import RigFile
+from controllers.ground_motion.rig import RigFile
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.settings import Settings
 

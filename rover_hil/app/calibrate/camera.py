@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from controllers.ftrace.rig import RigFile
-from controllers.ftrace.rig_geometry import GroundPatch
+from controllers.ground_motion.ground_patch import GroundPatch
+from controllers.ground_motion.rig import RigFile
 from rover_hil.app.calibrate.results import check_results
 from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.app.options import check_inputs

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.ftrace.rig import RigFile
+from controllers.ground_motion.rig import RigFile
 from drivers.samples import Image
 from rover_hil.config import read_rig
 from rover_hil.config.shipped import rigs

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator
-from controllers.ftrace.rig import RigFile, RigGeometry
-from controllers.ftrace.rig_geometry import Floats
+from controllers.ground_motion.ground_patch import Floats
+from controllers.ground_motion.rig import RigFile, RigGeometry
 from drivers.clock import nanoseconds
 from drivers.samples import Image
 from tests.rear_scene.sequence import FrameSequence

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator
-from controllers.ftrace.rig import RigFile
+from controllers.ground_motion.rig import RigFile
 from drivers.clock import nanoseconds
 from drivers.errors import ModelError
 from drivers.samples import Image

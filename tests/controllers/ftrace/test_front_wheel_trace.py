@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers.ftrace.rig_geometry import Floats
 from controllers.ftrace.rut.front_wheel_trace import FrontWheelTrace
+from controllers.ground_motion.ground_patch import Floats
 from tests.controllers.ftrace.rigs import geometry
 
 BLOCK_M, WIDTHS = 0.04, 1.1

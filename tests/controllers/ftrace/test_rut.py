@@ -3,8 +3,8 @@
 import numpy as np
 
 from controllers.ftrace.parameters import DEFAULTS
-from controllers.ftrace.rig_geometry import GroundPatch
 from controllers.ftrace.rut.rut import CrossSections, RutFinder
+from controllers.ground_motion.ground_patch import GroundPatch
 from tests.controllers.ftrace.rigs import geometry
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from controllers.ftrace.ground.flow import Motion
-from controllers.ftrace.ground.static_shading import StaticShading
 from controllers.ftrace.parameters import DEFAULTS
-from controllers.ftrace.rig_geometry import RESOLUTION_M, Patch
+from controllers.ftrace.static_shading import StaticShading
+from controllers.ground_motion.flow import PatchMotion
+from controllers.ground_motion.ground_patch import RESOLUTION_M, Patch
 
 ROWS, COLUMNS, FRAMES, STEP = 140, 161, 90, 4
 SHADOW = -0.5
@@ -21,13 +21,16 @@ def learned(shadow: Patch, *, aside: int = 0, band: float = 0.0, ahead: int = 1)
     ground = rng.normal(0, 0.15, (ROWS + STEP * FRAMES, COLUMNS + abs(aside) * FRAMES)).astype(np.float32)
     first = max(-aside, 0) * FRAMES
     light = StaticShading(np.ones((ROWS, COLUMNS), np.float32), COLUMNS // 2, 0.75, DEFAULTS.shading)
-    motion = Motion(
+    motion = PatchMotion(
         forward_m=ahead * STEP * RESOLUTION_M,
         left_m=aside * RESOLUTION_M,
         turn_rad=0.0,
-        turn_sd_rad=0.001,
+        forward_sd_m=0.0002,
         left_sd_m=0.0002,
+        turn_sd_rad=0.001,
+        points=100,
         share=1.0,
+        moved_pixels=1.0,
     )
     for frame in range(FRAMES):
         top = STEP * (FRAMES - frame if ahead > 0 else frame)

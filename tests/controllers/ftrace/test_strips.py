@@ -3,8 +3,8 @@
 import numpy as np
 
 from controllers.ftrace.parameters import DEFAULTS
-from controllers.ftrace.rig_geometry import Floats
 from controllers.ftrace.rut.strips import KERNELS, Stretch, TraceStrips
+from controllers.ground_motion.ground_patch import Floats
 
 BLOCK_M, BLOCKS, STEP_M = 0.04, 14, 0.016
 S_M: Floats = np.asarray((np.arange(BLOCKS) + 0.5) * BLOCK_M, np.float64)

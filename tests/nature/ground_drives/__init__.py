@@ -1,6 +1,6 @@
-"""Drives of a rover with a rear-looking camera, rendered with truth: `render`, `frames_of`, `SCENES`."""
+"""Drives of a rover with a rear-looking camera, rendered with truth."""
 
-from tests.nature.ground_drives.drive import Frame, Renderer, Telemetry, Truth, frames_of, render
+from tests.nature.ground_drives.drive import Frame, Renderer, Telemetry, Truth, frames_of, render, write
 from tests.nature.ground_drives.scenes import SCENES
 
-__all__ = ["SCENES", "Frame", "Renderer", "Telemetry", "Truth", "frames_of", "render"]
+__all__ = ["SCENES", "Frame", "Renderer", "Telemetry", "Truth", "frames_of", "render", "write"]

@@ -256,7 +256,11 @@ def render(scene: str, seed: int, frames: int, folder: Path) -> None:
     Raises:
         KeyError: there is no scene type of that name.
     """
-    renderer = Renderer(scene, seed, frames)
+    write(Renderer(scene, seed, frames), folder)
+
+
+def write(renderer: Renderer, folder: Path) -> None:
+    """Write the drive of a renderer whose frames were not taken yet, as `render` does."""
     (folder / "frames").mkdir(parents=True, exist_ok=True)
     (folder / "rig.json").write_text(json.dumps(renderer.rig.as_file(), indent=1), "utf-8")
     with (

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.ftrace.rig import RigGeometry
+from controllers.ground_motion.rig import LEAST_LOOK_DOWN, RigGeometry
 from drivers.errors import ConfigError
 from drivers.samples import Image
 
@@ -17,27 +17,28 @@ Patch = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 RESOLUTION_M = 0.004
-"""Size of a pixel of the rectified ground; 25 of them are the width of a 10 cm wheel."""
+"""Size of a pixel of the rectified ground behind a wheel; 25 of them are the width of a 10 cm wheel."""
+VIEW_PIXELS = 35_000
+"""Pixels of the rectified ground of a camera that watches no wheel: as many as behind a wheel."""
 MOST_BEHIND_M, MOST_LATERAL_M = 0.8, 0.4
 """Ground further away than this from the contact adds time, not accuracy."""
-LEAST_LOOK_DOWN = 0.05
-"""Least downward part of a ray's direction; flatter rays meet the ground metres away."""
 LEAST_VISIBLE = 0.25
 """Least share of the ground view that the image must show."""
 ORTHONORMAL_TOLERANCE = 1e-3
 
 
 class GroundPatch:
-    """Rectified ground behind the wheel, in the wheel's axes.
+    """Rectified ground behind the wheel, in the wheel's axes; without a wheel all ground in view.
 
-    Row i is `(i + 0.5) * RESOLUTION_M` behind the contact along the wheel's axis; column j lies
-    `(j - centre) * RESOLUTION_M` to the left of it.
+    Row i is `(i + 0.5) * pixel_m` behind the contact along the wheel's axis; column j lies
+    `(j - centre) * pixel_m` to the left of it. Without a wheel the front end of the view is the contact.
 
     Args:
         rig: The calibration.
 
     Attributes:
         shape: Rows and columns.
+        pixel_m: Size of a pixel; `RESOLUTION_M` with a wheel.
         centre: Column of the contact.
         visible: Pixels that the camera sees and the wheel does not hide.
 
@@ -49,20 +50,31 @@ class GroundPatch:
     def __init__(self, rig: RigGeometry) -> None:
         self.rig = rig
         _require_rotation(rig.rotation)
-        reach = rig.behind_m * np.tan(rig.max_slip_rad) + 2.0 * rig.wheel_width_m
-        half = round(min(rig.lateral_m, reach, MOST_LATERAL_M) / RESOLUTION_M)
-        self.shape = (round(min(rig.behind_m, MOST_BEHIND_M) / RESOLUTION_M), 2 * half + 1)
+        length_m, half_m = rig.behind_m, rig.lateral_m
+        if rig.watches_wheel:
+            reach = rig.behind_m * np.tan(rig.max_slip_rad) + 2.0 * rig.wheel_width_m
+            length_m, half_m = min(length_m, MOST_BEHIND_M), min(half_m, reach, MOST_LATERAL_M)
+            self.pixel_m = RESOLUTION_M
+        else:
+            self.pixel_m = float(np.sqrt(2 * half_m * length_m / VIEW_PIXELS))
+            if self.pixel_m == 0.0:
+                raise ConfigError(
+                    "the rig's camera sees no ground: check R_vehicle_camera (camera to vehicle) and "
+                    "t_vehicle_camera"
+                )
+        half = round(half_m / self.pixel_m)
+        self.shape = (round(length_m / self.pixel_m), 2 * half + 1)
         self.centre = half
         rows, columns = np.indices(self.shape)
-        back = (rows + 0.5) * RESOLUTION_M
-        left = (columns - half) * RESOLUTION_M
+        back = np.asarray((rows + 0.5) * self.pixel_m, np.float64)
+        left = np.asarray((columns - half) * self.pixel_m, np.float64)
         pixels, ahead = project(rig, self.to_vehicle(back, left).reshape(-1, 3))
-        self._halved = _ground_pixel_m(pixels.reshape(*self.shape, 2)) < 0.7 * RESOLUTION_M
+        self._halved = _ground_pixel_m(pixels.reshape(*self.shape, 2), self.pixel_m) < 0.7 * self.pixel_m
         inside = (pixels > 1).all(1) & (pixels < (rig.width - 2, rig.height - 2)).all(1) & ahead
         self.visible: Mask = inside.reshape(self.shape) & ~self._wheel_shadow()
         if self.visible.mean() < LEAST_VISIBLE:
             raise ConfigError(
-                f"the rig's camera sees {100 * self.visible.mean():.0f} % of the ground behind the wheel "
+                f"the rig's camera sees {100 * self.visible.mean():.0f} % of the ground to use "
                 "(at least 25 % needed): check R_vehicle_camera (camera to vehicle), t_vehicle_camera and "
                 "contact_point"
             )
@@ -99,6 +111,9 @@ class GroundPatch:
     def _wheel_shadow(self) -> Mask:
         """Return what the wheel, a cylinder standing on the contact, hides from the camera."""
         rig = self.rig
+        mask = np.zeros(self.shape, np.uint8)
+        if not rig.watches_wheel:
+            return mask > 0
         angle = np.linspace(0, 2 * np.pi, 36, endpoint=False)
         back, up = rig.wheel_radius_m * np.cos(angle), rig.wheel_radius_m * (1 + np.sin(angle))
         rim = []
@@ -108,10 +123,9 @@ class GroundPatch:
             rim.append(points)
         ray = np.concatenate(rim) - rig.position_m
         below = ray[:, 2] < -LEAST_LOOK_DOWN * np.linalg.norm(ray, axis=1)
-        mask = np.zeros(self.shape, np.uint8)
         if below.all():
             ground = rig.position_m - ray * (rig.position_m[2] / ray[:, 2])[:, None]
-            local = self.to_patch(ground) / RESOLUTION_M
+            local = self.to_patch(ground) / self.pixel_m
             outline = np.stack([local[:, 1] + self.centre, local[:, 0] - 0.5], axis=1)
             cv2.fillConvexPoly(mask, cv2.convexHull(np.round(outline).astype(np.int32)), 1)
         return mask > 0
@@ -135,10 +149,10 @@ def project(rig: RigGeometry, points: Floats) -> tuple[Floats, Mask]:
     return pixels, np.asarray(ahead & near, np.bool_)
 
 
-def _ground_pixel_m(pixels: Floats) -> float:
+def _ground_pixel_m(pixels: Floats, pixel_m: float) -> float:
     """Return the median size of an image pixel on the ground."""
     step = np.linalg.norm(np.diff(pixels, axis=1), axis=2)
-    return float(RESOLUTION_M / max(np.median(step), 1e-6))
+    return float(pixel_m / max(np.median(step), 1e-6))
 
 
 def _require_rotation(rotation: Floats) -> None:

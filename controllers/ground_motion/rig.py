@@ -1,17 +1,33 @@
-"""The calibration of a rearward camera and the wheel it watches: a JSON file, schema `rear-camera-rig/1`."""
+"""The calibration of a camera that sees ground, and the wheel it watches: schema `rear-camera-rig/1`."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, field_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    JsonValue,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from drivers.settings import Settings
 
 SCHEMA = "rear-camera-rig/1"
 LARGEST_ROVER_M = 10.0
 OTHER_MODELS = ("fish", "kannala", "equidistant", "rational", "omni", "scaramuzza")
+
+LEAST_LOOK_DOWN = 0.05
+"""Least downward part of a ray's direction; flatter rays meet the ground metres away."""
+COARSEST = 5.0
+VIEW_RAYS = 41
+"""Rays to either side, to find the ground in view."""
+VIEW_PERCENTILES = (5.0, 95.0)
+"""Of the rays, for the width of the ground to use: its corners are seen by few."""
 
 Floats = NDArray[np.float64]
 Triple = tuple[float, float, float]
@@ -23,7 +39,9 @@ Pixels = Annotated[int, Field(ge=64, le=8192)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigGeometry:
-    """Calibrated camera and the wheel whose trace it sees.
+    """Calibrated camera, the ground to use, and the wheel whose trace it sees.
+
+    Without a wheel the contact is the front end of the ground to use, and the wheel has no width.
 
     Attributes:
         width: Image width in pixels.
@@ -59,6 +77,16 @@ class RigGeometry:
     lateral_m: float
     max_slip_rad: float
     nominal_speed_m_s: float
+
+    @property
+    def watches_wheel(self) -> bool:
+        """Return whether the rig is of a camera that watches a wheel."""
+        return self.wheel_width_m > 0
+
+    @property
+    def point_m(self) -> tuple[float, float]:
+        """Return the point whose motion is measured, forward and left: the contact, else the origin."""
+        return (float(self.contact_m[0]), float(self.contact_m[1])) if self.watches_wheel else (0.0, 0.0)
 
 
 class ImageFormat(Settings):
@@ -150,12 +178,12 @@ class RigFile(Settings):
         R_vehicle_camera: Turns camera coordinates (x right, y down, z ahead) into vehicle coordinates.
         t_vehicle_camera: Camera in the vehicle frame: origin at the projection of the centre of mass on the
             wheel-contact plane, x forward, y left, z up.
-        wheel: The observed wheel.
+        wheel: The observed wheel; None for a camera that measures the motion of the ground only.
         other_wheels: The other wheels. Those with a `contact_point` may leave traces next to the wheel's
             own; all other keys are for information.
         b_m: Distance between the rear axle and the centre of mass.
         nominal_speed_mps: Speed assumed where the telemetry has none, in m/s.
-        ground_view_m: Ground in view.
+        ground_view_m: Ground in view; None without a wheel: all that the camera sees well.
         max_slip_angle_deg: Largest angle that a trace may have.
     """
 
@@ -166,15 +194,30 @@ class RigFile(Settings):
     dist_coeffs: Distortion
     R_vehicle_camera: Matrix
     t_vehicle_camera: Triple
-    wheel: Wheel
+    wheel: Wheel | None
     other_wheels: JsonValue
     b_m: float
     nominal_speed_mps: Positive
-    ground_view_m: GroundView
+    ground_view_m: GroundView | None
     max_slip_angle_deg: Annotated[float, Field(ge=5, le=50)]
+
+    @model_validator(mode="after")
+    def _has_view_of_wheel(self) -> Self:
+        if (self.wheel is None) != (self.ground_view_m is None):
+            raise ValueError("wheel and ground_view_m belong together: give both, or null for both")
+        return self
 
     def geometry(self) -> RigGeometry:
         """Return what the estimators need."""
+        wheel, view = self.wheel, self.ground_view_m
+        if wheel is None or view is None:
+            contact_m, behind_m, lateral_m = self._seen_ground()
+        else:
+            contact_m, behind_m, lateral_m = (
+                np.array(wheel.contact_point),
+                view.behind_contact,
+                view.lateral_about_contact,
+            )
         return RigGeometry(
             width=self.image.width,
             height=self.image.height,
@@ -182,13 +225,13 @@ class RigFile(Settings):
             distortion=np.array(self.dist_coeffs.values),
             rotation=np.array(self.R_vehicle_camera),
             position_m=np.array(self.t_vehicle_camera),
-            contact_m=np.array(self.wheel.contact_point),
-            wheel_width_m=self.wheel.width_m,
-            wheel_radius_m=self.wheel.radius_m + self.wheel.grouser_height_m,
-            lead_m=self._lead_m(),
-            steer_rad=float(np.radians(self.wheel.steer_deg)),
-            behind_m=self.ground_view_m.behind_contact,
-            lateral_m=self.ground_view_m.lateral_about_contact,
+            contact_m=contact_m,
+            wheel_width_m=0.0 if wheel is None else wheel.width_m,
+            wheel_radius_m=0.0 if wheel is None else wheel.radius_m + wheel.grouser_height_m,
+            lead_m=None if wheel is None else self._lead_m(wheel),
+            steer_rad=0.0 if wheel is None else float(np.radians(wheel.steer_deg)),
+            behind_m=behind_m,
+            lateral_m=lateral_m,
             max_slip_rad=float(np.radians(self.max_slip_angle_deg)),
             nominal_speed_m_s=self.nominal_speed_mps,
         )
@@ -200,11 +243,34 @@ class RigFile(Settings):
             return ""
         return f"scomp.rig is of frames of {size} pixels, the camera gives {camera_size}: make them equal"
 
-    def _lead_m(self) -> tuple[float, float] | None:
+    def _seen_ground(self) -> tuple[Floats, float, float]:
+        """Return the front middle, length and half width of the ground that the camera sees well.
+
+        There, a pixel covers at most `COARSEST` times as much ground along its ray as where it covers least.
+        The plain pinhole is enough for that. Zeros where the camera sees no ground.
+        """
+        columns, rows = np.meshgrid(
+            np.linspace(0, self.image.width - 1, VIEW_RAYS), np.linspace(0, self.image.height - 1, VIEW_RAYS)
+        )
+        pixels = np.stack([columns.ravel(), rows.ravel(), np.ones(columns.size)])
+        rays = np.array(self.R_vehicle_camera) @ np.linalg.solve(np.array(self.camera_matrix), pixels)
+        camera = np.array(self.t_vehicle_camera)
+        down = -rays[2] / np.linalg.norm(rays, axis=0)
+        rays, down = rays[:, down > LEAST_LOOK_DOWN], down[down > LEAST_LOOK_DOWN]
+        if camera[2] <= 0 or down.size == 0:
+            return np.zeros(3), 0.0, 0.0
+        # A pixel covers (distance)^2 / (height f) of the ground along its ray; distance = height / down.
+        well = (down.max() / down) ** 2 < COARSEST
+        x, y = (camera[:, None] - rays * (camera[2] / rays[2]))[:2, well]
+        (right, left), (rear, front) = np.percentile(y, VIEW_PERCENTILES), (x.min(), x.max())
+        middle = np.array([front, (left + right) / 2, 0.0])
+        return middle, float(front - rear), float((left - right) / 2)
+
+    def _lead_m(self, wheel: Wheel) -> tuple[float, float] | None:
         """Return the next wheel ahead in about the same track."""
-        x, y, _ = self.wheel.contact_point
+        x, y, _ = wheel.contact_point
         others = [(ahead - x, left - y) for ahead, left in _contact_points(self.other_wheels)]
-        leads = [lead for lead in others if lead[0] > self.wheel.radius_m and abs(lead[1]) < lead[0] / 2]
+        leads = [lead for lead in others if lead[0] > wheel.radius_m and abs(lead[1]) < lead[0] / 2]
         return min(leads, key=lambda lead: (round(abs(lead[1]), 1), lead[0]), default=None)
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controllers.ftrace.rig_geometry import RESOLUTION_M, GroundPatch, project
+from controllers.ground_motion.ground_patch import RESOLUTION_M, GroundPatch, project
 from drivers.errors import ConfigError
 from sim_backends.rear_scene.rig import looking_back
 from tests.controllers.ftrace.rigs import geometry

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from controllers.ftrace.parameters import FrameParameters
-from controllers.ftrace.rig_geometry import Floats, Mask
+from controllers.ground_motion.ground_patch import Floats, Mask
 from drivers.samples import Image
 
 
@@ -15,17 +15,20 @@ class Frame:
     """Rectified ground, and the motion since the frame before.
 
     Attributes:
+        t_ns: Time of exposure.
         patch: Grey ground behind the wheel.
         usable: False for black, burnt or empty frames.
-        distance_m: Distance by the wheel's speed, or by the rig's nominal one; 0 for the first frame.
+        travel_m: Travel by the wheel's speed, or by the rig's nominal one, negative backwards; 0 for the
+            first frame.
         turn_rad: Angles turned about x, y, z by the gyro; zeros without one.
         turn_sd_rad: Standard deviation of each.
         is_first: True for the first frame.
     """
 
+    t_ns: int
     patch: Image
     usable: bool
-    distance_m: float
+    travel_m: float
     turn_rad: tuple[float, float, float]
     turn_sd_rad: tuple[float, float, float]
     is_first: bool

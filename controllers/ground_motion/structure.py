@@ -8,8 +8,8 @@ but it is limited to a few times the strength of the grain.
 import cv2
 import numpy as np
 
-from controllers.ftrace.parameters import StructureParameters
-from controllers.ftrace.rig_geometry import RESOLUTION_M, GroundPatch, Patch
+from controllers.ground_motion.ground_patch import GroundPatch, Patch
+from controllers.ground_motion.parameters import StructureParameters
 from drivers.samples import Image
 
 
@@ -24,12 +24,16 @@ class FineStructure:
     def __init__(self, ground: GroundPatch, parameters: StructureParameters) -> None:
         self._parameters = parameters
         self._visible = ground.visible.astype(np.float32)
-        lengths_m = parameters.fine_m, parameters.near_m
-        fine, near = (2 * round(length_m / RESOLUTION_M / 2) + 1 for length_m in lengths_m)
-        self._fine, self._near = (fine, fine), (near, near)
+        self._log_grey = np.log(np.arange(256, dtype=np.float32) + parameters.grey_floor)
+        self._fine = (parameters.fine_pixels, parameters.fine_pixels)
+        self._near = (parameters.near_pixels, parameters.near_pixels)
         self._fine_share, self._near_share = (
             np.maximum(cv2.blur(self._visible, window), 1e-3) for window in (self._fine, self._near)
         )
+
+    def log_grey(self, patch: Image) -> Patch:
+        """Return the logarithm of grey levels."""
+        return np.asarray(cv2.LUT(patch, self._log_grey), np.float32)
 
     def of(self, log_grey: Patch) -> Patch:
         """Return the structure of a picture of log grey, 0 where the camera does not see the ground."""

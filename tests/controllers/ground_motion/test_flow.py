@@ -4,15 +4,15 @@ import cv2
 import numpy as np
 import pytest
 
-from controllers.ftrace.ground.flow import GroundFlow
-from controllers.ftrace.ground.frame import Frame
-from controllers.ftrace.ground.structure import FineStructure
-from controllers.ftrace.parameters import DEFAULTS
-from controllers.ftrace.rig_geometry import RESOLUTION_M, GroundPatch
+from controllers.ground_motion.flow import Followed, GroundFlow
+from controllers.ground_motion.ground_patch import RESOLUTION_M, GroundPatch
+from controllers.ground_motion.parameters import DEFAULTS
+from controllers.ground_motion.structure import FineStructure
 from drivers.samples import Image
 from tests.controllers.ftrace.rigs import geometry
 
 FREE = (0.006, 0.006, 0.02)
+"""Deviations of angles without a gyro."""
 
 
 def texture(shape: tuple[int, int]) -> Image:
@@ -38,15 +38,10 @@ def moved(ground: GroundPatch, forward_m: float, left_m: float, turn_rad: float)
     return before, np.asarray(after, np.uint8)
 
 
-def frame_of(turn_rad: float, turn_sd_rad: tuple[float, float, float] = FREE) -> Frame:
-    return Frame(
-        patch=np.zeros((2, 2), np.uint8),
-        usable=True,
-        distance_m=0.016,
-        turn_rad=(0.0, 0.0, turn_rad),
-        turn_sd_rad=turn_sd_rad,
-        is_first=False,
-    )
+def follow(ground: GroundPatch, before: Image, after: Image, turn_rad: float = 0.0) -> Followed:
+    starts_m = np.array([[0.016, 0.0], [0.008, 0.0], [0.0, 0.0]])
+    flow = GroundFlow(ground, DEFAULTS.flow)
+    return flow.follow(before, after, starts_m, (0.0, 0.0, turn_rad), FREE, 0.024)
 
 
 @pytest.mark.parametrize(
@@ -57,9 +52,7 @@ def test_motion_of_the_contact(forward_m: float, left_m: float, turn_deg: float)
     ground = GroundPatch(geometry())
     before, after = moved(ground, forward_m, left_m, math.radians(turn_deg))
 
-    motion = GroundFlow(ground, DEFAULTS.flow).measure(
-        before, after, (0.014, 0.0), frame_of(math.radians(turn_deg))
-    )
+    motion = follow(ground, before, after, math.radians(turn_deg)).moving
 
     assert motion is not None
     assert motion.forward_m == pytest.approx(forward_m, abs=4e-4)
@@ -68,11 +61,16 @@ def test_motion_of_the_contact(forward_m: float, left_m: float, turn_deg: float)
     assert motion.share > 0.8
 
 
-def test_ground_that_stands_still_in_the_image_is_not_motion() -> None:
+def test_ground_that_stands_in_the_picture_is_told_apart() -> None:
     ground = GroundPatch(geometry())
     picture = texture(ground.shape)
 
-    assert GroundFlow(ground, DEFAULTS.flow).measure(picture, picture, (0.016, 0.0), frame_of(0.0)) is None
+    found = follow(ground, picture, picture)
+
+    assert found.moving is None or found.moving.moved_pixels < 0.5
+    assert found.fixed is not None
+    assert found.fixed.forward_m == pytest.approx(0.0, abs=1e-4)
+    assert found.fixed.share > 0.9
 
 
 def test_other_ground_is_not_followed() -> None:
@@ -80,15 +78,16 @@ def test_other_ground_is_not_followed() -> None:
     before = texture(ground.shape)
     after = np.asarray(before[::-1, ::-1].copy(), np.uint8)
 
-    motion = GroundFlow(ground, DEFAULTS.flow).measure(before, after, (0.016, 0.0), frame_of(0.0))
+    found = follow(ground, before, after)
 
-    assert motion is None or motion.share < 0.3
+    assert found.moving is None or found.moving.points < 18
+    assert found.fixed is None or found.fixed.points < 18
 
 
 def test_shadows_that_pass_over_the_ground_do_not_change_the_motion() -> None:
     """Half of the ground is under a hard shadow, which moves against the ground."""
     ground = GroundPatch(geometry())
-    structure, flow = FineStructure(ground, DEFAULTS.structure), GroundFlow(ground, DEFAULTS.flow)
+    structure = FineStructure(ground, DEFAULTS.structure)
     pictures = []
     for picture, first in zip(moved(ground, 0.014, 0.003, 0.0), (20, 12), strict=True):
         light = np.ones(ground.shape, np.float32)
@@ -96,7 +95,7 @@ def test_shadows_that_pass_over_the_ground_do_not_change_the_motion() -> None:
         log_grey = np.log(light * (picture / 4 + 100) + 12).astype(np.float32)
         pictures.append(structure.picture(structure.of(log_grey)))
 
-    motion = flow.measure(pictures[0], pictures[1], (0.014, 0.0), frame_of(0.0))
+    motion = follow(ground, pictures[0], pictures[1]).moving
 
     assert motion is not None
     assert motion.forward_m == pytest.approx(0.014, abs=4e-4)

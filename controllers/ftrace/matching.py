@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from controllers.ftrace.parameters import MatchingParameters
-from controllers.ftrace.rig_geometry import RESOLUTION_M, GroundPatch
+from controllers.ground_motion.ground_patch import RESOLUTION_M, GroundPatch
 from drivers.samples import Image
 
 

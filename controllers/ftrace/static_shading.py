@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.ftrace.ground.flow import Motion
 from controllers.ftrace.parameters import ShadingParameters
-from controllers.ftrace.rig_geometry import RESOLUTION_M, Patch
+from controllers.ground_motion.flow import PatchMotion
+from controllers.ground_motion.ground_patch import RESOLUTION_M, Patch
 
 PIXELS = 2
 """Pixels of the light over those of the ground: shadows have soft edges."""
@@ -51,7 +51,7 @@ class StaticShading:
         self._count = 0
         self._lit_row = int(lit_share * len(self._visible[::ROW_STRIDE]))
 
-    def update(self, log_grey: Patch, motion: Motion | None) -> None:
+    def update(self, log_grey: Patch, motion: PatchMotion | None) -> None:
         """Take the logarithm of the next frame and the motion since the last one, None if unknown."""
         now = _coarse(log_grey)
         if motion is None:
@@ -121,7 +121,7 @@ def _sheared(picture: Patch, column: tuple[float, float], row: tuple[float, floa
     return np.asarray(sheared, np.float32)
 
 
-def _matrix(motion: Motion, centre: float) -> Matrix:
+def _matrix(motion: PatchMotion, centre: float) -> Matrix:
     """Return the matrix from pixels (column, row, 1) of the later frame to the same ground in the earlier."""
     left, ahead = motion.left_m / PIXEL_M, motion.forward_m / PIXEL_M
     turn = motion.turn_rad

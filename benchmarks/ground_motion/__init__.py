@@ -1,0 +1,1 @@
+"""Motion of the ground measured by a camera: accuracy, validity and cost."""

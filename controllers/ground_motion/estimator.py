@@ -1,0 +1,353 @@
+"""Motion of the rover over the ground, frame by frame."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.ground_motion.first_metre import FirstMetre
+from controllers.ground_motion.flow import Followed, GroundFlow, PatchMotion
+from controllers.ground_motion.ground_patch import Floats, GroundPatch, Mask, Patch
+from controllers.ground_motion.motion import GroundMotion
+from controllers.ground_motion.parameters import DEFAULTS, GroundMotionParameters
+from controllers.ground_motion.prior import MotionPrior
+from controllers.ground_motion.rig_tolerance import RigTolerance
+from controllers.ground_motion.static_pattern import StaticPattern
+from controllers.ground_motion.structure import FineStructure
+from controllers.ground_motion.tolerance import scale_of
+from drivers.errors import ModelError
+from drivers.samples import Image
+
+FREE_SHARES = (0.0, 0.5, 1.0, 1.5)
+"""Of the last motion: starts of the search where no wheel tells the travel."""
+
+NO_MOTION = PatchMotion(
+    forward_m=0.0,
+    left_m=0.0,
+    turn_rad=0.0,
+    forward_sd_m=0.0,
+    left_sd_m=0.0,
+    turn_sd_rad=0.0,
+    points=0,
+    share=1.0,
+    moved_pixels=0.0,
+)
+"""Between a picture and the same once more."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Past:
+    """A frame to compare with.
+
+    Attributes:
+        picture: Fine structure in grey levels.
+        pose: Of the measured point in the axes of the first frame of the chain: forward, left, turn.
+        turned: Angles turned and their deviations since the start, rows of three.
+    """
+
+    picture: Image
+    pose: Floats
+    turned: Floats
+
+
+class GroundMotionEstimator:
+    """Measures the motion between frames of one camera.
+
+    A frame is compared with an earlier one that is some pixels of ground apart, where there is one: slow
+    motion is then as certain as fast, and what is fixed in the picture is not taken for ground that stands.
+
+    Args:
+        ground: The rectified ground of the rig.
+        tolerance: What is not known about the rig.
+        parameters: Tuned numbers.
+
+    Attributes:
+        pair: The last motion in the axes of the patch, as the pictures show it; None where not measured,
+            no motion for a picture that is repeated.
+    """
+
+    def __init__(
+        self,
+        ground: GroundPatch,
+        tolerance: RigTolerance | None = None,
+        parameters: GroundMotionParameters = DEFAULTS,
+    ) -> None:
+        self._ground, self._parameters = ground, parameters
+        self._factor, self._scale_sd = scale_of(ground, tolerance or RigTolerance())
+        self._structure = FineStructure(ground, parameters.structure)
+        self._flow = GroundFlow(ground, parameters.flow)
+        self._pattern = StaticPattern(ground.shape, parameters.pattern)
+        self._first_metre = FirstMetre(self._scale_sd, parameters.first_metre)
+        self._most_travel_m = parameters.validity.most_travel_share * ground.shape[0] * ground.pixel_m
+        self._past: list[_Past] = []
+        self._pose: Floats = np.zeros(3)
+        self._next_pose: Floats = np.zeros(3)
+        self._turned: Floats = np.zeros((2, 3))
+        self._travel_m: Floats | None = np.zeros(2)
+        self._last_m: Floats = np.zeros(2)
+        self._t_ns: int | None = None
+        self._grey: Image | None = None
+        self.pair: PatchMotion | None = None
+
+    @property
+    def fixed_in_picture(self) -> Mask:
+        """Return the pixels of the rectified ground that hold something which never moves."""
+        return self._pattern.mask
+
+    def step(self, t_ns: int, image: Image, prior: MotionPrior) -> GroundMotion | None:
+        """Return the motion since the frame before; None for the first frame.
+
+        After a repeated frame the motion is that since the picture was new: `from_ns` says so.
+
+        Args:
+            t_ns: Time of the frame, middle of its exposure.
+            image: Grey pixels, of the rig's size.
+            prior: Motion since the frame before by other sensors.
+
+        Raises:
+            ModelError: Time goes backwards, or the frame has another size than the rig's.
+        """
+        size = (self._ground.rig.height, self._ground.rig.width)
+        if image.shape != size:
+            raise ModelError(
+                f"frame of shape {image.shape}, the rig's is {size} grey pixels: use frames of this rig"
+            )
+        patch = self._ground.rectify(image)
+        structure = self._structure.of(self._structure.log_grey(patch))
+        return self.step_patch(t_ns, patch, structure, prior)
+
+    def step_patch(
+        self, t_ns: int, patch: Image, structure: Patch, prior: MotionPrior
+    ) -> GroundMotion | None:
+        """Return the motion as `step` does, of ground that is rectified already, and its fine structure."""
+        if self._t_ns is not None and t_ns < self._t_ns:
+            raise ModelError(
+                f"frame time {t_ns} ns is not after the one before, {self._t_ns} ns: give frames in order"
+            )
+        self._expect(prior)
+        self.pair = None
+        before_ns = self._t_ns
+        if before_ns is None:
+            self._restart(t_ns, patch, structure)
+            return None
+        if self._is_repeated(t_ns, patch):
+            self.pair = NO_MOTION
+            return self._invalid(before_ns, t_ns, "frame repeated")
+        picture = self._structure.picture(self._pattern.without(structure))
+        motion, reason = self._measure(picture)
+        if motion is None:
+            self._restart(t_ns, patch, structure)
+            return self._invalid(before_ns, t_ns, reason)
+        self.pair = motion
+        wheel_m = self._travel_m
+        self._last_m = np.array([motion.forward_m, motion.left_m])
+        self._pattern.update(structure, motion.moved_pixels)
+        self._remember(picture)
+        self._begin(t_ns, patch)
+        if wheel_m is not None and (length_m := float(np.hypot(*wheel_m))) > 0:
+            along_m = self._factor * float(self._last_m @ wheel_m) / length_m
+            self._first_metre.update(length_m, along_m)
+        if self._first_metre.contradiction:
+            return self._invalid(before_ns, t_ns, self._first_metre.contradiction)
+        return self._valid(before_ns, t_ns, motion)
+
+    def _expect(self, prior: MotionPrior) -> None:
+        """Add the motion by other sensors, in the axes of the patch."""
+        self._turned = self._turned + np.array([prior.turn_rad, prior.turn_sd_rad])
+        if prior.forward_m is None or self._travel_m is None:
+            self._travel_m = None
+            return
+        self._travel_m = self._travel_m + rotated(
+            np.array([prior.forward_m, prior.left_m]), -self._ground.rig.steer_rad
+        )
+
+    def _is_repeated(self, t_ns: int, patch: Image) -> bool:
+        """Return whether this is the frame before once more."""
+        grey = self._grey
+        if t_ns == self._t_ns:
+            return True
+        if grey is None:
+            return False
+        apart = np.abs(patch.astype(np.int16) - grey)[self._ground.visible]
+        return bool(apart.mean() < self._parameters.validity.repeated_grey)
+
+    def _measure(self, picture: Image) -> tuple[PatchMotion | None, str]:
+        """Return the motion of the pair, and why there is none."""
+        wheel_m = self._travel_m
+        if wheel_m is not None and np.hypot(*wheel_m) > self._most_travel_m:
+            return None, self._too_far(float(np.hypot(*wheel_m)))
+        reason = ""
+        for past in self._references():
+            for starts_m in self._starts(wheel_m):
+                motion, reason = self._compare(past, picture, starts_m)
+                if motion is None:
+                    continue
+                length_m = float(np.hypot(motion.forward_m, motion.left_m))
+                if length_m > self._most_travel_m:
+                    return None, self._too_far(length_m)
+                return motion, ""
+        return None, reason
+
+    def _too_far(self, travel_m: float) -> str:
+        return (
+            f"{travel_m:.2f} m between two frames, at most {self._most_travel_m:.2f} m: take more frames per "
+            "second, or drive more slowly"
+        )
+
+    def _references(self) -> list[_Past]:
+        """Return the frames to compare with, in this order."""
+        expected = self._pose[:2] + self._last_m
+        apart = [float(np.hypot(*(expected - past.pose[:2]))) / self._ground.pixel_m for past in self._past]
+        far = [
+            past
+            for past, pixels in zip(self._past, apart, strict=True)
+            if pixels >= self._parameters.validity.baseline_pixels
+        ]
+        first = far[-1] if far else self._past[0]
+        return [first] if first is self._past[-1] else [first, self._past[-1]]
+
+    def _starts(self, wheel_m: Floats | None) -> list[Floats]:
+        """Return motions of the pair to start from: likely ones, and others for when these fail."""
+        numbers, pixel_m = self._parameters.flow, self._ground.pixel_m
+        if wheel_m is None:
+            reach_m = self._most_travel_m
+            count = max(round(reach_m / pixel_m / numbers.start_pixels), 1) + 1
+            ahead = np.stack([np.linspace(0.0, reach_m, count), np.zeros(count)], axis=1)
+            near = np.outer(FREE_SHARES, self._last_m)
+            return [near, ahead, -ahead] if self._last_m.any() else [ahead, -ahead]
+        reach = float(np.hypot(*wheel_m)) / pixel_m
+        count = int(np.clip(np.ceil(reach / numbers.start_pixels) + 1, 2, numbers.most_starts))
+        shares = np.linspace(1.0, 0.0, count)
+        return [np.outer(shares, wheel_m), np.outer(-shares[:-1], wheel_m)]
+
+    def _compare(self, past: _Past, picture: Image, starts_m: Floats) -> tuple[PatchMotion | None, str]:
+        """Return the motion of the pair, by comparison with an earlier frame."""
+        angles, deviations = self._turned - past.turned
+        # Motion since that frame, in axes of the frame before and, by the gyro, of this one.
+        known_m = rotated(self._pose[:2] - past.pose[:2], -(past.pose[2] + angles[2]))
+        wheel_m = self._travel_m
+        reach_m = self._most_travel_m if wheel_m is None else float(np.hypot(*wheel_m))
+        most_m = float(np.hypot(*known_m)) + self._parameters.flow.overrun * reach_m
+        followed = self._flow.follow(
+            past.picture, picture, known_m + starts_m, tuple(angles), tuple(deviations), most_m
+        )
+        found, reason = self._choose(followed, float(np.hypot(*known_m)) / self._ground.pixel_m)
+        if found is None:
+            return None, reason
+        pose = np.r_[
+            past.pose[:2] + rotated(np.array([found.forward_m, found.left_m]), past.pose[2] + found.turn_rad),
+            past.pose[2] + found.turn_rad,
+        ]
+        forward_m, left_m = rotated(pose[:2] - self._pose[:2], -pose[2]).tolist()
+        turn_rad = float(pose[2] - self._pose[2])
+        moved = float(np.hypot(forward_m, left_m)) / self._ground.pixel_m
+        self._next_pose = pose
+        return (
+            PatchMotion(
+                forward_m=forward_m,
+                left_m=left_m,
+                turn_rad=turn_rad,
+                forward_sd_m=found.forward_sd_m,
+                left_sd_m=found.left_sd_m,
+                turn_sd_rad=found.turn_sd_rad,
+                points=found.points,
+                share=found.share,
+                moved_pixels=moved,
+            ),
+            "",
+        )
+
+    def _choose(self, followed: Followed, apart_pixels: float) -> tuple[PatchMotion | None, str]:
+        """Return the motion that is the ground's, or why none is.
+
+        Args:
+            followed: The groups of motions.
+            apart_pixels: Known motion between the earlier frame and the one before this.
+        """
+        numbers = self._parameters.validity
+        most_sd_m = numbers.most_forward_sd_pixels * self._ground.pixel_m
+        moving, fixed = followed.moving, followed.fixed
+        if moving is not None and moving.moved_pixels > numbers.still_pixels:
+            if moving.points >= numbers.least_moving and moving.forward_sd_m < most_sd_m:
+                return moving, ""
+            reason = "too few points move alike"
+        else:
+            reason = "too few points follow the ground"
+        still = max((m for m in (moving, fixed) if m is not None), key=lambda m: m.points, default=None)
+        if still is None or still.moved_pixels > numbers.still_pixels:
+            return None, reason
+        if apart_pixels > 1.0:
+            return None, "what is fixed in the picture hides the ground"
+        if still.share < numbers.least_still_share or still.forward_sd_m > most_sd_m:
+            return None, "ground that stands cannot be told from what is fixed in the picture"
+        return still, ""
+
+    def _remember(self, picture: Image) -> None:
+        """Keep this frame to compare with, at the pose that was measured last."""
+        self._pose = self._next_pose
+        numbers = self._parameters.validity
+        pixel_m = self._ground.pixel_m
+        past = _Past(picture=picture, pose=self._pose, turned=self._turned)
+        last = self._past[-1]
+        moved = float(np.hypot(*(self._pose - last.pose)[:2])) / pixel_m
+        turned = float(self._pose[2] - last.pose[2]) * self._ground.shape[0]
+        if np.hypot(moved, turned) < numbers.stored_pixels:
+            return
+        self._past.append(past)
+        # All before the newest one that is far enough will not be compared with again.
+        while len(self._past) > 2 and (
+            len(self._past) > numbers.most_stored
+            or np.hypot(*(self._pose - self._past[1].pose)[:2]) / pixel_m >= numbers.baseline_pixels
+        ):
+            del self._past[0]
+
+    def _restart(self, t_ns: int, patch: Image, structure: Patch) -> None:
+        """Begin a new chain of poses with this frame."""
+        picture = self._structure.picture(self._pattern.without(structure))
+        self._pose = np.zeros(3)
+        self._past = [_Past(picture=picture, pose=self._pose, turned=self._turned)]
+        self._begin(t_ns, patch)
+
+    def _begin(self, t_ns: int, patch: Image) -> None:
+        """Begin the next pair."""
+        self._t_ns, self._grey = t_ns, patch
+        self._travel_m = np.zeros(2)
+
+    def _valid(self, from_ns: int, to_ns: int, motion: PatchMotion) -> GroundMotion:
+        rig = self._ground.rig
+        cosine, sine = np.cos(rig.steer_rad), np.sin(rig.steer_rad)
+        forward_m, left_m = (
+            self._factor * rotated(np.array([motion.forward_m, motion.left_m]), rig.steer_rad)
+        ).tolist()
+        return GroundMotion(
+            from_ns=from_ns,
+            to_ns=to_ns,
+            point_m=rig.point_m,
+            forward_m=forward_m,
+            left_m=left_m,
+            turn_rad=motion.turn_rad,
+            forward_sd_m=float(np.hypot(cosine * motion.forward_sd_m, sine * motion.left_sd_m)),
+            left_sd_m=float(np.hypot(sine * motion.forward_sd_m, cosine * motion.left_sd_m)),
+            turn_sd_rad=motion.turn_sd_rad,
+            scale_sd=self._scale_sd,
+        )
+
+    def _invalid(self, from_ns: int, to_ns: int, reason: str) -> GroundMotion:
+        return GroundMotion(
+            from_ns=from_ns,
+            to_ns=to_ns,
+            point_m=self._ground.rig.point_m,
+            forward_m=0.0,
+            left_m=0.0,
+            turn_rad=0.0,
+            forward_sd_m=0.0,
+            left_sd_m=0.0,
+            turn_sd_rad=0.0,
+            scale_sd=self._scale_sd,
+            invalid_because=reason,
+        )
+
+
+def rotated(vector: Floats, angle_rad: float) -> Floats:
+    """Return a plane vector, turned counter-clockwise."""
+    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([cosine * vector[0] - sine * vector[1], sine * vector[0] + cosine * vector[1]])

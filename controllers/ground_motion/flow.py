@@ -1,0 +1,248 @@
+"""Motion of the rover between two frames, from the optical flow of the rectified ground.
+
+Points of the ground are followed from patch to patch (pyramidal Lucas-Kanade), in pictures of the fine
+structure of the ground, from several starts: a point follows what is nearest to its start. The densest group
+of similar motions starts a robust fit with the gyro's angles as prior, which gives the motion of the
+reference point, the turn, and the change of roll and pitch. Points on passing shadows are not in this group.
+What is fixed in the picture (specks, shadows of the rover) forms a group of its own, without motion.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from controllers.ground_motion.ground_patch import Floats, GroundPatch, Mask
+from controllers.ground_motion.parameters import FlowParameters
+from drivers.samples import Image
+
+Angles = tuple[float, float, float]
+
+MOST_CELLS = 1_000_000
+"""Of the plane of motions; more are of points that went astray."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PatchMotion:
+    """Motion of the reference point in the axes of the patch, at the later frame.
+
+    Attributes:
+        forward_m: Along the axis of the patch.
+        left_m: Across it.
+        turn_rad: Counter-clockwise.
+        forward_sd_m: Standard deviation of `forward_m`, by the fit.
+        left_sd_m: Standard deviation of `left_m`.
+        turn_sd_rad: Standard deviation of `turn_rad`.
+        points: Points that move with the ground.
+        share: Their share of the points in both views.
+        moved_pixels: Mean motion of these points in the picture.
+    """
+
+    forward_m: float
+    left_m: float
+    turn_rad: float
+    forward_sd_m: float
+    left_sd_m: float
+    turn_sd_rad: float
+    points: int
+    share: float
+    moved_pixels: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Followed:
+    """Motions that the points of two patches share; None where too few points do.
+
+    Attributes:
+        moving: Of the densest group that moves in the picture.
+        fixed: Of the points that do not.
+    """
+
+    moving: PatchMotion | None
+    fixed: PatchMotion | None
+
+
+class GroundFlow:
+    """Measures motion between patches of one rig.
+
+    Args:
+        ground: The rectified ground.
+        parameters: Tuned numbers.
+    """
+
+    def __init__(self, ground: GroundPatch, parameters: FlowParameters) -> None:
+        self._parameters = parameters
+        window = parameters.window_pixels
+        self._window = (window, window)
+        step = parameters.spacing_pixels
+        rows, columns = np.mgrid[step // 2 : ground.shape[0] : step, step // 2 : ground.shape[1] : step]
+        margin = cv2.erode(ground.visible.astype(np.uint8), np.ones(self._window, np.uint8), borderValue=0)
+        keep = margin[rows, columns] > 0
+        self._pixels = np.stack([columns[keep], rows[keep]], axis=1).astype(np.float64)
+        self._seen = ground.visible
+        self._ground = ground
+        self._pixel_m = ground.pixel_m
+        rig = ground.rig
+        # Ahead and left of the patch's origin, in metres.
+        places = ground.to_patch(np.stack([[*rig.point_m, 0.0], rig.position_m, np.zeros(3)]))
+        self._reference, self._camera, self._origin = places * (-1.0, 1.0)
+        self._height_m = float(rig.position_m[2])
+        rows_left = [-(self._pixels[:, 1] + 0.5), self._pixels[:, 0] - ground.centre]
+        self._points = np.stack(rows_left, axis=1) * self._pixel_m - self._reference
+
+    def follow(
+        self,
+        before: Image,
+        after: Image,
+        starts_m: Floats,
+        turn_rad: Angles,
+        turn_sd_rad: Angles,
+        most_m: float,
+    ) -> Followed:
+        """Return the motions between two patches.
+
+        Args:
+            before: Fine structure of the earlier ground, in grey levels.
+            after: That of the later ground.
+            starts_m: Motions to start from, rows of forward and left.
+            turn_rad: Angles turned about x, y, z.
+            turn_sd_rad: Standard deviation of each.
+            most_m: Greatest length of the motion.
+        """
+        base, design = self._linearised(turn_rad[2])
+        angles = np.array([0.0, *turn_rad[:2]])
+        turned = base + design[:, :, 2:] @ angles
+        moved, usable = self._moved(before, after, turned, starts_m)
+        shifts = turned[:, None] - moved
+        alike_m, slack_m = (
+            pixels * self._pixel_m
+            for pixels in (self._parameters.group_pixels, self._parameters.start_pixels)
+        )
+        fixed = usable & (np.hypot(moved[..., 0], moved[..., 1]) < alike_m)
+        within = np.hypot(shifts[..., 0], shifts[..., 1]) < most_m + slack_m
+        information = np.diag(1 / np.array([turn_sd_rad[2], *turn_sd_rad[:2]]) ** 2)
+        found = []
+        for group in (usable & within & ~fixed, fixed):
+            middle = self._densest(shifts, group)
+            start = None if middle is None else np.r_[middle, angles]
+            found.append(
+                None
+                if start is None
+                else self._solve(moved, usable, base, design, start, angles, information, turn_rad[2])
+            )
+        return Followed(moving=found[0], fixed=found[1])
+
+    def _moved(self, before: Image, after: Image, turned: Floats, starts_m: Floats) -> tuple[Floats, Mask]:
+        """Return how the points moved ahead and left (points x starts x 2), and which could be followed."""
+        guess = turned[:, None] - starts_m[None]
+        first = self._pixels[:, None] + np.stack([guess[..., 1], -guess[..., 0]], axis=-1) / self._pixel_m
+        shape = first.shape
+        pixels = np.repeat(self._pixels[:, None], shape[1], axis=1).reshape(-1, 2).astype(np.float32)
+        found, status, _ = cv2.calcOpticalFlowPyrLK(
+            before, after, pixels, first.reshape(-1, 2).astype(np.float32), winSize=self._window, maxLevel=1,
+            criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 12, 0.02),
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW, minEigThreshold=2e-4,
+        )  # fmt: skip
+        places = np.asarray(found, np.float64).reshape(-1, 2)
+        usable = (np.asarray(status).ravel() > 0) & self._is_visible(places)
+        apart = (places.reshape(shape) - self._pixels[:, None]) * self._pixel_m
+        return np.stack([-apart[..., 1], apart[..., 0]], axis=-1), usable.reshape(shape[:2])
+
+    def _densest(self, shifts: Floats, group: Mask) -> Floats | None:
+        """Return the motion that most points share; None if too few do. A point counts once."""
+        numbers = self._parameters
+        if group.any(axis=1).sum() < numbers.least_points:
+            return None
+        point = np.nonzero(group)[0]
+        chosen = shifts[group]
+        cell = np.floor(chosen / (numbers.group_pixels * self._pixel_m * 2 / 3)).astype(np.intp)
+        cell -= cell.min(axis=0) - 1
+        rows, columns = cell.max(axis=0) + 2
+        if rows * columns > MOST_CELLS:
+            return None
+        votes = np.zeros((rows, columns), np.float32)
+        single = np.unique(np.stack([point, cell[:, 0], cell[:, 1]]), axis=1)
+        np.add.at(votes, (single[1], single[2]), 1.0)
+        votes = np.asarray(cv2.boxFilter(votes, -1, (3, 3), normalize=False))
+        row, column = np.unravel_index(int(votes.argmax()), votes.shape)
+        near = (np.abs(cell - (row, column)) <= 1).all(axis=1)
+        return np.asarray(chosen[near].mean(axis=0), np.float64)
+
+    def _solve(
+        self,
+        moved: Floats,
+        usable: Mask,
+        base: Floats,
+        design: Floats,
+        start: Floats,
+        angles: Floats,
+        information: Floats,
+        yaw_rad: float,
+    ) -> PatchMotion | None:
+        """Fit the motion to the points with Tukey weights, from a start near it."""
+        numbers = self._parameters
+        x, scale = start, numbers.group_pixels * self._pixel_m
+        least, most = numbers.point_sd_pixels * self._pixel_m, numbers.most_scale_pixels * self._pixel_m
+        flat = design.reshape(-1, 5)
+        normal: Floats = np.zeros((5, 5))
+        weight: Floats = np.zeros(len(base))
+        for _ in range(numbers.rounds):
+            model = base + (flat @ x).reshape(-1, 2)
+            apart = moved - model[:, None]
+            off = np.where(usable, np.hypot(apart[..., 0], apart[..., 1]), np.inf)
+            nearest = off.argmin(axis=1)
+            error = off[np.arange(len(off)), nearest]
+            group = error[error < numbers.cut * scale]
+            if len(group) < numbers.least_points:
+                return None
+            scale = max(least, 1.2 * float(np.median(group)))
+            weight = np.clip(1 - (error / (numbers.cut * scale)) ** 2, 0.0, 1.0) ** 2
+            both = np.repeat(weight / scale**2, 2)
+            target = (moved[np.arange(len(off)), nearest] - base).reshape(-1)
+            target = np.where(both > 0, target, 0.0)
+            normal = flat.T @ (both[:, None] * flat)
+            normal[2:, 2:] += information
+            pulled = flat.T @ (both * target)
+            pulled[2:] += information @ angles
+            x = np.asarray(np.linalg.solve(normal, pulled), np.float64)
+        inlier = weight > numbers.inlier_weight
+        if inlier.sum() < numbers.least_points or scale > most:
+            return None
+        model = base + design @ x
+        landed = self._pixels + np.stack([model[:, 1], -model[:, 0]], axis=1) / self._pixel_m
+        sd = np.sqrt(numbers.covariance_factor * np.diag(np.linalg.inv(normal)))
+        return PatchMotion(
+            forward_m=float(x[0]),
+            left_m=float(x[1]),
+            turn_rad=yaw_rad + float(x[2]),
+            forward_sd_m=float(sd[0]),
+            left_sd_m=float(sd[1]),
+            turn_sd_rad=float(sd[2]),
+            points=int(inlier.sum()),
+            share=min(float(inlier.sum()) / max(int(self._is_visible(landed).sum()), 1), 1.0),
+            moved_pixels=float(np.hypot(*model[inlier].T).mean()) / self._pixel_m,
+        )
+
+    def _linearised(self, yaw_rad: float) -> tuple[Floats, Floats]:
+        """Return displacements of the points (ahead, left) by a turn, and by unit motions on top of it.
+
+        The unit motions: forward, left, further turn, roll, pitch.
+        """
+        cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
+        later = self._points @ np.array([[cosine, -sine], [sine, cosine]])
+        seen = later + self._reference
+        # After small turns about the vehicle's origin a ground point (x, y) is pitch x - roll y above the
+        # plane, and appears further away from the camera's foot by that share of the camera's height.
+        rise = np.stack([-(seen - self._origin)[:, 1], (seen - self._origin)[:, 0]], axis=1) / self._height_m
+        design = np.zeros((len(later), 2, 5))
+        design[:, 0, 0] = design[:, 1, 1] = -1.0
+        design[:, 0, 2], design[:, 1, 2] = later[:, 1], -later[:, 0]
+        design[:, :, 3:] = (seen - self._camera)[:, :, None] * rise[:, None, :]
+        return later - self._points, design
+
+    def _is_visible(self, pixels: Floats) -> Mask:
+        place = np.round(pixels).astype(np.intp)
+        rows, columns = self._seen.shape
+        inside = (place >= 0).all(axis=1) & (place < (columns, rows)).all(axis=1)
+        place = np.clip(place, 0, (columns - 1, rows - 1))
+        return np.asarray(inside & self._seen[place[:, 1], place[:, 0]], np.bool_)

@@ -1,0 +1,43 @@
+"""Motion of the rover over the ground between two frames."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroundMotion:
+    """What a pair of frames tells about the rover's motion.
+
+    The motion is that of `point_m` over the ground, in the vehicle's axes of the later frame. An error has
+    two parts: one of this pair, and one in proportion to the travel that all pairs share (height and pitch of
+    the camera, sinkage, focal length). The second part does not average: sums keep it.
+
+    Attributes:
+        from_ns: Time of the earlier frame, middle of its exposure.
+        to_ns: Time of the later frame.
+        point_m: The point of the vehicle frame that moved, forward and left.
+        forward_m: Travel along the vehicle's x axis; negative backwards.
+        left_m: Travel to its left.
+        turn_rad: Turn, counter-clockwise.
+        forward_sd_m: Standard deviation of `forward_m`, the part of this pair.
+        left_sd_m: Standard deviation of `left_m`, the part of this pair.
+        turn_sd_rad: Standard deviation of `turn_rad`.
+        scale_sd: Standard deviation of the shared factor of the travel, 1.
+        invalid_because: Why the pair measures nothing; "" where it is valid. The motion is then 0.
+    """
+
+    from_ns: int
+    to_ns: int
+    point_m: tuple[float, float]
+    forward_m: float
+    left_m: float
+    turn_rad: float
+    forward_sd_m: float
+    left_sd_m: float
+    turn_sd_rad: float
+    scale_sd: float
+    invalid_because: str = ""
+
+    @property
+    def is_valid(self) -> bool:
+        """Return whether the pair measures the motion."""
+        return not self.invalid_because

@@ -1,0 +1,105 @@
+"""Every tuned number of the motion of the ground.
+
+Lengths are in pixels of the rectified ground where matching limits them, and in shares of the view where its
+size does: both hold for every height of the camera. Provenance, unless a line states another: unknown;
+chosen by hand on development drives of the simulated rear scene (seeds below 1000).
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TurnParameters:
+    """Uncertainty of the angles turned between two frames."""
+
+    gyro_sd_rad: float = 0.001  # of an angle by the gyro
+    gyro_rate_sd_rad_s: float = 0.004  # bias and noise of a small gyro, changes of the rate between samples
+    free_tilt_sd_rad: float = 0.006  # of roll and pitch without a gyro
+    free_turn_rate_sd_rad_s: float = 0.05  # of yaw without a gyro
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StructureParameters:
+    """Fine structure of the ground, independent of light.
+
+    Chosen on the three drives of `trace_drives`, and on development drives of two renderers.
+    """
+
+    fine_pixels: int = 9  # differences of log grey over more than this are light
+    near_pixels: int = 31  # side of the window in which the strength of the differences is measured
+    grey_floor: float = 12.0  # grey levels added before the logarithm
+    faintest: float = 0.01  # strength, in log grey, below which differences are noise
+    clip: float = 2.5  # limit of the structure, in units of its strength: edges of shadows
+    contrast: float = 40.0  # grey levels per unit in the pictures that are compared
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlowParameters:
+    """Points that are followed from picture to picture, and the motion that most of them share."""
+
+    spacing_pixels: int = 14  # of the points
+    window_pixels: int = 15  # side of a point's window
+    start_pixels: float = 6.0  # distance of two starts of the search; half of it is found from either
+    most_starts: int = 6
+    least_points: int = 14  # that follow the ground
+    point_sd_pixels: float = 0.15  # of the motion of a point
+    group_pixels: float = 0.3  # motions closer than this are alike
+    rounds: int = 4  # of the robust fit
+    cut: float = 3.0  # points with a greater residual have no weight; in robust standard deviations
+    most_scale_pixels: float = 0.625  # greatest scatter of points that follow the ground
+    inlier_weight: float = 0.2  # least weight of a point that moves with the ground
+    covariance_factor: float = 2.0  # neighbouring windows overlap: there are fewer independent points
+    overrun: float = 1.5  # greatest motion, over the wheels': beyond, points have lost the ground
+    aside: float = 0.8  # greatest motion across the wheels', over theirs: slip angles of 39 deg
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ValidityParameters:
+    """What a pair of frames must show to measure the motion.
+
+    The numbers of the moving group and of its deviation were chosen on 14 drives of two renderers, and held
+    on 8 others (with a camera 0.8 m high, where 0.1 pixels are 0.4 mm).
+    """
+
+    least_moving: int = 18  # points that move in the picture, for any motion
+    most_forward_sd_pixels: float = 0.2  # of the fit: wrong groups scatter more, or have fewer points
+    still_pixels: float = 0.5  # a motion below this in the picture may be of specks and shadows
+    least_still_share: float = 0.7  # of the points, for ground that does not move in the picture
+    baseline_pixels: float = 3.0  # frames to compare with are at least this far apart, where there are any
+    stored_pixels: float = 0.75  # least motion between two frames that are kept to compare with
+    most_stored: int = 8  # of them
+    most_travel_share: float = 0.15  # of the view, between two frames: beyond, too little ground is shared
+    repeated_grey: float = 0.02  # mean difference of two frames; the noise of a camera gives more
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PatternParameters:
+    """What is fixed in the picture while the ground moves: specks, the rover's shadow, its own parts."""
+
+    length_pixels: float = 40.0  # motion over which it is learned
+    least_strength: float = 0.8  # of the mean structure; that of ground moving through averages to less
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FirstMetreParameters:
+    """Contradictions of ground and wheels that a wrong rig causes."""
+
+    least_travel_m: float = 0.25  # of the wheels
+    backwards: float = 0.3  # motion against the wheels', over theirs, that counts
+    skid: float = 0.05  # ground travel beyond the wheels' that a rover reaches, downhill
+    scale_sds: float = 3.0  # deviations of the scale beyond that
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroundMotionParameters:
+    """All groups."""
+
+    turn: TurnParameters = TurnParameters()
+    structure: StructureParameters = StructureParameters()
+    flow: FlowParameters = FlowParameters()
+    validity: ValidityParameters = ValidityParameters()
+    pattern: PatternParameters = PatternParameters()
+    first_metre: FirstMetreParameters = FirstMetreParameters()
+
+
+DEFAULTS = GroundMotionParameters()

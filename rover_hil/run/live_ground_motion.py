@@ -1,0 +1,64 @@
+"""The motion over the ground in the frames of a running rover."""
+
+import cv2
+import numpy as np
+
+from controllers.estimation.ground_settings import GroundMotionSettings
+from controllers.estimation.ground_travel import Rates, WheelPrior
+from controllers.ground_motion.estimator import GroundMotionEstimator
+from controllers.ground_motion.ground_patch import GroundPatch
+from controllers.ground_motion.motion import GroundMotion
+from controllers.ground_motion.parameters import DEFAULTS
+from controllers.ground_motion.prior import MotionPrior, turned
+from drivers.camera.settings import CameraSettings
+from drivers.clock import seconds
+from drivers.errors import ConfigError
+from drivers.samples import FrameSample
+
+
+class LiveGroundMotion:
+    """Feeds the estimator of the motion over the ground; never raises on a frame.
+
+    Args:
+        settings: Calibration of the camera and what is not known about it.
+        camera: The camera of the rig.
+
+    Raises:
+        ConfigError: The camera does not see the ground, or its frames have another size.
+    """
+
+    def __init__(self, settings: GroundMotionSettings, camera: CameraSettings) -> None:
+        rig = settings.rig
+        conflict = rig.size_conflict(camera.width, camera.height)
+        if conflict:
+            raise ConfigError(conflict)
+        geometry = rig.geometry()
+        self._estimator = GroundMotionEstimator(GroundPatch(geometry), settings.tolerance)
+        self._shape = (rig.image.height, rig.image.width)
+        self._before_ns: int | None = None
+        self._rates_rad_s: Rates | None = None
+        x_m, y_m = geometry.point_m
+        self._point_m = (float(x_m), float(y_m))
+
+    @property
+    def point_m(self) -> tuple[float, float]:
+        """The point of the vehicle whose motion is measured, forward and left."""
+        return self._point_m
+
+    def measure(self, frame: FrameSample, t_ns: int, prior: WheelPrior) -> GroundMotion | None:
+        """Return the motion since the frame before; None for the first frame and one of another size."""
+        before_ns = self._before_ns
+        if frame.image.shape[:2] != self._shape or (before_ns is not None and t_ns <= before_ns):
+            return None
+        dt_s = 0.0 if before_ns is None else seconds(t_ns - before_ns)
+        angles, deviations = turned(prior.rates_rad_s, self._rates_rad_s, dt_s, DEFAULTS.turn)
+        self._before_ns, self._rates_rad_s = t_ns, prior.rates_rad_s
+        image = frame.image
+        grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+        return self._estimator.step(
+            t_ns,
+            grey,
+            MotionPrior(
+                forward_m=prior.forward_m, left_m=prior.left_m, turn_rad=angles, turn_sd_rad=deviations
+            ),
+        )

@@ -1,0 +1,204 @@
+"""Motion over the ground by a camera: slip that nothing else shows, its deviation, its absence."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from controllers.control_loop import ControlLoop, StepOutput
+from controllers.estimation.ground_settings import GroundMotionSettings
+from controllers.ground_motion.motion import GroundMotion
+from controllers.motion.settings import WaypointsMission
+from controllers.roles import DeviceRoles
+from controllers.safety import Mode
+from drivers.samples import FrameSample
+from rover_hil.config import load_config
+from sim_backends.world.plant import Truth
+from tests.controllers.simulated import (
+    LONG_WAY,
+    PERIOD_NS,
+    SECOND_NS,
+    Noise,
+    SimulatedRover,
+    make_settings,
+    omni_rover,
+)
+from tests.nature.ground_camera import DEVICE, CameraErrors, GroundCamera
+
+EXACT = CameraErrors(share_sd=0.0, scale_sd=0.0, drift_sd=0.0, burst_probability=0.0)
+WITH_GYRO = DeviceRoles(wheels="wheels", gyro="gyro", required={"wheels": 0.15, "gyro": 0.15}, camera=DEVICE)
+WITHOUT_GYRO = replace(WITH_GYRO, gyro=None, required={"wheels": 0.15})
+
+
+class Mount:
+    """A simulated rover as a camera sees it."""
+
+    def __init__(self, rover: SimulatedRover) -> None:
+        self.rover = rover
+
+    def truth(self) -> Truth:
+        rover = self.rover
+        return Truth(
+            t_ns=rover.t_ns,
+            x_m=rover.place.real,
+            y_m=rover.place.imag,
+            yaw_rad=rover.yaw_rad,
+            roll_rad=0.0,
+            pitch_rad=0.0,
+            velocity_x_m_s=0.0,
+            velocity_y_m_s=0.0,
+            yaw_rate_rad_s=0.0,
+            wheel_position_rad=(),
+            wheel_speed_rad_s=(),
+            motor_current_a=(),
+            slip=(),
+            battery_v=0.0,
+            bumper_pressed=False,
+        )
+
+
+@dataclass
+class Drive:
+    """A rover with a camera and its loop."""
+
+    rover: SimulatedRover
+    loop: ControlLoop
+    camera: GroundCamera
+
+    def run(self, duration_s: float) -> list[StepOutput]:
+        outputs: list[StepOutput] = []
+        for _ in range(round(duration_s * SECOND_NS / PERIOD_NS)):
+            samples = self.rover.advance(self.rover.t_ns + PERIOD_NS)
+            samples += self.camera.frames(self.rover.t_ns)
+            outputs.append(self.loop.step(self.rover.t_ns, samples))
+            self.rover.set_point_rad_s = np.array(outputs[-1].command.speed_rad_s)
+        return outputs
+
+    def loop_odometry_m(self) -> float:
+        """Return the travel of the wheels so far."""
+        return self.run(PERIOD_NS / SECOND_NS)[-1].odometry.x_m
+
+    def error_m(self, output: StepOutput) -> float:
+        """Return the distance of the estimate from the truth."""
+        return abs(complex(output.estimate.x_m, output.estimate.y_m) - self.rover.place)
+
+
+def start(
+    errors: CameraErrors = EXACT,
+    *,
+    slip: float = 0.0,
+    roles: DeviceRoles = WITH_GYRO,
+    mission: WaypointsMission = LONG_WAY,
+    camera: type[GroundCamera] = GroundCamera,
+) -> Drive:
+    rover = omni_rover(noise=Noise())
+    rover.slip = slip
+    rig = load_config("el-dorado").scomp
+    assert rig is not None
+    assert rig.rig is not None
+    settings = make_settings(mission=mission).model_copy(
+        update={"ground_motion": GroundMotionSettings(rig=rig.rig)}
+    )
+    meter = camera(Mount(rover), np.random.default_rng(0), errors)
+    return Drive(rover, ControlLoop(settings, roles, meter=meter), meter)
+
+
+@pytest.mark.parametrize("slip", [0.0, 0.5, 0.9])
+def test_the_estimate_follows_the_ground_and_not_the_wheels(slip: float) -> None:
+    drive = start(slip=slip)
+    last = drive.run(12.0)[-1]
+    assert abs(drive.rover.place) > 1.5 * (1.0 - slip)
+    assert drive.error_m(last) < 0.01
+    assert last.ground is not None
+    assert last.ground.slip == pytest.approx(slip, abs=0.02)
+    assert last.estimate.velocity_x_m_s == pytest.approx(0.2 * (1.0 - slip), abs=0.02)
+
+
+def test_slip_that_changes_between_frames_leaves_nothing_behind() -> None:
+    """Each frame is compared with where the rover was at the one before, however late it comes."""
+    drive = start()
+    drive.run(2.0)
+    for slip in [0.8, 0.1] * 8:
+        drive.rover.slip = slip
+        drive.run(0.5)
+    drive.rover.slip = 0.0
+    assert drive.error_m(drive.run(1.0)[-1]) < 0.01
+
+
+def test_the_deviation_grows_in_proportion_to_the_travel() -> None:
+    drive = start(replace(EXACT, scale_sd=0.02), slip=0.3)
+    deviations_m, places_m = [], []
+    for _ in range(2):
+        last = drive.run(10.0)[-1]
+        deviations_m.append(math.sqrt(last.estimate.covariance[0]))
+        places_m.append(drive.rover.place.real)
+    assert deviations_m == pytest.approx([0.02 * place_m for place_m in places_m], rel=0.1)
+
+
+def test_what_is_not_measured_is_absent_and_the_deviation_widens() -> None:
+    drive = start(replace(EXACT, blind_m=0.5), slip=0.5)
+    outputs = drive.run(12.0)
+    seeing, last = outputs[200], outputs[-1]
+    assert seeing.ground is not None
+    assert seeing.ground.reason == ""
+    assert last.ground is not None
+    assert last.ground.reason == "too few points move alike"
+    assert last.ground.slip is None
+    assert last.ground.velocity_x_m_s is None
+    assert drive.error_m(last) < 3.0 * math.sqrt(last.estimate.covariance[0])
+    assert math.sqrt(last.estimate.covariance[0]) > 10.0 * math.sqrt(seeing.estimate.covariance[0])
+
+
+def test_a_few_pairs_that_are_not_valid_leave_the_slip_in_force() -> None:
+    drive = start(replace(EXACT, burst_probability=0.2, longest_burst=3), slip=0.5)
+    assert drive.error_m(drive.run(12.0)[-1]) < 0.06
+
+
+def test_a_turn_on_the_spot_is_no_travel_though_the_camera_swings() -> None:
+    drive = start(mission=WaypointsMission(type="waypoints", points=((-3.0, 0.0),), heading="along_path"))
+    outputs = drive.run(4.0)
+    assert abs(drive.rover.yaw_rad) > 1.0
+    assert drive.error_m(outputs[-1]) < 0.01
+
+
+def test_without_a_gyro_the_camera_also_measures_the_turn() -> None:
+    """Wheels of one side that slip turn a rover that believes to drive straight on."""
+    drive = start(roles=WITHOUT_GYRO)
+    drive.rover.slip = np.array([0.3, 0.0, 0.0])
+    last = drive.run(10.0)[-1]
+    turned_rad = math.remainder(last.estimate.yaw_rad - drive.rover.yaw_rad, math.tau)
+    assert abs(turned_rad) < 0.05
+    assert drive.error_m(last) < 0.05
+
+
+class Turning(GroundCamera):
+    """A camera that is turned round after 40 frames."""
+
+    def measure(self, frame: FrameSample, t_ns: int, prior: object) -> GroundMotion | None:
+        found = super().measure(frame, t_ns, prior)
+        if found is None or frame.index < 40:
+            return found
+        return replace(found, forward_m=-found.forward_m, left_m=-found.left_m)
+
+
+def test_a_camera_that_contradicts_the_wheels_stops_the_rover_and_does_not_move_the_pose() -> None:
+    drive = start(camera=Turning)
+    drive.run(4.0)
+    while (stopped := drive.run(0.02)[-1]).mode is Mode.RUNNING:
+        assert drive.rover.t_ns < 10 * SECOND_NS
+    assert stopped.reason.startswith(f"{DEVICE} forward: contradicts the estimate")
+    assert drive.error_m(stopped) < 0.02
+
+
+@pytest.mark.parametrize(("slip", "is_stopped"), [(1.0, True), (0.98, False)])
+def test_a_rover_whose_ground_stands_still_is_stopped_for_good(slip: float, is_stopped: bool) -> None:
+    drive = start(CameraErrors(), slip=0.2)
+    drive.run(4.0)
+    drive.rover.slip = slip
+    before_m = drive.loop_odometry_m()
+    outputs = drive.run(3.0)
+    assert (outputs[-1].mode is Mode.EMERGENCY_STOP) == is_stopped
+    if is_stopped:
+        assert outputs[-1].reason.startswith("rover: entrapped, its wheels travelled 0.2")
+        assert outputs[-1].odometry.x_m - before_m < 0.3
