@@ -6,6 +6,7 @@ is known make the interval.
 """
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -51,8 +52,8 @@ def fit_scale(records: Sequence[ScaleRecord]) -> ScaleFit:
     pieces = [piece for record in records for piece in _pieces(record)]
     known = [abs(known_m) for known_m, _ in pieces]
     if len(pieces) < LEAST_PIECES:
-        reasons = {reason: count for record in records for reason, count in record.reasons.items()}
-        why = f" ({max(reasons, key=lambda each: reasons[each])})" if reasons else ""
+        reasons = sum((Counter(record.reasons) for record in records), Counter())
+        why = f" ({reasons.most_common(1)[0][0]})" if reasons else ""
         problem = (
             f"{len(pieces)} pieces of {PIECE_M:g} m of straight travel were measured, {LEAST_PIECES} are "
             f"needed{why}: drive further"
