@@ -16,12 +16,12 @@ class GroundMotionSettings(Settings):
         rig: Calibration of the camera, schema `rear-camera-rig/1`: name of a shipped file or path of one.
         tolerance: What is not known about the rig, and how deep the rover sinks.
         camera_delay_s: From the middle of an exposure to the time of its frame: the capture time where the
-            camera reports it, else the arrival.
+            camera reports it, else the arrival. Negative where the capture time is the exposure's beginning.
         greatest_age_s: Without a valid pair of frames for this long the wheels, and what else compensates
             their slip, are used again.
     """
 
     rig: RigFile
     tolerance: RigTolerance = RigTolerance()
-    camera_delay_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    camera_delay_s: Annotated[float, Field(ge=-0.1, le=1.0)] = 0.0
     greatest_age_s: Annotated[float, Field(ge=0.05, le=10.0)] = 0.5

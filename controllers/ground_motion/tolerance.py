@@ -16,13 +16,17 @@ STRIDE = 16
 
 
 def scale_of(ground: GroundPatch, tolerance: RigTolerance) -> tuple[float, float]:
-    """Return the factor from measured to true travel by the usual sinkage, and its standard deviation.
+    """Return the factor from measured to true travel by scale and usual sinkage, and its standard deviation.
 
-    The deviation is the root of the sum of squares of the effects of each deviation. 1 % of height is 1 % of
-    travel; pitch and focal length act by the view.
+    Where the scale is calibrated, only its deviation and that of the sinkage are left. Otherwise the
+    deviation is the root of the sum of squares of the effects of each one. 1 % of height is 1 % of travel;
+    pitch and focal length act by the view.
     """
     rig = ground.rig
     height_m = float(rig.position_m[2])
+    factor = tolerance.scale * (1 - tolerance.sinkage_m / height_m)
+    if tolerance.scale_sd is not None:
+        return factor, factor * float(np.hypot(tolerance.scale_sd, tolerance.sinkage_sd_m / height_m))
     pitch = np.radians(tolerance.pitch_sd_deg)
     cosine, sine = np.cos(pitch), np.sin(pitch)
     pitched = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
@@ -35,7 +39,6 @@ def scale_of(ground: GroundPatch, tolerance: RigTolerance) -> tuple[float, float
         travel_factor(replace(rig, rotation=pitched @ rig.rotation), ground) - 1,
         travel_factor(replace(rig, camera_matrix=matrix), ground) - 1,
     ]
-    factor = 1 - tolerance.sinkage_m / height_m
     return factor, factor * float(np.linalg.norm(effects))
 
 

@@ -11,7 +11,7 @@ from drivers.errors import ConfigError, LogError
 from rover_hil.app.exit_codes import exit_interrupted
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
-SHIPPED_CONFIGS = ("robotino", "el-dorado", "el-dorado-crab")
+SHIPPED_CONFIGS = ("robotino", "robotino-camera", "el-dorado", "el-dorado-camera", "el-dorado-crab")
 
 
 def _shipped_configs(incomplete: str) -> list[str]:
@@ -22,7 +22,8 @@ def _shipped_configs(incomplete: str) -> list[str]:
 ConfigArgument = Annotated[
     str,
     typer.Argument(
-        help="A TOML file, or a shipped configuration: `robotino`, `el-dorado`, `el-dorado-crab`.",
+        help="A TOML file, or a shipped configuration: `robotino`, `robotino-camera`, `el-dorado`, "
+        "`el-dorado-camera`, `el-dorado-crab`.",
         autocompletion=_shipped_configs,
     ),
 ]

@@ -1,8 +1,9 @@
-"""Check whether headings are calibrated, and how old the calibration is."""
+"""Check whether headings are calibrated, and how old that and the scale of the ground camera are."""
 
 import datetime as dt
 from pathlib import Path
 
+from controllers.ground_motion.rig_tolerance import RigTolerance
 from drivers.heading_calibration import DeviationTable, MagnetometerCalibration, load_calibration
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.witmotion.settings import WitMotionSettings
@@ -14,12 +15,36 @@ OLDEST_DAYS = 365
 
 
 def check_calibration(config: Config, today: dt.date) -> list[Finding]:
-    """Check the calibration file of every compass."""
+    """Check the calibration file of every compass, and the scale of the ground camera where it has one."""
     findings: list[Finding] = []
     for name, settings in config.devices.items():
         if isinstance(settings, NmeaCompassSettings | WitMotionSettings):
             findings += _check_file(name, settings, today, is_used=name in config.roles.headings)
+    if config.ground_motion is not None and config.roles.camera is not None:
+        findings += _check_scale(config.roles.camera, config.ground_motion.tolerance, today)
     return findings
+
+
+def _check_scale(name: str, tolerance: RigTolerance, today: dt.date) -> list[Finding]:
+    if tolerance.scale_date is None:
+        return []
+    try:
+        age_days = (today - dt.date.fromisoformat(tolerance.scale_date)).days
+    except ValueError:
+        age_days = -1
+    if 0 <= age_days <= OLDEST_DAYS:
+        return [ok(CHECK, name, f"scale {tolerance.scale:g} of {tolerance.scale_date}")]
+    return [
+        warning(
+            CHECK,
+            name,
+            f"its scale is of {tolerance.scale_date}, today is {today}",
+            "a camera whose height or pitch has changed measures another distance; or one of the dates is "
+            "wrong",
+            "`rover-hil calibrate camera CONFIG --scale --enter --out FILE`; check the host's date with "
+            "`date`",
+        )
+    ]
 
 
 def _check_file(

@@ -1,7 +1,7 @@
 """A simulated camera that looks back at the ground behind a wheel, where the wheel leaves its trace.
 
 Not modelled, in addition to what the scene omits (docs/explanation/rear_scene.md): jitter of the frame rate,
-lost frames, rolling shutter, automatic exposure, JPEG artefacts.
+JPEG artefacts. Lost frames are a fault, `drop`, of [[simulation.faults]].
 """
 
 from typing import NamedTuple, Protocol
@@ -93,7 +93,9 @@ def make_camera(
     scene = EmulatedScene(emulator, device.width, device.height, device.frame_rate_hz, rng, start_ns)
     to_host: Line[CameraImage] = Line(lambda image: 1.0, 1 / emulator.transfer_s)  # one frame is one bit
     period_ns = nanoseconds(1 / device.frame_rate_hz)
-    first_ns = start_ns + int(rng.integers(period_ns))
-    exposure = Exposure(0, nanoseconds(emulator.exposure_s))
+    # A frame is the scene in the middle of its exposure, from the first line's begin to the last line's end.
+    half_ns = nanoseconds((emulator.exposure_s + emulator.readout_s) / 2)
+    first_ns = start_ns + half_ns + int(rng.integers(period_ns))
+    exposure = Exposure(half_ns, half_ns)
     camera = CameraEmulator(scene, plant, to_host, period_ns, exposure, first_ns)
     return EmulatedDevice(name, camera, to_host, Line(serial_bits, USB_BITS_PER_S))

@@ -1,16 +1,19 @@
 """The rear scene of a simulated rover, rendered as the plant drives."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from drivers.clock import seconds
 from drivers.errors import ConfigError
 from drivers.samples import Image
+from sim_backends.rear_scene.disturbances import Vibration, make_canopy, make_dirt
 from sim_backends.rear_scene.ground_map import GroundSettings, Rut, Sun
 from sim_backends.rear_scene.rig import Rig, Wheel, looking_back
-from sim_backends.rear_scene.scene import Lens, Pose, RearScene, rotations
-from sim_backends.rear_scene.settings import CameraEmulatorSettings
+from sim_backends.rear_scene.scene import BODY, ROBOTINO, Boxes, Lens, Pose, RearScene, rotations
+from sim_backends.rear_scene.settings import CameraEmulatorSettings, ShadowOf
 from sim_backends.world.coloured_noise import ColouredNoise
 from sim_backends.world.plant import Truth
 
@@ -18,7 +21,11 @@ FARTHEST_M = 1.3
 """Greatest distance of visible ground from the watched wheel; the scene stores the ground about this far."""
 PRESSED_STEP_M = 0.01
 ROCKING_TIME_S = 0.5
+GAIN_TIME_S = 0.5
 RIG_WHEELS = 4
+SINKING_RAD = 2.0
+"""Turn of the wheels in which the sinkage approaches that of the present slip by 1 - 1/e; chosen."""
+SHADOWS: Mapping[ShadowOf, Boxes] = {"four_wheels": BODY, "robotino": ROBOTINO, "nothing": ()}
 
 
 def make_rig(emulator: CameraEmulatorSettings, width: int, height: int, fps: float) -> Rig:
@@ -47,6 +54,7 @@ def make_rig(emulator: CameraEmulatorSettings, width: int, height: int, fps: flo
             wheel("front_right", -x_m, -y_m),
             wheel("rear_right", x_m, -y_m),
         ),
+        leaves_traces=emulator.leaves_traces,
     )
     _check_reach(rig)
     return rig
@@ -56,7 +64,7 @@ class EmulatedScene:
     """The ground behind a simulated rover, rendered from the true state of its plant.
 
     The plant's ground is the plane of the scene: x and y are positions on it, and neither its slope nor its
-    mounds change the image. The body rocks slightly against it.
+    mounds change the image. The body rocks slightly against it, and sinks into it with slip.
 
     Args:
         emulator: Pose, optics and scene of the camera.
@@ -65,6 +73,9 @@ class EmulatedScene:
         fps: Frames per second.
         rng: Source of the ground and of the pixel noise.
         start_ns: Start of the simulation.
+
+    Attributes:
+        shown: Pose of the rover in the last image, in the middle of its exposure; None before the first.
 
     Raises:
         ConfigError: The horizon or ground too far away is in view.
@@ -79,19 +90,36 @@ class EmulatedScene:
         rng: np.random.Generator,
         start_ns: int,
     ) -> None:
-        self._rig = make_rig(emulator, width, height, fps)
-        self._rut = Rut(depth_m=emulator.rut_depth_m)
+        # Streams of their own: a scene without disturbances does not depend on them.
+        dirt_rng, canopy_rng, gain_rng, self._rng = rng.spawn(4)
+        self._emulator = emulator
+        self._start_ns = start_ns
         self._rock_rad = math.radians(emulator.rock_deg)
         self._rocking = ColouredNoise(2, ROCKING_TIME_S, rng, start_ns)
+        self._gain = ColouredNoise(1, GAIN_TIME_S, gain_rng, start_ns)
+        self._phase_rad = self._rng.uniform(0, 2 * math.pi, 2)
         self._scene = RearScene(
-            self._rig,
+            make_rig(emulator, width, height, fps),
             GroundSettings(kind=emulator.ground, stones_per_m2=emulator.stones_per_m2),
             Sun(azimuth_deg=emulator.sun_azimuth_deg, elevation_deg=emulator.sun_elevation_deg),
-            self._rut,
-            Lens(exposure_s=emulator.exposure_s, noise_grey=emulator.noise_grey),
+            Rut(depth_m=emulator.rut_depth_m),
+            Lens(
+                exposure_s=emulator.exposure_s,
+                readout_s=emulator.readout_s,
+                blur_px=emulator.blur_px,
+                noise_grey=emulator.noise_grey,
+                contrast=emulator.contrast,
+                dirt=make_dirt(emulator.dirt, width, height, dirt_rng),
+            ),
             rng,
+            body=SHADOWS[emulator.shadow_of],
+            canopy=make_canopy(emulator.canopy, canopy_rng),
         )
+        self._more_sinkage_m = 0.0
+        self._wheel_angles_rad: tuple[float, ...] = ()
+        self._image: Image | None = None
         self._before: Pose | None = None
+        self.shown: Pose | None = None
 
     def render(self, truth: Truth) -> Image:
         """Return the image, BGR, at the rover's true pose; the traces grow from call to call."""
@@ -99,26 +127,57 @@ class EmulatedScene:
         before = self._before or pose
         self._before = pose
         distance_m = math.dist(before.position_m, pose.position_m) + abs(pose.yaw_rad - before.yaw_rad)
-        steps = max(1, math.ceil(distance_m / PRESSED_STEP_M))
+        steps = max(1, math.ceil(distance_m / PRESSED_STEP_M)) if self._emulator.leaves_traces else 0
         for step in range(1, steps + 1):
             self._scene.drive(_interpolate(before, pose, step / steps))
-        return self._scene.render(pose)
+        if self._image is not None and self._rng.random() < self._emulator.repeat_share:
+            return self._image
+        swing = self._emulator.gain_swing * self._gain.at(truth.t_ns)[0]
+        self._image = self._scene.render(pose, self._emulator.gain * math.exp(swing))
+        self.shown = pose
+        return self._image
 
     def _pose(self, truth: Truth) -> Pose:
         rock = self._rocking.at(truth.t_ns)
+        emulator, since_s = self._emulator, seconds(truth.t_ns - self._start_ns)
         wheel_angles_rad = truth.wheel_position_rad
+        wheel_angle_rad = sum(wheel_angles_rad) / len(wheel_angles_rad) if wheel_angles_rad else 0.0
+        sinkage_m = emulator.rut_depth_m + self._sink(truth)
+        passed_m, towards = emulator.canopy.speed_m_s * since_s, math.radians(emulator.canopy.direction_deg)
+        shake_rad = math.radians(emulator.vibration_deg)
+        phase_rad = 2 * math.pi * emulator.vibration_hz * since_s + self._phase_rad
         return _with_rotation(
             Pose(
-                position_m=np.array([truth.x_m, truth.y_m, -self._rut.depth_m]),
+                position_m=np.array([truth.x_m, truth.y_m, -sinkage_m]),
                 vehicle_to_world=np.eye(3),
                 rock_rad=(self._rock_rad * rock[0], self._rock_rad * rock[1]),
                 yaw_rad=truth.yaw_rad,
-                wheel_angle_rad=sum(wheel_angles_rad) / len(wheel_angles_rad) if wheel_angles_rad else 0.0,
+                wheel_angle_rad=wheel_angle_rad,
                 velocity_m_s=(truth.velocity_x_m_s, truth.velocity_y_m_s),
                 yaw_rate_rad_s=truth.yaw_rate_rad_s,
+                softness=(sinkage_m / emulator.rut_depth_m,) * RIG_WHEELS,
                 steering_rad=_steering_of_the_rig(truth),
+                sinkage_m=sinkage_m,
+                vibration=Vibration(
+                    amplitude_rad=(shake_rad, shake_rad),
+                    frequency_hz=emulator.vibration_hz,
+                    phase_rad=(float(phase_rad[0]), float(phase_rad[1])),
+                ),
+                canopy_m=(passed_m * math.cos(towards), passed_m * math.sin(towards)),
             )
         )
+
+    def _sink(self, truth: Truth) -> float:
+        """Return the sinkage by slip, which grows and falls while the wheels turn."""
+        angles_rad = truth.wheel_position_rad
+        if not self._emulator.sinkage_per_slip_m or not truth.slip:
+            return 0.0
+        before_rad, self._wheel_angles_rad = self._wheel_angles_rad or angles_rad, angles_rad
+        turned_rad = sum(abs(b - a) for a, b in zip(before_rad, angles_rad, strict=True)) / len(angles_rad)
+        slip = sum(min(abs(each), 1.0) for each in truth.slip) / len(truth.slip)
+        wanted_m = self._emulator.sinkage_per_slip_m * slip
+        self._more_sinkage_m += (1 - math.exp(-turned_rad / SINKING_RAD)) * (wanted_m - self._more_sinkage_m)
+        return self._more_sinkage_m
 
 
 def _steering_of_the_rig(truth: Truth) -> tuple[float, ...]:

@@ -138,7 +138,8 @@ class WheelStep:
         heading_rad: Heading of the wheel in the world.
         lugs: Wheel angle before and after, in lug pitches.
         width_m: Width of the wheel.
-        softness: 0 where the ground is too hard to take a rut, 1 where it takes the full one.
+        softness: 0 where the ground is too hard to take a rut, 1 where it takes the full one, more where
+            the wheel digs itself in.
     """
 
     start_m: tuple[float, float]
@@ -290,7 +291,7 @@ def _shape(step: WheelStep, rut: Rut) -> Array:
             rut.berm_width_m,
             rut.lug_m * step.softness,
             rut.tone * kernels.MEAN_REFLECTANCE,
-            rut.compaction * step.softness,
+            min(1.0, rut.compaction * step.softness),
         ]
     )
 

@@ -90,21 +90,25 @@ class View(NamedTuple):
 
     Attributes:
         rays: x / z, y / z and the lens's brightness for each pixel.
-        camera: Position of the camera in the world, m.
-        turn: Rotation from camera to world, row by row.
+        cameras: Position of the camera in the world for each line of the image, m.
+        turns: Rotation from camera to world for each line, row by row.
         plane: a, b, c of undisturbed ground near the view, z = a x + b y + c, m.
         shade: Share of the sun blocked by the rover, on that plane.
         shade_frame: Two rows that take world x, y, 1 to texels of `shade`; then x / z and y / z of the sun.
+        canopy: A tile of the share of the sun blocked by leaves or clouds.
+        canopy_frame: Texels in a metre, and the texel at the origin of the world.
         tint: Blue, green, red of the sky, then of the sun.
         curve: Grey level of the camera for 0 ... 256 units of light, evenly spaced.
     """
 
     rays: Map
-    camera: tuple[float, ...]
-    turn: tuple[float, ...]
+    cameras: Array
+    turns: Array
     plane: tuple[float, ...]
     shade: Map
     shade_frame: tuple[float, ...]
+    canopy: Map
+    canopy_frame: tuple[float, ...]
     tint: tuple[float, ...]
     curve: NDArray[np.uint8]
 
@@ -289,11 +293,14 @@ def _band_light(x: float, y: float, bands: Array) -> float:
 @_compiled
 def render(image: NDArray[np.uint8], maps: Maps, view: View) -> None:
     """Render the image, blue, green, red."""
-    camera, turn, (a, b, c) = view.camera, view.turn, view.plane
-    base = camera[2] - a * camera[0] - b * camera[1] - c
+    a, b, c = view.plane
     brightest, unit = view.curve.shape[0] - 1.0, view.curve.shape[0] / 256 / LIGHT_STEPS
     texels = 1 / maps.texel_m
+    canopied = view.canopy.shape[0] > 1
     for row in range(image.shape[0]):
+        turn = _nine(view.turns[row])
+        camera = view.cameras[row, 0], view.cameras[row, 1], view.cameras[row, 2]
+        base = camera[2] - a * camera[0] - b * camera[1] - c
         over = 0.0
         for column in range(image.shape[1]):
             u, v = view.rays[row, column, 0], view.rays[row, column, 1]
@@ -311,12 +318,20 @@ def render(image: NDArray[np.uint8], maps: Maps, view: View) -> None:
             x, y = camera[0] + distance * dx, camera[1] + distance * dy
             sky, sun = _light_at(maps.light, x * texels - 0.5, y * texels - 0.5)
             sun *= 1 - _rover_shadow(view, x - over * view.shade_frame[6], y - over * view.shade_frame[7])
+            if canopied:
+                per_m, u0, v0 = view.canopy_frame
+                sun *= 1 - _sample(view.canopy, x * per_m + u0, y * per_m + v0)
             lens = view.rays[row, column, 2] * unit
             sky *= lens
             sun *= lens
             for colour in range(3):
                 light = view.tint[colour] * sky + view.tint[colour + 3] * sun
                 image[row, column, colour] = view.curve[int(min(light, brightest))]
+
+
+@_compiled
+def _nine(m: Array) -> tuple[float, float, float, float, float, float, float, float, float]:
+    return m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]
 
 
 @_compiled

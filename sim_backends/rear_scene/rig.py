@@ -43,6 +43,8 @@ class Rig:
         camera_m: Position of the lens.
         wheel: The wheel whose trace is in view.
         other_wheels: The other wheels; they also leave traces.
+        leaves_traces: Whether the wheels leave traces and the watched one is drawn; otherwise it is only a
+            point on the ground.
     """
 
     width: int
@@ -54,11 +56,12 @@ class Rig:
     camera_m: Array
     wheel: Wheel
     other_wheels: tuple[Wheel, ...]
+    leaves_traces: bool = True
 
     @property
     def wheels(self) -> tuple[Wheel, ...]:
-        """Every wheel, the watched one last: where it follows another, its trace covers the earlier one."""
-        return (*self.other_wheels, self.wheel)
+        """Every wheel that leaves a trace, the watched one last: its trace covers that of one ahead."""
+        return (*self.other_wheels, self.wheel) if self.leaves_traces else ()
 
     def project(self, points_m: Array) -> Array:
         """Return (column, row) of points of the vehicle frame, shape (n, 3); NaN out of view."""
@@ -85,6 +88,8 @@ class Rig:
 
         `body_to_vehicle` rotates points of the body, to which the camera is fixed, into the vehicle frame.
         """
+        if not self.leaves_traces:
+            return None
         angles = np.linspace(0, 2 * np.pi, 36, endpoint=False)
         radius = self.wheel.radius_m + self.wheel.grouser_height_m
         forward = self.wheel.x_m + radius * np.cos(angles)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from drivers.samples import Image
 from sim_backends.arrays import Array
 from sim_backends.rear_scene import kernels
+from sim_backends.rear_scene.disturbances import CLEAR_SKY, STILL, Canopy, Vibration
 from sim_backends.rear_scene.ground_kinds import SAND_TINT, TINTS
 from sim_backends.rear_scene.ground_map import GroundMap, GroundSettings, Rut, Sun, WheelStep
 from sim_backends.rear_scene.rig import Rig, Wheel
@@ -37,6 +38,13 @@ BODY: Boxes = (
     (-0.40, -0.20, -0.275, -0.165, 0.0, 0.184),
 )
 """Boxes that cast the rover's shadow, vehicle frame, m: body, mast, rear wheels."""
+ROBOTINO: Boxes = (
+    (-0.185, 0.185, -0.077, 0.077, 0.03, 0.21),
+    (-0.131, 0.131, -0.131, 0.131, 0.03, 0.21),
+    (-0.077, 0.077, -0.185, 0.185, 0.03, 0.21),
+    (-0.20, -0.16, -0.02, 0.02, 0.21, 0.45),
+)
+"""The same of a Robotino: its round body as three boxes, and a mast for the camera."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +62,10 @@ class Pose:
         softness: Under each wheel of the rig: 0 on ground too hard to take a rut, 1 on ground that takes the
             full one.
         steering_rad: Steering angle of each wheel of the rig, counter-clockwise, beyond the rig's own.
+        sinkage_m: Depth of the wheel-contact plane below the undisturbed ground; None for that of the watched
+            wheel's rut.
+        vibration: Fast rotation of the body, beyond `rock_rad`.
+        canopy_m: How far the shadows of leaves or clouds have passed over the ground, x and y in the world.
     """
 
     position_m: Array
@@ -65,6 +77,9 @@ class Pose:
     yaw_rate_rad_s: float = 0.0
     softness: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
     steering_rad: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    sinkage_m: float | None = None
+    vibration: Vibration = STILL
+    canopy_m: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,18 +87,24 @@ class Lens:
     """Image quality of the camera.
 
     Attributes:
-        exposure_s: Exposure time, centred on the frame's time.
+        exposure_s: Exposure time of a line, that of the middle one centred on the frame's time.
+        readout_s: Time from the first line to the last.
         blur_px: Standard deviation of the optical blur.
         noise_grey: Standard deviation of a pixel's noise, grey levels of 255.
         vignette: Loss of light in the corners, as a share.
         gamma: Exponent from light to grey.
+        contrast: Share of the difference from medium grey that is left.
+        dirt: Share of the light that the lens lets pass, BGR, 255 for all of it; None for a clean one.
     """
 
     exposure_s: float = 0.010
+    readout_s: float = 0.0
     blur_px: float = 0.6
     noise_grey: float = 3.0
     vignette: float = 0.15
     gamma: float = 0.6
+    contrast: float = 1.0
+    dirt: Image | None = None
 
 
 class RearScene:
@@ -98,6 +119,7 @@ class RearScene:
         rng: Source of ground and noise.
         earlier_steps: Steps of earlier traces.
         body: Boxes that cast the rover's shadow.
+        canopy: Shadows of leaves or clouds.
 
     Attributes:
         ground: The ground with the ruts pressed so far.
@@ -113,6 +135,7 @@ class RearScene:
         rng: np.random.Generator,
         earlier_steps: tuple[WheelStep, ...] = (),
         body: Boxes = BODY,
+        canopy: Canopy = CLEAR_SKY,
     ) -> None:
         self._rig = rig
         self._sun_to = sun.direction()
@@ -120,11 +143,13 @@ class RearScene:
         self._lens = lens
         self._rng = rng
         self._corners = [_corners(box) for box in body]
+        self._canopy = canopy
         self.ground = GroundMap(ground, sun, earlier_steps, rut, rng)
         self._rays = _lit_rays(rig, lens)
         self._edge = _edge_rays(self._rays)
         light = np.linspace(0, 1, CURVE_SIZE)
-        self._curve = np.round(255 * light**lens.gamma).astype(np.uint8)
+        grey = 0.5 + lens.contrast * (light**lens.gamma - 0.5)
+        self._curve = np.round(255 * grey).astype(np.uint8)
         self._tint = np.array([SKY_COLOUR, SUN_COLOUR]) * TINTS.get(ground.kind, SAND_TINT)
         noise = rng.normal(0, lens.noise_grey, (rig.height + NOISE_SHIFT, rig.width + NOISE_SHIFT, 3))
         self._noise = np.round(noise).astype(np.int16)
@@ -156,35 +181,55 @@ class RearScene:
 
     def render(self, pose: Pose, gain: float = 1.0) -> Image:
         """Return the image, BGR, from this pose; `gain` is the exposure relative to the nominal one."""
-        rock = rocking(*pose.rock_rad)
-        turn = pose.vehicle_to_world @ rock @ self._rig.vehicle_from_camera
-        camera = pose.position_m + pose.vehicle_to_world @ rock @ self._rig.camera_m
+        cameras, turns = self._line_poses(pose)
+        middle = self._rig.height // 2
         plane = self._plane(pose)
-        self._prepare(camera, turn, plane)
+        self._prepare(cameras[middle], turns[middle].reshape(3, 3), plane)
+        rock = body_rock(pose)
         shade, shade_frame = self._shade(pose, rock)
+        per_m = 1 / self._canopy.texel_m
         view = kernels.View(
             rays=self._rays,
-            camera=tuple(camera.tolist()),
-            turn=tuple(turn.ravel().tolist()),
+            cameras=cameras,
+            turns=turns,
             plane=tuple(plane.tolist()),
             shade=shade,
             shade_frame=tuple(shade_frame.tolist()),
+            canopy=self._canopy.tile,
+            canopy_frame=(per_m, -per_m * pose.canopy_m[0], -per_m * pose.canopy_m[1]),
             tint=tuple((gain * self._tint).ravel().tolist()),
             curve=self._curve,
         )
         kernels.render(self._image, self.ground.maps, view)
         self._draw_wheel(rock, gain)
         blurred = cv2.filter2D(self._image, -1, self._blur(pose), borderType=cv2.BORDER_REPLICATE)
+        if self._lens.dirt is not None:
+            blurred = cv2.multiply(blurred, self._lens.dirt, scale=1 / 255)
         row, column = self._rng.integers(0, NOISE_SHIFT, 2)
         noise = self._noise[row : row + self._rig.height, column : column + self._rig.width]
         return np.asarray(cv2.add(blurred, noise, dtype=cv2.CV_8U), np.uint8)
+
+    def _line_poses(self, pose: Pose) -> tuple[Array, Array]:
+        """Return position and rotation of the camera, (h, 3) and (h, 9), as it exposes each line."""
+        lines = self._rig.height
+        later_s = self._lens.readout_s * (np.arange(lines) / (lines - 1) - 0.5)
+        rock_rad = np.array(pose.rock_rad) + pose.vibration.rock_rad(later_s)
+        zero = np.zeros(lines)
+        spin = rotations(pose.yaw_rate_rad_s * later_s, zero, zero)
+        turns = spin @ pose.vehicle_to_world @ rotations(zero, rock_rad[:, 1], rock_rad[:, 0])
+        moved = later_s[:, None] * (pose.vehicle_to_world @ np.array([*pose.velocity_m_s, 0.0]))
+        cameras = pose.position_m + moved + turns @ self._rig.camera_m
+        return cameras, (turns @ self._rig.vehicle_from_camera).reshape(lines, 9)
+
+    def _sinkage_m(self, pose: Pose) -> float:
+        return self._rut.depth_m * pose.softness[-1] if pose.sinkage_m is None else pose.sinkage_m
 
     def _plane(self, pose: Pose) -> Array:
         """Return a, b, c of the undisturbed ground z = a x + b y + c around the rover."""
         normal = pose.vehicle_to_world[:, 2]
         a, b = -normal[0] / normal[2], -normal[1] / normal[2]
         x, y, z = pose.position_m
-        return np.array([a, b, z - a * x - b * y + self._rut.depth_m * pose.softness[-1]])
+        return np.array([a, b, z - a * x - b * y + self._sinkage_m(pose)])
 
     def _prepare(self, camera: Array, turn: Array, plane: Array) -> None:
         directions = self._edge @ turn.T
@@ -203,7 +248,7 @@ class RearScene:
         middle = 0.5 * SHADE_SIZE
         for corners in self._corners:
             points = corners @ rock.T
-            above = points[:, 2:] - self._rut.depth_m
+            above = points[:, 2:] - self._sinkage_m(pose)
             ground = points[:, :2] - above * sun[:2] / max(sun[2], 0.1)
             texels = (ground - level) / SHADE_TEXEL_M + middle
             hull = cv2.convexHull(np.round(texels[:, ::-1] * 2**SUBPIXEL_BITS).astype(np.int32))
@@ -232,7 +277,9 @@ class RearScene:
         vx, vy = pose.velocity_m_s
         spin = pose.yaw_rate_rad_s
         moved = 0.5 * exposure * np.array([-vx + spin * middle[1], -vy - spin * middle[0], 0.0])
-        ends = rig.project(np.stack([middle - moved, middle + moved]))
+        first, now, last = pose.vibration.rock_rad(exposure * np.array([-0.5, 0.0, 0.5]))
+        seen = (middle - moved) @ rocking(*(first - now)), (middle + moved) @ rocking(*(last - now))
+        ends = rig.project(np.stack(seen))
         return blur_kernel(ends[1] - ends[0], self._lens.blur_px)
 
 
@@ -251,6 +298,12 @@ def blur_kernel(motion_px: Array, sigma_px: float) -> Array:
 def _contact(wheel: Wheel, pose: Pose) -> tuple[float, float]:
     x, y, _ = pose.position_m + pose.vehicle_to_world @ np.array([wheel.x_m, wheel.y_m, 0.0])
     return float(x), float(y)
+
+
+def body_rock(pose: Pose) -> Array:
+    """Return the rotation of the body against the contact plane at the pose's instant, with its vibration."""
+    roll, pitch = np.array(pose.rock_rad) + pose.vibration.rock_rad(np.zeros(1))[0]
+    return rocking(roll, pitch)
 
 
 def rocking(roll: float, pitch: float) -> Array:

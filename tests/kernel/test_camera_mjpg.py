@@ -3,8 +3,10 @@
 import itertools
 import os
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -12,14 +14,21 @@ from drivers.camera.v4l2_link import V4l2Link
 from drivers.driver import DeviceState
 from drivers.link import CameraImage, LinkChange, Received
 from drivers.samples import FrameSample
+from sim_backends.rear_scene.emulated_scene import EmulatedScene
+from sim_backends.rear_scene.settings import CameraEmulatorSettings
+from sim_backends.world.plant import Truth
 from tests.kernel import loopback_camera
 from tests.kernel.loopback_camera import Source, source
 from tests.kernel.system import CLOCK, INSIDE, pause, wait_until
 from tests.kernel.video import HEIGHT, WIDTH, collect, make_link, make_settings
+from tests.sim_backends.test_camera import truth_at
 
 RATE_HZ = 10
 PERIOD_NS = 1_000_000_000 // RATE_HZ
 DAMAGED = 20
+GROUND_CAMERA = CameraEmulatorSettings(
+    type="camera", leaves_traces=False, shadow_of="robotino", readout_s=0.015
+)
 
 
 @pytest.fixture(autouse=True)
@@ -35,6 +44,10 @@ def _camera() -> Iterator[None]:
 @pytest.fixture(scope="module")
 def frames() -> list[bytes]:
     return loopback_camera.pictures()
+
+
+def _truth_at(x_m: float, frame: int) -> Truth:
+    return replace(truth_at(x_m), t_ns=frame * PERIOD_NS, velocity_x_m_s=0.15)
 
 
 def _link(**changes: object) -> V4l2Link:
@@ -55,6 +68,24 @@ def test_compressed_frames_arrive_whole_in_order_and_with_the_time_of_their_capt
     steps = {round((after - before) / 15) % len(frames) for before, after in itertools.pairwise(levels)}
     assert steps == {1}
     assert all(0 < item.t_ns - _capture_ns(item) < PERIOD_NS for item in received)
+
+
+def test_images_of_the_simulated_ground_camera_arrive_as_they_were_rendered() -> None:
+    scene = EmulatedScene(GROUND_CAMERA, WIDTH, HEIGHT, RATE_HZ, np.random.default_rng(1), 0)
+    rendered = [scene.render(_truth_at(0.015 * step, step)).copy() for step in range(8)]
+    encoded = [cv2.imencode(".jpg", image)[1].tobytes() for image in rendered]
+    link = _link()
+    with source(encoded, RATE_HZ):
+        link.open(5.0)
+        items = collect(link, 12, Received)
+        link.close()
+    shown = []
+    for item in items:
+        assert isinstance(item, Received)
+        errors = [np.abs(item.payload.image.astype(int) - image).mean() for image in rendered]
+        shown.append(int(np.argmin(errors)))
+        assert min(errors) < 3
+    assert {(after - before) % 8 for before, after in itertools.pairwise(shown)} == {1}
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("rover-hil rep", "replay"),
         ("rover-hil calibrate comp", "compass"),
         ("rover-hil run --virt", "--virtual"),
-        ("rover-hil run el-dorado-c", "el-dorado-crab"),
+        ("rover-hil run el-dorado-cr", "el-dorado-crab"),
         ("rover-hil export run.mcap --parq", "--parquet"),
     ],
 )

@@ -1,12 +1,17 @@
 """Configurations: the shipped ones load; every mistake is one sentence with file, key and fix."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from drivers.camera.settings import CameraSettings
 from drivers.errors import ConfigError
 from rover_hil.config import Config, load_config, shipped_configs
+from sim_backends.rear_scene.emulated_scene import make_rig
+from sim_backends.rear_scene.settings import CameraEmulatorSettings
 
 SHIPPED = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"
 
@@ -25,11 +30,42 @@ def edit(tmp_path: Path) -> Callable[[str, str], Path]:
     return write
 
 
-@pytest.mark.parametrize("name", ["robotino", "el-dorado"])
+@pytest.mark.parametrize("name", ["robotino", "el-dorado", "robotino-camera", "el-dorado-camera"])
 def test_shipped_configurations_load_and_survive_a_round_trip(name: str) -> None:
     assert name in shipped_configs()
     config = load_config(name)
     assert Config.model_validate_json(config.model_dump_json(by_alias=True)) == config
+
+
+def test_the_robotino_with_a_camera_is_the_shipped_one_beside_it() -> None:
+    plain, seeing = load_config("robotino"), load_config("robotino-camera")
+    for section in ("rover", "loop", "mission", "slip", "filter", "safety", "limits"):
+        assert getattr(seeing, section) == getattr(plain, section)
+    assert {name: seeing.devices[name] for name in plain.devices} == plain.devices
+    assert seeing.require_simulation().plant == plain.require_simulation().plant
+
+
+@pytest.mark.parametrize(
+    ("config", "rig"), [("robotino-camera", "robotino"), ("el-dorado-camera", "el-dorado")]
+)
+def test_the_shipped_rig_is_that_of_the_simulated_camera(config: str, rig: str) -> None:
+    loaded = load_config(config)
+    camera, scene = loaded.devices["camera"], loaded.require_simulation().devices["camera"]
+    assert isinstance(camera, CameraSettings)
+    assert isinstance(scene, CameraEmulatorSettings)
+    simulated = make_rig(scene, camera.width, camera.height, camera.frame_rate_hz)
+    shipped = json.loads((SHIPPED.parent / "rigs" / f"{rig}.json").read_text())
+    assert shipped["image"] == {
+        "width": simulated.width,
+        "height": simulated.height,
+        "fps": simulated.fps,
+        "format": "bgr8",
+    }
+    assert np.array(shipped["camera_matrix"]) == pytest.approx(simulated.camera_matrix)
+    assert shipped["dist_coeffs"]["values"] == pytest.approx(simulated.distortion)
+    assert np.array(shipped["R_vehicle_camera"]) == pytest.approx(simulated.vehicle_from_camera, abs=1e-8)
+    assert shipped["t_vehicle_camera"] == pytest.approx(simulated.camera_m)
+    assert (shipped["wheel"] is not None) == simulated.leaves_traces
 
 
 def test_the_old_name_of_the_scomp_section_is_accepted_with_a_note(
@@ -102,7 +138,10 @@ def test_mistakes_are_named(edit: Callable[[str, str], Path], old: str, new: str
 
 
 def test_unknown_name_lists_the_shipped_ones() -> None:
-    with pytest.raises(ConfigError, match="give a TOML file or one of el-dorado, el-dorado-crab, robotino"):
+    with pytest.raises(
+        ConfigError,
+        match="one of el-dorado, el-dorado-camera, el-dorado-crab, robotino, robotino-camera",
+    ):
         load_config("robotinho")
 
 

@@ -21,12 +21,13 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
     [
         (
             "nothere.toml",
-            "no configuration nothere.toml: give a TOML file or one of el-dorado, el-dorado-crab, robotino",
+            "no configuration nothere.toml: give a TOML file or one of el-dorado, el-dorado-camera, "
+            "el-dorado-crab, robotino, robotino-camera",
         ),
         (
             "robotin",
-            "no configuration robotin: give a TOML file or one of el-dorado, el-dorado-crab, robotino; "
-            "did you mean robotino?",
+            "no configuration robotin: give a TOML file or one of el-dorado, el-dorado-camera, "
+            "el-dorado-crab, robotino, robotino-camera; did you mean robotino?",
         ),
     ],
 )

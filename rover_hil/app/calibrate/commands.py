@@ -23,40 +23,115 @@ calibrate_app = typer.Typer(cls=Group, help="Calibrate sensors.")
 
 @calibrate_app.command("camera")
 def calibrate_camera(
-    pictures: Annotated[Path, typer.Argument(help="Folder, video or log of the board in many poses.")],
+    source: Annotated[
+        str,
+        typer.Argument(help="Folder, video or log of the board in many poses; with --scale a configuration."),
+    ],
+    out: Annotated[
+        Path, out_option("Rig file to write, JSON, or TOML with --scale; the page beside it has its name.")
+    ],
     ground: Annotated[
-        Path,
+        Path | None,
         typer.Option(help="Picture of the board on the ground behind the wheel, or a log: its last frame."),
-    ],
-    rover: Annotated[Path, typer.Option(help="JSON with the rig's keys that are not the camera's.")],
-    out: Annotated[Path, out_option("Rig file to write, JSON; the page beside it has its name.")],
-    columns: Annotated[int, number_option("Squares along the board's x axis.", "squares", 3, 100)],
-    rows: Annotated[int, number_option("Squares along its y axis.", "squares", 3, 100)],
-    square: Annotated[float, number_option("Side of a square, m.", "m", 0.001, 1.0)],
+    ] = None,
+    rover: Annotated[
+        Path | None, typer.Option(help="JSON with the rig's keys that are not the camera's.")
+    ] = None,
+    columns: Annotated[
+        int | None, number_option("Squares along the board's x axis.", "squares", 3, 100)
+    ] = None,
+    rows: Annotated[int | None, number_option("Squares along its y axis.", "squares", 3, 100)] = None,
+    square: Annotated[float | None, number_option("Side of a square, m.", "m", 0.001, 1.0)] = None,
     ground_x: Annotated[
-        float, number_option("First inner corner on the ground, vehicle frame, m.", "m", -100.0, 100.0)
-    ],
+        float | None,
+        number_option("First inner corner on the ground, vehicle frame, m.", "m", -100.0, 100.0),
+    ] = None,
     ground_y: Annotated[
-        float, number_option("First inner corner on the ground, vehicle frame, m.", "m", -100.0, 100.0)
-    ],
+        float | None,
+        number_option("First inner corner on the ground, vehicle frame, m.", "m", -100.0, 100.0),
+    ] = None,
     ground_yaw: Annotated[
         float, number_option("Direction of the board's columns from x, deg.", "deg", -360.0, 360.0)
     ] = 0.0,
     board: Annotated[Literal["chessboard", "charuco"], typer.Option(help="The printed board.")] = "charuco",
     fps: Annotated[float, number_option("Frames per second.", "Hz", 0.01, 1000.0)] = 5.0,
+    scale: Annotated[
+        bool,
+        typer.Option("--scale", help="Find the scale of the travel that [ground_motion] measures instead."),
+    ] = False,
+    log: Annotated[
+        list[Path] | None,
+        typer.Option(help="With --scale: use this log of a drive instead of driving; repeat it."),
+    ] = None,
+    virtual: Annotated[
+        bool, typer.Option("--virtual", help="With --scale: drive the simulated rover.")
+    ] = False,
+    drive: DriveOption = False,
+    length: Annotated[float, number_option("With --scale: length of the drive, m.", "m", 1.5, 50.0)] = 3.0,
+    enter: Annotated[
+        bool, typer.Option("--enter", help="With --scale: enter the values into the configuration.")
+    ] = False,
+    as_json: JsonOption = False,
     force: ForceOption = False,
 ) -> None:
-    """Make the rig file of a rearward camera: lens, and pose above the ground.
+    """Make the rig file of a rearward camera: lens, and pose above the ground; with --scale its factor.
 
-    The page with the picture is written before the file. Exit code 1: the board fits worse than 1 pixel; the
-    file is not written.
+    The page with the picture is written before the file. Exit code 1: the board fits worse than 1 pixel, or
+    the scale is not sure; the file is not written.
+
+    With --scale the travel by the camera is compared with pose fixes, or with the wheels on ground that does
+    not slip: height, pitch and focal length act on it as one factor.
 
     Example: `rover-hil calibrate camera pictures/ --ground ground.png --rover rover.json --out my_rig.json
     --columns 8 --rows 6 --square 0.04 --ground-x -0.72 --ground-y 0.1 --ground-yaw 90`
 
+    Scale: `rover-hil calibrate camera robotino-camera --scale --virtual --out scale.toml`
+
     Data: `rover-hil sample board` writes these files; for pictures by your camera and rover.json,
-    docs/how-to/measure_a_wheel_trace.md describes them.
+    docs/how-to/measure_a_wheel_trace.md describes them; docs/how-to/calibrate_a_ground_camera.md.
     """
+    board_options = {
+        "--ground": ground,
+        "--rover": rover,
+        "--columns": columns,
+        "--rows": rows,
+        "--square": square,
+        "--ground-x": ground_x,
+        "--ground-y": ground_y,
+    }
+    if scale:
+        given = [name for name, value in board_options.items() if value is not None]
+        if given:
+            raise ConfigError(f"{', '.join(given)}: of a board; leave them out with --scale")
+        with held_signals():
+            from rover_hil.app.calibrate.camera_scale import calibrate_scale
+
+        sys.exit(
+            calibrate_scale(
+                source,
+                logs=log or [],
+                virtual=virtual,
+                drive=drive,
+                length_m=length,
+                enter=enter,
+                out=out,
+                as_json=as_json,
+                force=force,
+            )
+        )
+    if log or virtual or drive or enter or as_json:
+        raise ConfigError("--log, --virtual, --drive, --enter and --json belong to --scale: add it")
+    if (
+        ground is None
+        or rover is None
+        or columns is None
+        or rows is None
+        or square is None
+        or ground_x is None
+        or ground_y is None
+    ):
+        missing = [name for name, value in board_options.items() if value is None]
+        raise ConfigError(f"pictures of a board need {', '.join(missing)}: give them, or --scale")
     with held_signals():
         from math import radians
 
@@ -65,7 +140,7 @@ def calibrate_camera(
 
     sys.exit(
         calibrate(
-            pictures,
+            Path(source),
             ground=ground,
             board=Board(kind=board, columns=columns, rows=rows, square_m=square),
             target=GroundTarget(x_m=ground_x, y_m=ground_y, yaw_rad=radians(ground_yaw)),

@@ -1,0 +1,223 @@
+"""A drive as its camera and what is known of it measure the travel, pair of frames by pair of frames."""
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from controllers.estimation.ground_settings import GroundMotionSettings
+from controllers.estimation.ground_travel import Rates
+from controllers.ground_motion.estimator import GroundMotionEstimator
+from controllers.ground_motion.ground_patch import GroundPatch
+from controllers.ground_motion.motion import GroundMotion
+from controllers.ground_motion.parameters import DEFAULTS
+from controllers.ground_motion.prior import MotionPrior, turned
+from controllers.ground_motion.rig import RigFile
+from controllers.motion.kinematics import Kinematics, make_kinematics
+from drivers.clock import nanoseconds, seconds
+from drivers.errors import LogError
+from drivers.samples import Image
+from rover_hil.config import Config
+from rover_hil.datasets.arrays import Array, Times
+from rover_hil.datasets.log import LogRows, TruePoses
+from rover_hil.recording.data_files import restore_config
+from rover_hil.recording.images import capture_time_ns, decode_image
+from rover_hil.recording.reader import LogReader
+from rover_hil.recording.schema import RAW
+
+RATES = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
+WHEELS = "wheels"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Travel:
+    """Travel between two frames, in the axes of the later one, forward and left as a complex number.
+
+    Attributes:
+        known_m: Of the measured point, by fixes or wheels.
+        camera_m: The same by the camera; None where not valid.
+    """
+
+    known_m: complex
+    camera_m: complex | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScaleRecord:
+    """What a log holds for the scale.
+
+    Attributes:
+        path: The log.
+        wall_ns: When it was recorded, ns since 1970.
+        reference: What is known, in words: the pose fixes, or the wheels.
+        known_sd_m: Standard deviation of a position by the fixes; 0 for wheels.
+        rig: Calibration of the camera.
+        travels: Pair by pair; one that is not valid ends a piece of the drive.
+        reasons: Why pairs are not valid, and how many.
+    """
+
+    path: Path
+    wall_ns: int
+    reference: str
+    known_sd_m: float
+    rig: RigFile
+    travels: tuple[Travel, ...]
+    reasons: dict[str, int]
+
+    @property
+    def height_m(self) -> float:
+        """Height of the camera above the ground, by its rig."""
+        return self.rig.t_vehicle_camera[2]
+
+
+def read_scale_record(path: Path) -> ScaleRecord:
+    """Return the travel in a log by its camera, and by pose fixes, or by the wheels where there are none.
+
+    The camera's travel is that of its rig alone: a scale in the configuration is left out, and without fixes
+    the usual sinkage, for the wheels must then roll on firm ground.
+
+    Raises:
+        LogError: The log is damaged, or holds no [ground_motion], no frames or no wheels.
+    """
+    log = LogReader(path)
+    with restore_config(log) as config:
+        settings, rows = config.ground_motion, LogRows(config)
+    if settings is None or config.roles.camera is None:
+        raise LogError(f"log {path} is of a rover without [ground_motion]: its camera has no rig")
+    for message in log.messages():
+        rows.take(message, log)
+    kinematics = make_kinematics(config.rover)
+    positions = [rows[f"enc{wheel + 1}_rad"] for wheel in range(kinematics.wheel_count)]
+    if not all(len(each) > 1 for each in positions):
+        raise LogError(f"log {path} holds no positions of the wheels: record a drive with `rover-hil run`")
+    wheels = _Wheels(
+        kinematics,
+        [np.asarray(each.t_ns) for each in positions],
+        [np.asarray(each.value) for each in positions],
+    )
+    fixes = rows.fixes()
+    meter = _meter(settings, with_sinkage=fixes is not None)
+    point_m = complex(*settings.rig.geometry().point_m)
+    travels: list[Travel] = []
+    reasons: Counter[str] = Counter()
+    before: tuple[int, Rates | None] | None = None
+    for t_ns, image in _frames(log, config, settings, path):
+        rates = _rates_at(rows, t_ns)
+        if before is not None and t_ns <= before[0]:
+            continue
+        rolled_m, turn_rad = (0j, 0.0) if before is None else wheels.between(before[0], t_ns, point_m)
+        angles, deviations = turned(
+            rates,
+            None if before is None else before[1],
+            0.0 if before is None else seconds(t_ns - before[0]),
+            DEFAULTS.turn,
+        )
+        if rates is None:
+            angles = (0.0, 0.0, turn_rad)
+        prior = MotionPrior(
+            forward_m=rolled_m.real, left_m=rolled_m.imag, turn_rad=angles, turn_sd_rad=deviations
+        )
+        motion = meter.step(t_ns, image, prior)
+        before = t_ns, rates
+        if motion is None:
+            continue
+        if motion.invalid_because:
+            reasons[motion.invalid_because] += 1
+        if motion.invalid_because == "frame repeated":
+            continue
+        travels.append(_travel(motion, wheels, fixes, point_m))
+    sds = np.zeros(1) if fixes is None else fixes.position_sd_m
+    return ScaleRecord(
+        path=path,
+        wall_ns=log.start_ns + log.wall_offset_ns,
+        reference=WHEELS if fixes is None else fixes.source,
+        known_sd_m=float(np.sqrt(np.mean(sds**2))),
+        rig=settings.rig,
+        travels=tuple(travels),
+        reasons=dict(reasons),
+    )
+
+
+class _Wheels:
+    """Motion by rolling wheels between two times."""
+
+    def __init__(self, kinematics: Kinematics, t_ns: Sequence[Times], angles_rad: Sequence[Array]) -> None:
+        self._kinematics = kinematics
+        self._order = [np.argsort(each, kind="stable") for each in t_ns]
+        self._t_ns = [each[order] for each, order in zip(t_ns, self._order, strict=True)]
+        self._angles_rad = [each[order] for each, order in zip(angles_rad, self._order, strict=True)]
+
+    def between(self, from_ns: int, to_ns: int, point_m: complex) -> tuple[complex, float]:
+        """Return the travel of a point in the axes of the later time, and the turn."""
+        rolled_rad = [
+            float(np.diff(np.interp([from_ns, to_ns], t_ns, angle_rad))[0])
+            for t_ns, angle_rad in zip(self._t_ns, self._angles_rad, strict=True)
+        ]
+        x_m, y_m, turn_rad = self._kinematics.body_motion(rolled_rad)
+        half = complex(math.cos(turn_rad / 2), -math.sin(turn_rad / 2))
+        swing_m = point_m * (1 - complex(math.cos(turn_rad), -math.sin(turn_rad)))
+        return complex(x_m, y_m) * half + swing_m, turn_rad
+
+
+def _meter(settings: GroundMotionSettings, *, with_sinkage: bool) -> GroundMotionEstimator:
+    sinkage = {"sinkage_m": settings.tolerance.sinkage_m if with_sinkage else 0.0}
+    tolerance = settings.tolerance.model_copy(update={"scale": 1.0, "scale_sd": None, **sinkage})
+    return GroundMotionEstimator(GroundPatch(settings.rig.geometry()), tolerance)
+
+
+def _frames(
+    log: LogReader, config: Config, settings: GroundMotionSettings, path: Path
+) -> Iterator[tuple[int, Image]]:
+    """Yield the frames with the middle of their exposure, grey."""
+    topic = f"{RAW}{config.roles.camera}"
+    size = (settings.rig.image.height, settings.rig.image.width)
+    count = 0
+    for message in log.messages():
+        if message.topic != topic:
+            continue
+        stamp_ns = capture_time_ns(message.data)
+        image = decode_image(message.data).image
+        if image.shape[:2] != size:
+            continue
+        count += 1
+        t_ns = message.t_ns if stamp_ns is None else min(stamp_ns, message.t_ns)
+        grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
+        yield t_ns - nanoseconds(settings.camera_delay_s), grey
+    if not count:
+        raise LogError(f"log {path} holds no frames of '{config.roles.camera}'")
+
+
+def _rates_at(rows: LogRows, t_ns: int) -> Rates | None:
+    found = []
+    for name in RATES:
+        readings = rows[name]
+        place = int(np.searchsorted(readings.t_ns, t_ns, side="right")) - 1
+        if place < 0:
+            return None
+        found.append(float(readings.value[place]))
+    x, y, z = found
+    return (x, y, z) if math.isfinite(x + y + z) else None
+
+
+def _travel(motion: GroundMotion, wheels: _Wheels, fixes: TruePoses | None, point_m: complex) -> Travel:
+    if fixes is None:
+        known_m, _ = wheels.between(motion.from_ns, motion.to_ns, point_m)
+    else:
+        known_m = _between_fixes(fixes, motion.from_ns, motion.to_ns, point_m)
+    camera_m = complex(motion.forward_m, motion.left_m) if motion.is_valid else None
+    return Travel(known_m=known_m, camera_m=camera_m)
+
+
+def _between_fixes(fixes: TruePoses, from_ns: int, to_ns: int, point_m: complex) -> complex:
+    """Return the travel of a point between two times by interpolated fixes; NaN outside of them."""
+    if from_ns < fixes.t_ns[0] or to_ns > fixes.t_ns[-1]:
+        return complex(math.nan, math.nan)
+    x_m, y_m, yaw_rad = (
+        np.interp([from_ns, to_ns], fixes.t_ns, each) for each in (fixes.x_m, fixes.y_m, fixes.yaw_rad)
+    )
+    places = (x_m + 1j * y_m) + point_m * np.exp(1j * yaw_rad)
+    return complex((places[1] - places[0]) * np.exp(-1j * yaw_rad[1]))
