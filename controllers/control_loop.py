@@ -347,10 +347,7 @@ def _measured_slip(report: SlipReport | None, ground: GroundReport | None) -> Sl
     """Return the report with the slip of the rover that a camera measured in place of an inferred one."""
     if report is None or ground is None or ground.slip is None or ground.slip_sd is None:
         return report
-    lag_s = None if report.rover is None else report.rover.gyro_lag_s
-    measured = RoverSlip(
-        slip=ground.slip, sd=ground.slip_sd, source=SlipSource.GROUND, reason="", gyro_lag_s=lag_s
-    )
+    measured = RoverSlip(slip=ground.slip, sd=ground.slip_sd, source=SlipSource.GROUND, reason="")
     return replace(report, rover=measured)
 
 
