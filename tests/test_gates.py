@@ -5,6 +5,8 @@ import pytest
 from benchmarks.gates import fields, floors, published
 from benchmarks.gates.published import FAULTS, FIELDS, FLOORS, PageError, falls, read_tables, write_table
 from benchmarks.safety.faults.cases import all_cases
+from controllers.slip.effort.parameters import EFFORT
+from rover_hil.config import Config
 
 FLOOR = {"floors": "20", "within": "12", "finished": "20", "path mm": "40", "closure mm": "50"}
 
@@ -80,3 +82,20 @@ def test_the_page_holds_every_row() -> None:
     without = {f"{title}, no excitation" for title in titles if title.startswith("robotino/")}
     assert set(tables[FAULTS]) == titles | without
     assert {name.split()[0] for name in tables[FIELDS]} == {name.split()[0] for name in fields.FIELDS}
+
+
+@pytest.mark.parametrize(("version", "weight"), [("secant", 0.0), ("calibrated gyro", EFFORT.bracket.weight)])
+def test_the_secant_is_a_version_for_as_long_as_it_drives(
+    monkeypatch: pytest.MonkeyPatch, version: str, weight: float
+) -> None:
+    seen: list[tuple[float, bool]] = []
+
+    def drive(config: Config, *_: object) -> list[None]:
+        assert config.slip is not None
+        seen.append((EFFORT.bracket.weight, config.slip.gyro_response is not None))
+        return [None]
+
+    monkeypatch.setattr(floors, "drive_config", drive)
+    floors.drive_floor(floors.Cell(nature="bristle", version=version, has_fixes=False), 1)
+    assert seen == [(weight, True)]
+    assert EFFORT.bracket.weight == 0.5

@@ -1,6 +1,7 @@
 """Rectangles on floors of `tests/nature`, which share no code with an estimator and were fitted to none."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +11,8 @@ from scipy.stats import binomtest
 from benchmarks.safety.missions import Driven, Falsify, MakeCamera, drive, ground_camera, with_fixes
 from controllers.motion.mission import corner_points
 from controllers.safety import Mode
+from controllers.slip.effort.gyro_response import GyroResponse
+from controllers.slip.effort.parameters import EFFORT
 from rover_hil.config import Config, load_config
 from rover_hil.tune.metrics import TruePath, closure_m, path_rms_m
 from tests.nature.floors import NATURES, Nature
@@ -23,7 +26,9 @@ FIRST_FULL_FLOOR = 200
 DIFFERENTIAL = Path(__file__).parents[2] / "docs" / "examples" / "differential.toml"
 TWO_WHEELS = "tread, two wheels"
 NATURE_NAMES = tuple(nature.name for nature in NATURES if nature.name != TWO_WHEELS)
-VERSIONS = ("encoders and gyro", "shipped")
+VERSIONS = ("encoders and gyro", "shipped", "calibrated gyro", "secant")
+"""`secant` is the reading without the bound by lag and force, `EFFORT.bracket.weight` of 0."""
+CALIBRATED = GyroResponse(source="the simulated sensor", identified_on="2026-11-27")
 CAMERA_VERSIONS = ("encoders, gyro and camera", "shipped and camera")
 """With a camera that measures the motion over the ground, by the model of its errors in `tests/nature`."""
 
@@ -92,6 +97,10 @@ def configure_version(version: str, seed: int) -> Config:
     config = load_config("robotino")
     if version in (VERSIONS[0], CAMERA_VERSIONS[0]):
         config = config.model_copy(update={"slip": None})
+    elif version not in ("shipped", CAMERA_VERSIONS[1]):
+        assert config.slip is not None
+        slip = config.slip.model_copy(update={"gyro_response": CALIBRATED})
+        config = config.model_copy(update={"slip": slip})
     return _with_noise(config, seed)
 
 
@@ -109,7 +118,19 @@ def _with_the_rectangle_of_the_robotino(config: Config) -> Config:
 def drive_floor(cell: Cell, seed: int) -> Way:
     """Drive the rectangle on the floor of `seed`; the same arguments give the same way."""
     make_camera = ground_camera(seed) if cell.version in CAMERA_VERSIONS else None
-    return drive_config(configure(cell, seed), cell.nature, seed, make_camera=make_camera)[0]
+    with _bracket_of(cell.version):
+        return drive_config(configure(cell, seed), cell.nature, seed, make_camera=make_camera)[0]
+
+
+@contextmanager
+def _bracket_of(version: str) -> Iterator[None]:
+    """Read slip for a while by the secant alone, if the version is that."""
+    usual = EFFORT.bracket.weight
+    object.__setattr__(EFFORT.bracket, "weight", 0.0 if version == "secant" else usual)
+    try:
+        yield
+    finally:
+        object.__setattr__(EFFORT.bracket, "weight", usual)
 
 
 def drive_config(

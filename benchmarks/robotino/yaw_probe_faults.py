@@ -31,7 +31,7 @@ from controllers.slip.effort.gyro_response import GyroResponse
 from drivers.clock import VirtualClock, nanoseconds, seconds
 from drivers.link import NoTap
 from rover_hil.app.calibrate.imu import on_firm_floor, turning_config
-from rover_hil.config import Config, load_config, load_slip_map
+from rover_hil.config import Config, load_config
 from rover_hil.identify.gyro.response_fit import fit_response
 from rover_hil.identify.gyro.turns import read_turns
 from rover_hil.recording.data_files import collect_data_files
@@ -48,8 +48,8 @@ from tests.nature.omni_contact import Floor, OmniContact
 
 TIME_LIMIT_S = 90.0
 STEP_NS = 1_000_000
-WINDOW = 25
-"""Cycles in half a second."""
+WINDOW = 50
+"""Cycles in a second, the time of a reading."""
 LEAST_WAY_M = 0.015
 WRONG, DEVIATIONS = 0.1, 3.0
 BAR_PATH_M, BAR_CLOSURE_M = 0.045, 0.100
@@ -196,11 +196,12 @@ class Run:
 
 def configure(ground: Ground, seed: int, *, probe: bool, gyro: GyroResponse | None) -> Config:
     """Return the shipped Robotino on a ground, with the yaw probe or with encoders and gyro alone."""
-    table = load_config("robotino").model_dump(by_alias=True, exclude={"slip"})
+    table = load_config("robotino").model_dump(by_alias=True)
     table["loop"]["time_limit_s"] = TIME_LIMIT_S
     if probe:
-        response = None if gyro is None else gyro.model_dump()
-        table["slip"] = {"maps": load_slip_map("robotino"), "use": "yaw_probe", "gyro_response": response}
+        table["slip"]["gyro_response"] = None if gyro is None else gyro.model_dump()
+    else:
+        table["slip"] = None
     config = Config.model_validate(table)
     simulation = config.require_simulation()
     site = Site() if ground.site is None else ground.site(seed)

@@ -51,8 +51,8 @@ class SlipSettings(Settings):
             paper 003. Either way the slip is flagged as not valid. Not used by `yaw_probe`.
         learn: Learns slip over drive force of the ground, from the yaw excitation and from pose fixes, and
             uses it where there is no other valid slip.
-        excitation_rest_s: With `learn`: the excitation rests for this time after 1.5 s with valid slip, while
-            the learned curve is valid; 0 for no rest.
+        excitation_rest_s: With `learn`: the excitation rests for this time after three valid windows, 3 s at
+            2 Hz, while the learned curve is valid; 0 for no rest.
         excite_real_rover: Excite the yaw of a real rover, too: `rover-hil commission CONFIG --enter` sets
             it where the excitation has passed. Without it a real run with `yaw_probe` does not compensate
             slip, and says so.
