@@ -22,7 +22,7 @@ from drivers.samples import HeadingReference, PoseFixSample
 Array = NDArray[np.float64]
 
 X, Y, YAW, BIAS, FIRST_OFFSET = range(5)
-SCALE = 3
+_, _, _, SCALE = range(4)
 """Index of the scale of the measured travel, after the pose at the newest frame."""
 CERTAIN = 1e-12
 UNKNOWN_ANGLE_RAD2 = 10.0
