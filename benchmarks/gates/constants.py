@@ -4,7 +4,8 @@
 
 Prints a row for each number that `numbers` finds, as in docs/results/constants.md: its value, and by how many
 mm the path of the shipped Robotino changes at 0.8 and at 1.2 of it (whole numbers change by 1) on a simulated
-site. Those of sComp are of another rover, see docs/results/scomp.md.
+site. Those of sComp are of another rover, see docs/results/scomp.md; those of the motion over the ground
+are of a rover with a camera.
 """
 
 import ast
@@ -36,6 +37,13 @@ from rover_hil.tune.metrics import TruePath, path_rms_m
 
 ROOT = Path(__file__).parents[2]
 OF_SCOMP = "controllers.slip.scomp"
+OF_CAMERA = "controllers.estimation.ground_"
+NUMBERS_OF_CAMERA = (
+    "estimation.parameters.GroundParameters.slip_sd",
+    "estimation.parameters.GroundParameters.noise_m_sqrt_m",
+    "safety.entrapment.LEAST_GROUND_PROGRESS",
+    "safety.entrapment.EntrapmentSettings.entrapment_ground_m",
+)
 FOLDERS = ("controllers/slip", "controllers/estimation", "controllers/safety")
 SITE = 500
 CONFIGURE = load_config
@@ -197,6 +205,8 @@ def changes(number: Number) -> dict[str, str]:
     usual = usual_figures()
     if number.module.startswith(OF_SCOMP):
         return dict.fromkeys(usual, "of another rover")
+    if number.module.startswith(OF_CAMERA) or number.title in NUMBERS_OF_CAMERA:
+        return dict.fromkeys(usual, "no camera")
     found: list[Figures | str] = []
     for factor in FACTORS:
         try:

@@ -18,7 +18,7 @@ Rates = tuple[float, float, float]
 
 MOST_WAITING = 4
 """Frames that wait for the motion of the wheels; a camera that sends more is faster than the wheels."""
-SLIP_WINDOW_M = 0.1
+SLIP_WINDOW_M = 0.05
 """The slip is reported over this travel of the wheels; over less than half of it there is only a velocity."""
 GREATEST_SLIP = 1.5
 """Greatest difference of ground and wheels, over the travel of the wheels, that slip explains."""
