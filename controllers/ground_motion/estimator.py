@@ -281,7 +281,7 @@ class GroundMotionEstimator:
             return None, reason
         if apart_pixels > 1.0:
             return None, "what is fixed in the picture hides the ground"
-        if still.share < numbers.least_still_share or still.moved_sd_pixels > numbers.most_sd_pixels:
+        if still.share < numbers.least_still_share or still.moved_sd_pixels > numbers.most_still_sd_pixels:
             return None, "ground that stands cannot be told from what is fixed in the picture"
         return still, ""
 

@@ -66,8 +66,9 @@ class ValidityParameters:
     least_moving: int = 18  # points that move in the picture, for any motion
     most_sd_pixels: float = 0.25  # of the mean motion: wrong groups scatter more, or have fewer points
     still_pixels: float = 0.5  # a motion below this in the picture may be of specks and shadows
-    least_still_share: float = 0.7  # of the points, for ground that does not move in the picture
-    baseline_pixels: float = 3.0  # frames to compare with are at least this far apart, where there are any
+    least_still_share: float = 0.8  # of the points, for ground that does not move in the picture
+    most_still_sd_pixels: float = 0.1  # of its mean motion
+    baseline_pixels: float = 8.0  # frames to compare with are at least this far apart, where there are any
     stored_pixels: float = 0.75  # least motion between two frames that are kept to compare with
     most_stored: int = 8  # of them
     most_travel_share: float = 0.15  # of the view, between two frames: beyond, too little ground is shared
