@@ -281,7 +281,9 @@ class GroundMotionEstimator:
             return None, reason
         if apart_pixels > 1.0:
             return None, "what is fixed in the picture hides the ground"
-        if still.share < numbers.least_still_share or still.moved_sd_pixels > numbers.most_still_sd_pixels:
+        sharp = still.moved_sd_pixels < numbers.clear_still_sd_pixels
+        least_share = numbers.clear_still_share if sharp else numbers.least_still_share
+        if still.share < least_share or still.moved_sd_pixels > numbers.most_still_sd_pixels:
             return None, "ground that stands cannot be told from what is fixed in the picture"
         return still, ""
 

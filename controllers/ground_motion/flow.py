@@ -8,6 +8,7 @@ What is fixed in the picture (specks, shadows of the rover) forms a group of its
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -60,11 +61,35 @@ class Followed:
 
     Attributes:
         moving: Of the densest group that moves in the picture.
-        fixed: Of the points that do not.
+        fixed: Of the points that do not; not fitted where the other group is the larger.
     """
 
     moving: PatchMotion | None
     fixed: PatchMotion | None
+
+
+class _Samples(NamedTuple):
+    """Where the points went, from each start, and what their motions mean.
+
+    Attributes:
+        moved: Motion ahead and left (points x starts x 2), m.
+        usable: Which of these could be followed (points x starts).
+        base: Motion of the points by the turn that is told (points x 2).
+        design: Motion of the points by unit motions on top of it (points x 2 x 5).
+        shifts: Motion of the reference point that each sample means.
+        angles: Expected further turn, roll and pitch.
+        information: Inverse covariance of these.
+        yaw_rad: The turn that is told.
+    """
+
+    moved: Floats
+    usable: Mask
+    base: Floats
+    design: Floats
+    shifts: Floats
+    angles: Floats
+    information: Floats
+    yaw_rad: float
 
 
 class GroundFlow:
@@ -119,32 +144,20 @@ class GroundFlow:
         angles = np.array([0.0, *turn_rad[:2]])
         turned = base + design[:, :, 2:] @ angles
         moved, usable = self._moved(before, after, turned, starts_m)
-        shifts = turned[:, None] - moved
+        information = np.diag(1 / np.array([turn_sd_rad[2], *turn_sd_rad[:2]]) ** 2)
+        samples = _Samples(
+            moved, usable, base, design, turned[:, None] - moved, angles, information, turn_rad[2]
+        )
         alike_m, slack_m = (
             pixels * self._pixel_m
             for pixels in (self._parameters.group_pixels, self._parameters.start_pixels)
         )
         fixed = usable & (np.hypot(moved[..., 0], moved[..., 1]) < alike_m)
-        within = np.hypot(shifts[..., 0], shifts[..., 1]) < most_m + slack_m
-        information = np.diag(1 / np.array([turn_sd_rad[2], *turn_sd_rad[:2]]) ** 2)
-        found = []
-        for group in (usable & within & ~fixed, fixed):
-            start = self._densest(shifts, group, design[:, :, 4], turn_sd_rad[1])
-            found.append(
-                None
-                if start is None
-                else self._solve(
-                    moved,
-                    usable,
-                    base,
-                    design,
-                    start + np.r_[0.0, 0.0, angles],
-                    angles,
-                    information,
-                    turn_rad[2],
-                )
-            )
-        return Followed(moving=found[0], fixed=found[1])
+        within = np.hypot(samples.shifts[..., 0], samples.shifts[..., 1]) < most_m + slack_m
+        moving = self._fit(samples, usable & within & ~fixed)
+        if moving is not None and moving.points > fixed.any(axis=1).sum():
+            return Followed(moving=moving, fixed=None)
+        return Followed(moving=moving, fixed=self._fit(samples, fixed))
 
     def points_m(self) -> Floats:
         """Return the points of the ground that are followed, behind and left of the patch's origin."""
@@ -177,7 +190,12 @@ class GroundFlow:
         apart = (places.reshape(shape) - self._pixels[:, None]) * self._pixel_m
         return np.stack([-apart[..., 1], apart[..., 0]], axis=-1), usable.reshape(shape[:2])
 
-    def _densest(self, shifts: Floats, group: Mask, pitched: Floats, pitch_sd_rad: float) -> Floats | None:
+    def _fit(self, samples: _Samples, group: Mask) -> PatchMotion | None:
+        """Return the motion that most points of a group share, fitted to all points."""
+        start = self._densest(samples, group)
+        return None if start is None else self._solve(samples, start)
+
+    def _densest(self, samples: _Samples, group: Mask) -> Floats | None:
         """Return the motion that most points share, in the order of the design; None if too few do.
 
         A point counts once. Where the pitch is not known, far points move otherwise than near ones: several
@@ -187,7 +205,8 @@ class GroundFlow:
         if group.any(axis=1).sum() < numbers.least_points:
             return None
         point = np.nonzero(group)[0]
-        chosen = shifts[group]
+        chosen = samples.shifts[group]
+        pitched, pitch_sd_rad = samples.design[:, :, 4], float(samples.information[2, 2] ** -0.5)
         spread = float(np.ptp(pitched[:, 0])) * pitch_sd_rad / self._pixel_m
         steps = min(int(1.5 * spread / numbers.pitch_pixels), numbers.most_pitch_steps)
         best, most = None, 0.0
@@ -196,7 +215,7 @@ class GroundFlow:
             votes, middle = self._vote(level, point)
             if votes > most:
                 best, most = np.r_[middle, 0.0, 0.0, pitch_rad], votes
-        return best
+        return None if best is None else np.asarray(best + np.r_[0.0, 0.0, samples.angles], np.float64)
 
     def _vote(self, shifts: Floats, point: NDArray[np.intp]) -> tuple[float, Floats]:
         """Return how many points the densest group of motions has, and its middle."""
@@ -213,19 +232,10 @@ class GroundFlow:
         near = (np.abs(cell - (row, column)) <= 1).all(axis=1)
         return float(votes[row, column]), np.asarray(shifts[near].mean(axis=0), np.float64)
 
-    def _solve(
-        self,
-        moved: Floats,
-        usable: Mask,
-        base: Floats,
-        design: Floats,
-        start: Floats,
-        angles: Floats,
-        information: Floats,
-        yaw_rad: float,
-    ) -> PatchMotion | None:
+    def _solve(self, samples: _Samples, start: Floats) -> PatchMotion | None:
         """Fit the motion to the points with Tukey weights, from a start near it."""
         numbers = self._parameters
+        moved, usable, base, design = samples.moved, samples.usable, samples.base, samples.design
         x, scale = start, numbers.group_pixels * self._pixel_m
         least, most = numbers.point_sd_pixels * self._pixel_m, numbers.most_scale_pixels * self._pixel_m
         flat = design.reshape(-1, 5)
@@ -246,9 +256,9 @@ class GroundFlow:
             target = (moved[np.arange(len(off)), nearest] - base).reshape(-1)
             target = np.where(both > 0, target, 0.0)
             normal = flat.T @ (both[:, None] * flat)
-            normal[2:, 2:] += information
+            normal[2:, 2:] += samples.information
             pulled = flat.T @ (both * target)
-            pulled[2:] += information @ angles
+            pulled[2:] += samples.information @ samples.angles
             x = np.asarray(np.linalg.solve(normal, pulled), np.float64)
         inlier = weight > numbers.inlier_weight
         if inlier.sum() < numbers.least_points or scale > most:
@@ -259,7 +269,7 @@ class GroundFlow:
         return PatchMotion(
             forward_m=float(x[0]),
             left_m=float(x[1]),
-            turn_rad=yaw_rad + float(x[2]),
+            turn_rad=samples.yaw_rad + float(x[2]),
             tilt_rad=(float(x[3]), float(x[4])),
             forward_sd_m=float(sd[0]),
             left_sd_m=float(sd[1]),

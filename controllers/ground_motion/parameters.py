@@ -68,6 +68,8 @@ class ValidityParameters:
     still_pixels: float = 0.5  # a motion below this in the picture may be of specks and shadows
     least_still_share: float = 0.8  # of the points, for ground that does not move in the picture
     most_still_sd_pixels: float = 0.1  # of its mean motion
+    clear_still_share: float = 0.5  # enough where passing shadows hide the others, and this group is sharp:
+    clear_still_sd_pixels: float = 0.03  # windows on specks and ground scatter more
     baseline_pixels: float = 8.0  # frames to compare with are at least this far apart, where there are any
     stored_pixels: float = 0.75  # least motion between two frames that are kept to compare with
     most_stored: int = 8  # of them
