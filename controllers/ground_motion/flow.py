@@ -8,9 +8,11 @@ What is fixed in the picture (specks, shadows of the rover) forms a group of its
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from controllers.ground_motion.ground_patch import Floats, GroundPatch, Mask
 from controllers.ground_motion.parameters import FlowParameters
@@ -30,23 +32,27 @@ class PatchMotion:
         forward_m: Along the axis of the patch.
         left_m: Across it.
         turn_rad: Counter-clockwise.
+        tilt_rad: Change of roll and pitch.
         forward_sd_m: Standard deviation of `forward_m`, by the fit.
         left_sd_m: Standard deviation of `left_m`.
         turn_sd_rad: Standard deviation of `turn_rad`.
         points: Points that move with the ground.
         share: Their share of the points in both views.
         moved_pixels: Mean motion of these points in the picture.
+        moved_sd_pixels: Standard deviation of this mean, by the scatter of the points.
     """
 
     forward_m: float
     left_m: float
     turn_rad: float
+    tilt_rad: tuple[float, float]
     forward_sd_m: float
     left_sd_m: float
     turn_sd_rad: float
     points: int
     share: float
     moved_pixels: float
+    moved_sd_pixels: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,11 +61,35 @@ class Followed:
 
     Attributes:
         moving: Of the densest group that moves in the picture.
-        fixed: Of the points that do not.
+        fixed: Of the points that do not; not fitted where the other group is the larger.
     """
 
     moving: PatchMotion | None
     fixed: PatchMotion | None
+
+
+class _Samples(NamedTuple):
+    """Where the points went, from each start, and what their motions mean.
+
+    Attributes:
+        moved: Motion ahead and left (points x starts x 2), m.
+        usable: Which of these could be followed (points x starts).
+        base: Motion of the points by the turn that is told (points x 2).
+        design: Motion of the points by unit motions on top of it (points x 2 x 5).
+        shifts: Motion of the reference point that each sample means.
+        angles: Expected further turn, roll and pitch.
+        information: Inverse covariance of these.
+        yaw_rad: The turn that is told.
+    """
+
+    moved: Floats
+    usable: Mask
+    base: Floats
+    design: Floats
+    shifts: Floats
+    angles: Floats
+    information: Floats
+    yaw_rad: float
 
 
 class GroundFlow:
@@ -73,8 +103,9 @@ class GroundFlow:
     def __init__(self, ground: GroundPatch, parameters: FlowParameters) -> None:
         self._parameters = parameters
         window = parameters.window_pixels
+        step = parameters.coarse_spacing_pixels if ground.is_coarse else parameters.spacing_pixels
         self._window = (window, window)
-        step = parameters.spacing_pixels
+        self._covariance_factor = parameters.covariance_factor * max(1.0, (window / step) ** 2)
         rows, columns = np.mgrid[step // 2 : ground.shape[0] : step, step // 2 : ground.shape[1] : step]
         margin = cv2.erode(ground.visible.astype(np.uint8), np.ones(self._window, np.uint8), borderValue=0)
         keep = margin[rows, columns] > 0
@@ -113,24 +144,35 @@ class GroundFlow:
         angles = np.array([0.0, *turn_rad[:2]])
         turned = base + design[:, :, 2:] @ angles
         moved, usable = self._moved(before, after, turned, starts_m)
-        shifts = turned[:, None] - moved
+        information = np.diag(1 / np.array([turn_sd_rad[2], *turn_sd_rad[:2]]) ** 2)
+        samples = _Samples(
+            moved, usable, base, design, turned[:, None] - moved, angles, information, turn_rad[2]
+        )
         alike_m, slack_m = (
             pixels * self._pixel_m
             for pixels in (self._parameters.group_pixels, self._parameters.start_pixels)
         )
         fixed = usable & (np.hypot(moved[..., 0], moved[..., 1]) < alike_m)
-        within = np.hypot(shifts[..., 0], shifts[..., 1]) < most_m + slack_m
-        information = np.diag(1 / np.array([turn_sd_rad[2], *turn_sd_rad[:2]]) ** 2)
-        found = []
-        for group in (usable & within & ~fixed, fixed):
-            middle = self._densest(shifts, group)
-            start = None if middle is None else np.r_[middle, angles]
-            found.append(
-                None
-                if start is None
-                else self._solve(moved, usable, base, design, start, angles, information, turn_rad[2])
-            )
-        return Followed(moving=found[0], fixed=found[1])
+        within = np.hypot(samples.shifts[..., 0], samples.shifts[..., 1]) < most_m + slack_m
+        moving = self._fit(samples, usable & within & ~fixed)
+        if moving is not None and moving.points > fixed.any(axis=1).sum():
+            return Followed(moving=moving, fixed=None)
+        return Followed(moving=moving, fixed=self._fit(samples, fixed))
+
+    def points_m(self) -> Floats:
+        """Return the points of the ground that are followed, behind and left of the patch's origin."""
+        return np.asarray((self._points + self._reference) * (-1.0, 1.0), np.float64)
+
+    def fitted_forward_m(self, moved_m: Floats, turn_sd_rad: Angles) -> float:
+        """Return the motion forward that fits displacements of the points (ahead, left), without any turn.
+
+        The other motions are fitted with it, as in `follow`: a part of a displacement may pass for them.
+        """
+        sd_m = self._parameters.point_sd_pixels * self._pixel_m
+        design = self._linearised(0.0)[1].reshape(-1, 5)
+        normal = design.T @ design / sd_m**2
+        normal[2:, 2:] += np.diag(1 / np.array([turn_sd_rad[2], *turn_sd_rad[:2]]) ** 2)
+        return float(np.linalg.solve(normal, design.T @ moved_m.reshape(-1) / sd_m**2)[0])
 
     def _moved(self, before: Image, after: Image, turned: Floats, starts_m: Floats) -> tuple[Floats, Mask]:
         """Return how the points moved ahead and left (points x starts x 2), and which could be followed."""
@@ -148,39 +190,52 @@ class GroundFlow:
         apart = (places.reshape(shape) - self._pixels[:, None]) * self._pixel_m
         return np.stack([-apart[..., 1], apart[..., 0]], axis=-1), usable.reshape(shape[:2])
 
-    def _densest(self, shifts: Floats, group: Mask) -> Floats | None:
-        """Return the motion that most points share; None if too few do. A point counts once."""
+    def _fit(self, samples: _Samples, group: Mask) -> PatchMotion | None:
+        """Return the motion that most points of a group share, fitted to all points."""
+        start = self._densest(samples, group)
+        return None if start is None else self._solve(samples, start)
+
+    def _densest(self, samples: _Samples, group: Mask) -> Floats | None:
+        """Return the motion that most points share, in the order of the design; None if too few do.
+
+        A point counts once. Where the pitch is not known, far points move otherwise than near ones: several
+        changes of pitch are tried, in steps that part the points less than the group is wide.
+        """
         numbers = self._parameters
         if group.any(axis=1).sum() < numbers.least_points:
             return None
         point = np.nonzero(group)[0]
-        chosen = shifts[group]
-        cell = np.floor(chosen / (numbers.group_pixels * self._pixel_m * 2 / 3)).astype(np.intp)
+        chosen = samples.shifts[group]
+        pitched, pitch_sd_rad = samples.design[:, :, 4], float(samples.information[2, 2] ** -0.5)
+        spread = float(np.ptp(pitched[:, 0])) * pitch_sd_rad / self._pixel_m
+        steps = min(int(1.5 * spread / numbers.pitch_pixels), numbers.most_pitch_steps)
+        best, most = None, 0.0
+        for pitch_rad in np.linspace(-1.5, 1.5, 2 * steps + 1) * pitch_sd_rad if steps else (0.0,):
+            level = chosen + pitched[point] * pitch_rad
+            votes, middle = self._vote(level, point)
+            if votes > most:
+                best, most = np.r_[middle, 0.0, 0.0, pitch_rad], votes
+        return None if best is None else np.asarray(best + np.r_[0.0, 0.0, samples.angles], np.float64)
+
+    def _vote(self, shifts: Floats, point: NDArray[np.intp]) -> tuple[float, Floats]:
+        """Return how many points the densest group of motions has, and its middle."""
+        cell = np.floor(shifts / (self._parameters.group_pixels * self._pixel_m * 2 / 3)).astype(np.intp)
         cell -= cell.min(axis=0) - 1
         rows, columns = cell.max(axis=0) + 2
         if rows * columns > MOST_CELLS:
-            return None
+            return 0.0, np.zeros(2)
         votes = np.zeros((rows, columns), np.float32)
-        single = np.unique(np.stack([point, cell[:, 0], cell[:, 1]]), axis=1)
-        np.add.at(votes, (single[1], single[2]), 1.0)
+        single = np.unique((point * rows + cell[:, 0]) * columns + cell[:, 1])
+        np.add.at(votes.reshape(-1), single % (rows * columns), 1.0)
         votes = np.asarray(cv2.boxFilter(votes, -1, (3, 3), normalize=False))
         row, column = np.unravel_index(int(votes.argmax()), votes.shape)
         near = (np.abs(cell - (row, column)) <= 1).all(axis=1)
-        return np.asarray(chosen[near].mean(axis=0), np.float64)
+        return float(votes[row, column]), np.asarray(shifts[near].mean(axis=0), np.float64)
 
-    def _solve(
-        self,
-        moved: Floats,
-        usable: Mask,
-        base: Floats,
-        design: Floats,
-        start: Floats,
-        angles: Floats,
-        information: Floats,
-        yaw_rad: float,
-    ) -> PatchMotion | None:
+    def _solve(self, samples: _Samples, start: Floats) -> PatchMotion | None:
         """Fit the motion to the points with Tukey weights, from a start near it."""
         numbers = self._parameters
+        moved, usable, base, design = samples.moved, samples.usable, samples.base, samples.design
         x, scale = start, numbers.group_pixels * self._pixel_m
         least, most = numbers.point_sd_pixels * self._pixel_m, numbers.most_scale_pixels * self._pixel_m
         flat = design.reshape(-1, 5)
@@ -201,26 +256,28 @@ class GroundFlow:
             target = (moved[np.arange(len(off)), nearest] - base).reshape(-1)
             target = np.where(both > 0, target, 0.0)
             normal = flat.T @ (both[:, None] * flat)
-            normal[2:, 2:] += information
+            normal[2:, 2:] += samples.information
             pulled = flat.T @ (both * target)
-            pulled[2:] += information @ angles
+            pulled[2:] += samples.information @ samples.angles
             x = np.asarray(np.linalg.solve(normal, pulled), np.float64)
         inlier = weight > numbers.inlier_weight
         if inlier.sum() < numbers.least_points or scale > most:
             return None
         model = base + design @ x
         landed = self._pixels + np.stack([model[:, 1], -model[:, 0]], axis=1) / self._pixel_m
-        sd = np.sqrt(numbers.covariance_factor * np.diag(np.linalg.inv(normal)))
+        sd = np.sqrt(self._covariance_factor * np.diag(np.linalg.inv(normal)))
         return PatchMotion(
             forward_m=float(x[0]),
             left_m=float(x[1]),
-            turn_rad=yaw_rad + float(x[2]),
+            turn_rad=samples.yaw_rad + float(x[2]),
+            tilt_rad=(float(x[3]), float(x[4])),
             forward_sd_m=float(sd[0]),
             left_sd_m=float(sd[1]),
             turn_sd_rad=float(sd[2]),
             points=int(inlier.sum()),
             share=min(float(inlier.sum()) / max(int(self._is_visible(landed).sum()), 1), 1.0),
             moved_pixels=float(np.hypot(*model[inlier].T).mean()) / self._pixel_m,
+            moved_sd_pixels=scale / self._pixel_m * float(np.sqrt(self._covariance_factor / inlier.sum())),
         )
 
     def _linearised(self, yaw_rad: float) -> tuple[Floats, Floats]:
