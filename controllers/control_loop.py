@@ -3,6 +3,7 @@
 import cmath
 import operator
 from collections.abc import Sequence
+from dataclasses import replace
 
 from controllers.estimation.ground_travel import GroundMeter, GroundReport, GroundTravel
 from controllers.estimation.guarded_filter import Innovation
@@ -28,6 +29,8 @@ from controllers.safety import Mode, SafetySupervisor
 from controllers.safety.reasons import Cycle
 from controllers.settings import ControlSettings
 from controllers.slip.effort.compensator import EffortCompensator, SlipReport
+from controllers.slip.effort.excited_slip import RoverSlip
+from controllers.slip.effort.ground_knowledge import SlipSource
 from controllers.slip.scomp.compensator import ScompCompensator, ScompReport, TraceFinder
 from drivers.clock import nanoseconds, seconds
 from drivers.errors import ConfigError
@@ -211,6 +214,7 @@ class ControlLoop:
         self._commanded_rad_s = speed_rad_s
         odometry = self._estimator.odometry
         is_fresh = self._is_motion_fresh(now_ns)
+        ground = self._estimator.ground_report(now_ns)
         return StepOutput(
             t_ns=now_ns,
             mode=self._mode(),
@@ -227,12 +231,12 @@ class ControlLoop:
             ),
             limit=limit,
             cross_track_m=None if guidance is None else guidance.cross_track_m,
-            slip=self._effort.report() if self._effort is not None and is_fresh else None,
-            scomp=self._scomp.report() if self._scomp is not None and is_fresh else None,
+            slip=_measured_slip(self._effort.report(), ground) if self._effort and is_fresh else None,
+            scomp=_measured_scomp(self._scomp.report(), ground) if self._scomp and is_fresh else None,
             contradiction=self._estimator.contradiction.report if is_fresh else None,
             steering_rad=self._estimator.steering.angles_rad or None,
             crab=None if guidance is None or self._crab is None else self._crab.report,
-            ground=self._estimator.ground_report(now_ns),
+            ground=ground,
             suspicion=self._supervisor.suspicion or self._estimator.suspicion,
         )
 
@@ -327,6 +331,24 @@ class ControlLoop:
         if changes_rad_s is not None:
             wanted_rad_s = tuple(map(operator.add, wanted_rad_s, changes_rad_s))
         return self._limiter.limit(now_ns, wanted_rad_s, self._estimator.odometry.wheel_speed_rad_s)
+
+
+def _measured_slip(report: SlipReport | None, ground: GroundReport | None) -> SlipReport | None:
+    """Return the report with the slip of the rover that a camera measured in place of an inferred one."""
+    if report is None or ground is None or ground.slip is None or ground.slip_sd is None:
+        return report
+    lag_s = None if report.rover is None else report.rover.gyro_lag_s
+    measured = RoverSlip(
+        slip=ground.slip, sd=ground.slip_sd, source=SlipSource.GROUND, reason="", gyro_lag_s=lag_s
+    )
+    return replace(report, rover=measured)
+
+
+def _measured_scomp(report: ScompReport | None, ground: GroundReport | None) -> ScompReport | None:
+    """Return the report with the slip that a camera measured in place of that of the slip law."""
+    if report is None or ground is None or ground.slip is None:
+        return report
+    return replace(report, slip=ground.slip)
 
 
 def _make_effort(

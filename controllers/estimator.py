@@ -284,6 +284,8 @@ class Estimator:
         for t_ns, way_back, pair in self._ground.take(self._fixes.known_ns, self._fixes.way_back):
             if pair is not None and pair.contradiction:
                 innovations.append(contradicting(camera, pair))
+                lost_m = abs(pair.ground_m - pair.rolled_m)
+                self._filter.widen(lost_m, lost_m, 0.0)
             elif pair is not None and pair.motion.from_ns == self._frame_ns:
                 corrects_yaw = self._yaw_source is not YawSource.GYRO
                 innovations += self._filter.correct_ground(

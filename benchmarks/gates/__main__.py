@@ -19,7 +19,7 @@ from rich.progress import track
 
 from benchmarks.cluster_option import add_cluster_option
 from benchmarks.gates import fields, floors, published
-from benchmarks.gates.published import FAULTS, FIELDS, FLOORS, Table
+from benchmarks.gates.published import CAMERA_FLOORS, FAULTS, FIELDS, FLOORS, Table
 from benchmarks.safety.faults.cases import all_cases
 from benchmarks.safety.faults.measures import measure
 from rover_hil.parallel.executor import open_executor
@@ -29,10 +29,10 @@ SCREEN = Console(stderr=True)
 Found = TypeVar("Found")
 
 
-def measure_floors(pool: Executor, *, is_full: bool) -> Table:
-    """Return the table of the floors."""
+def measure_floors(pool: Executor, versions: Sequence[str], *, is_full: bool) -> Table:
+    """Return the table of the floors with some versions."""
     first = floors.FIRST_FULL_FLOOR if is_full else floors.FIRST_FLOOR
-    cells = list(floors.cells(floors.VERSIONS if is_full else floors.VERSIONS[:2]))
+    cells = list(floors.cells(versions))
     counts = [FULL_FLOORS if is_full else FIXED_FLOORS if cell.has_fixes else GATES_FLOORS for cell in cells]
     jobs = [
         (cell, first + number) for cell, count in zip(cells, counts, strict=True) for number in range(count)
@@ -91,7 +91,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--only", choices=(FLOORS, FIELDS, FAULTS))
+    parser.add_argument("--only", choices=(FLOORS, CAMERA_FLOORS, FIELDS, FAULTS))
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--full", action="store_true", help="60 other floors, all versions; compares nothing")
     what.add_argument("--write", action="store_true", help="replace the published tables; compares nothing")
@@ -102,11 +102,15 @@ def main() -> int:
     fallen = 0
     with open_executor(arguments.cluster) as pool:
         measures = {
-            FLOORS: lambda: measure_floors(pool, is_full=arguments.full),
+            FLOORS: lambda: measure_floors(
+                pool, floors.VERSIONS if arguments.full else floors.VERSIONS[:2], is_full=arguments.full
+            ),
+            CAMERA_FLOORS: lambda: measure_floors(pool, floors.CAMERA_VERSIONS, is_full=arguments.full),
             FIELDS: lambda: measure_fields(pool),
             FAULTS: lambda: measure_faults(pool),
         }
-        for heading in [arguments.only] if arguments.only else [FLOORS] if arguments.full else measures:
+        headings = (FLOORS, CAMERA_FLOORS) if arguments.full else tuple(measures)
+        for heading in (arguments.only,) if arguments.only else headings:
             table = measures[heading]()
             if arguments.full:
                 print("\n".join(published.markdown(table)))

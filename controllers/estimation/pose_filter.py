@@ -471,6 +471,9 @@ class PoseFilter:
     ) -> tuple[Innovation, ...]:
         """Correct by the motion over the ground since the frame of `mark_frame`.
 
+        A motion that the wheels do not explain, as of a rover pushed at rest, is reported as rejected.
+        It is taken nevertheless: the camera sees the rover itself, and what it saw would be lost for good.
+
         Args:
             device: Name of the camera.
             motion: A valid one, from the time of that frame on.
@@ -504,8 +507,16 @@ class PoseFilter:
         residuals = np.array([residual_m.real, residual_m.imag, wrap_angle(motion.turn_rad - turn_rad)])
         rows = np.array([slopes.real, slopes.imag, turn_row])
         variances = np.array([motion.forward_sd_m**2, motion.left_sd_m**2, motion.turn_sd_rad**2])
-        used = 3 if corrects_yaw else 2
-        return self._filter.update_together(names[:used], residuals[:used], rows[:used], variances[:used])
+        used = slice(3 if corrects_yaw else 2)
+        measured = names[used], residuals[used], rows[used], variances[used]
+        innovations = self._filter.update_together(*measured)
+        if not innovations[0].accepted and math.isfinite(abs(residual_m)):
+            for index, variance in ((X, abs(residual_m) ** 2), (Y, abs(residual_m) ** 2)):
+                self._filter.widen(index, variance)
+            if corrects_yaw:
+                self._filter.widen(YAW, float(residuals[YAW]) ** 2)
+            self._filter.update_together(*measured)
+        return innovations
 
     def _let_slip_change(self, ground_m: float, state: list[float]) -> None:
         """Set the slip's part of transition, noise and `state` for a travel of `ground_m`.

@@ -30,7 +30,7 @@ class EntrapmentSettings(Settings):
     """
 
     entrapment_m: Annotated[float, Field(ge=0.02, le=100.0)] = 0.5
-    entrapment_ground_m: Annotated[float, Field(ge=0.02, le=100.0)] = 0.25
+    entrapment_ground_m: Annotated[float, Field(ge=0.02, le=100.0)] = 0.15
     entrapment_slip: Annotated[float, Field(ge=0.5, le=1.0)] = 0.85
 
 
@@ -46,7 +46,7 @@ LEAST_PROGRESS = 0.02
 LEAST_GROUND_PROGRESS = 0.006
 """The same over the ground under a camera. Errors of pairs at rest do not add up, as each frame is compared
 with one before: the sum of 17 was 0.03 mm (four rendered drives). The least progress of a rover of
-`tests/nature` that drove on was 1.1 % of 0.25 m."""
+`tests/nature` that drove on was 1.1 % of 0.2 m."""
 
 STRAIGHT = 0.7
 """Least distance between the ends of a travel over its length: that of a right angle of equal sides."""

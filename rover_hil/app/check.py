@@ -16,6 +16,7 @@ from rover_hil.doctor.calibration import check_calibration
 from rover_hil.doctor.clocks import today
 from rover_hil.doctor.config_consistency import check_consistency
 from rover_hil.doctor.finding import Finding, Level
+from rover_hil.doctor.slip_sources import describe_slip_sources
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.run.checks import RUN_CHECKS, SIMULATE_CHECKS, VIRTUAL_RUN_CHECKS
 from rover_hil.terminal import Terminal
@@ -60,6 +61,7 @@ def check_config(
             "mistakes": mistakes,
             "warnings": [f"{each.subject}: {each.what}: {each.fix}" for each in warnings],
             "commands": commands,
+            "slip": "" if mistakes else describe_slip_sources(load_config(name)),
         }
         print_json(record)
         return EXIT_NO if mistakes else EXIT_OK
@@ -75,6 +77,7 @@ def check_config(
     console.print(f"{name} is valid")
     for command, lack in commands.items():
         console.print(f"  {command}: {lack or 'yes'}")
+    console.print(f"  slip: {describe_slip_sources(load_config(name))}")
     for option, path in (("schema", schema), ("preview", preview)):
         if path is not None:
             console.print(f"{option}: {path}")

@@ -215,7 +215,9 @@ def _relative(truth: Truth | None, first: Truth | None) -> tuple[float, float, f
 
 
 def _slip(output: StepOutput) -> tuple[list[float | None], list[str], str]:
-    """Return the slip that is estimated, what each number is, and why one is not valid."""
+    """Return the slip that is measured or estimated, what each number is, and why one is not valid."""
+    if output.ground is not None and not output.ground.reason:
+        return [output.ground.slip], ["rover, by the camera"], ""
     if output.scomp is not None:
         reason = output.scomp.reason
         return [None if reason else output.scomp.slip], ["rover"], reason

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from rover_hil.pages.picture import Drawing, Picture, draw_pictures
 from rover_hil.report.crab_figures import draw_crab
 from rover_hil.report.drift_figures import draw_drift
+from rover_hil.report.ground_figures import draw_ground_slip
 from rover_hil.report.pose_figures import draw_error, draw_headings, draw_path
 from rover_hil.report.run_data import RunData
 from rover_hil.report.slip_figures import draw_effort, draw_slip
@@ -39,6 +40,12 @@ PICTURES: tuple[tuple[str, str, Draw], ...] = (
         "See where the wheels turned for nothing: 0 % is pure rolling, 100 % is turning without moving. "
         "The estimate should follow the truth half a second later, or be marked as not valid.",
         draw_slip,
+    ),
+    (
+        "Slip over the ground",
+        "See how far the wheels turned for nothing, measured by the camera: the truth should lie within two "
+        "standard deviations, and where the ground was not measured there is no line.",
+        draw_ground_slip,
     ),
     (
         "Slip and slip angle",

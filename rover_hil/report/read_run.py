@@ -29,6 +29,7 @@ from rover_hil.report.run_data import (
     Cycles,
     DriftData,
     EstimatedSlip,
+    GroundData,
     InnovationData,
     LinkEvent,
     RunData,
@@ -74,6 +75,7 @@ class _Collector:
         self._rows: defaultdict[tuple[str, str], list[tuple[float, ...]]] = defaultdict(list)
         self._computed: defaultdict[str, array[float]] = defaultdict(lambda: array("d"))
         self._slips: list[tuple[float, schema.SlipRecord]] = []
+        self._ground_reasons: list[str] = []
         self._drift_reasons: list[str] = []
         self._drift_sources: list[str] = []
         self._uncompared: Counter[str] = Counter()
@@ -156,6 +158,7 @@ class _Collector:
             slip=self._slip(),
             drift=self._drift(computed),
             crab=self._crab(truth),
+            ground=self._ground(),
             health=self._health,
             link_events=self._link_events,
             watchdog_s=self._watchdog_s,
@@ -188,6 +191,10 @@ class _Collector:
         crab = output.get("crab")
         if crab is not None:
             self._take_crab(t_s, output, crab)
+        ground = output.get("ground")
+        if ground is not None:
+            self._ground_reasons.append(ground["reason"])
+            self._rows["ground", ""].append((t_s, _or_nan(ground["slip"]), _or_nan(ground["slip_sd"])))
         for innovation in output["innovations"]:
             residual, variance = innovation["residual"], innovation["variance"]
             if residual is not None and variance is not None:
@@ -317,6 +324,12 @@ class _Collector:
             true_angle=true_angle,
         )
 
+    def _ground(self) -> GroundData | None:
+        if not self._rows["ground", ""]:
+            return None
+        t_s, slip, slip_sd = np.array(self._rows["ground", ""]).T
+        return GroundData(slip=Series(t_s, slip), slip_sd=slip_sd, reasons=self._ground_reasons)
+
     def _crab(self, truth: Array) -> CrabData | None:
         if not self._rows["crab", ""]:
             return None
@@ -355,6 +368,10 @@ class _Collector:
                 )
             )
         return wheels
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else value
 
 
 def _numbers_in(record: object, key: str = "") -> Iterator[tuple[str, float]]:

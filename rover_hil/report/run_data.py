@@ -102,6 +102,21 @@ class DriftData:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class GroundData:
+    """Motion over the ground as a camera measured it, in n cycles.
+
+    Attributes:
+        slip: Slip ratio of the rover; NaN where there was none.
+        slip_sd: Its standard deviation; NaN likewise.
+        reasons: Why the motion was not measured; empty where it was.
+    """
+
+    slip: Series
+    slip_sd: Array
+    reasons: Sequence[str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CrabData:
     """Steering of a rover that crabs, while it drives; angles in rad, means over its wheels.
 
@@ -163,6 +178,7 @@ class RunData:
         slip: By slip compensation; None without it.
         drift: By compensation with trace and tilt; None without it.
         crab: Steering against the slip angle; None where the rover does not crab.
+        ground: By a camera that measures the motion over the ground; None without.
         health: The last health facts of each device.
         watchdog_s: When the watchdog stopped the drive.
     """
@@ -190,6 +206,7 @@ class RunData:
     slip: SlipData | None
     drift: DriftData | None
     crab: CrabData | None
+    ground: GroundData | None
     health: Sequence[Health]
     link_events: Sequence[LinkEvent]
     watchdog_s: Sequence[float]

@@ -14,8 +14,9 @@ from controllers.unwatched_yaw import find_unwatched_yaw
 from drivers.driver import Health
 from rover_hil.datasets.arrays import Array, rms, wrap_angles
 from rover_hil.report.drift_summary import CrabSummary, DriftSummary, summarise_crab, summarise_drift
+from rover_hil.report.ground_summary import GroundSummary, summarise_ground
 from rover_hil.report.run_data import Cycles, RunData, WheelData
-from rover_hil.report.tracks import Series, Track, running_mean, spans
+from rover_hil.report.tracks import Series, Track, running_mean, slip_over_time, spans
 
 LEAST_DISTANCE_M = 0.05
 _NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
@@ -133,6 +134,7 @@ class Summary:
         slip: Estimates of slip compensation; None without it.
         drift: Estimates of compensation by trace and tilt; None without it.
         crab: Steering against the slip angle; None where the rover did not crab.
+        ground: Slip that a camera measured over the ground; None without one.
         cross_track_rms_m, cross_track_max_m: Distance of the estimate from the path while driving.
         lateness: How late cycles began; None for imported logs.
         work: How long they took; None likewise.
@@ -169,6 +171,7 @@ class Summary:
     slip: SlipSummary | None
     drift: DriftSummary | None
     crab: CrabSummary | None
+    ground: GroundSummary | None
     cross_track_rms_m: float | None
     cross_track_max_m: float | None
     lateness: Spread | None
@@ -215,6 +218,7 @@ def summarise(run: RunData) -> Summary:
         slip=_slip_summary(run),
         drift=summarise_drift(run.drift),
         crab=summarise_crab(run.crab, truth),
+        ground=summarise_ground(run.ground, None if truth is None else slip_over_time(run.encoders, truth)),
         cross_track_rms_m=None if cross_m is None else rms(cross_m),
         cross_track_max_m=None if cross_m is None else float(cross_m.max()),
         lateness=_spread(cycles.late_us) if is_timed else None,

@@ -14,6 +14,7 @@ from controllers.motion.settings import (
 )
 from controllers.safety import Mode
 from rover_hil.report.drift_summary import CrabSummary, DriftSummary
+from rover_hil.report.ground_summary import GroundSummary
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import SlipSummary, Summary, TrackError
 from rover_hil.run.executive import End
@@ -83,12 +84,7 @@ def facts(summary: Summary) -> list[Fact]:
         found.append(Fact("slip", percent(fmean(wheel_slips)), f"by wheel {each} %"))
     elif summary.slip_ratio is not None:
         found.append(Fact("slip", percent(summary.slip_ratio), "of the wheels' distance, as driven"))
-    if summary.slip is not None:
-        found += _slip_facts(summary.slip)
-    if summary.drift is not None:
-        found += _drift_facts(summary.drift)
-    if summary.crab is not None:
-        found.append(_crab_fact(summary.crab))
+    found += _compensation_facts(summary)
     if summary.cross_track_rms_m is not None and summary.cross_track_max_m is not None:
         greatest = length(summary.cross_track_max_m)
         found.append(
@@ -136,6 +132,28 @@ def _slip_facts(slip: SlipSummary) -> list[Fact]:
     if share < NAMED_BELOW and slip.invalid_cycles:
         detail += f"; mostly: {next(iter(slip.invalid_cycles))}"
     return [Fact("estimated slip", percent(fmean(slips)), detail)]
+
+
+def _compensation_facts(summary: Summary) -> list[Fact]:
+    found: list[Fact] = []
+    if summary.slip is not None:
+        found += _slip_facts(summary.slip)
+    if summary.ground is not None:
+        found += _ground_facts(summary.ground)
+    if summary.drift is not None:
+        found += _drift_facts(summary.drift)
+    if summary.crab is not None:
+        found.append(_crab_fact(summary.crab))
+    return found
+
+
+def _ground_facts(ground: GroundSummary) -> list[Fact]:
+    detail = f"by the camera, in {percent(ground.valid_share)} of the cycles"
+    if ground.invalid_share:
+        detail += f"; else: {next(iter(ground.invalid_share))}"
+    if ground.slip is None or ground.slip_sd is None:
+        return [Fact("measured slip", "none", detail)]
+    return [Fact("measured slip", f"{percent(ground.slip)} ± {percent(ground.slip_sd)}", detail)]
 
 
 def _drift_facts(drift: DriftSummary) -> list[Fact]:

@@ -1,6 +1,7 @@
 """`rover-hil check` finds every mistake at once, as run, simulate, tune and doctor do, and opens no port."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -38,6 +39,28 @@ def test_a_shipped_configuration_is_valid_and_ready_for_all(command: Command, na
     assert f"{name} is valid" in command.out
     for line in ("run: yes", "run --virtual: yes", "simulate: yes", "tune: yes"):
         assert f"  {line}\n" in command.out
+
+
+def test_the_sources_of_slip_are_named_with_the_error_of_the_rig(command: Command, tmp_path: Path) -> None:
+    assert command("check", "robotino") == 0
+    assert (
+        "  slip: yaw excitation (on the real rover after commissioning), then encoders, which assume rolling "
+        "wheels\n"
+    ) in command.out
+    section = ("[scomp]", '[ground_motion]\nrig = "el-dorado"\n\n[scomp]')
+    assert command("check", write(tmp_path, "el-dorado", section)) == 0
+    found = re.search(
+        r"  slip: ground motion by camera, travel (\d\.\d) % uncertain by its rig, then (.*)", command.out
+    )
+    assert found is not None
+    assert 1.0 < float(found[1]) < 2.5
+    assert found[2] == "slip law with the wheel trace by camera, then encoders, which assume rolling wheels"
+
+
+def test_a_camera_without_a_rig_of_its_own_is_a_mistake(command: Command, tmp_path: Path) -> None:
+    without = ('rig = "el-dorado"', "")
+    assert command("check", write(tmp_path, "el-dorado", without)) == 1
+    assert "roles.camera: its calibration is missing: add ground_motion.rig or scomp.rig" in command.out
 
 
 def test_a_yaw_that_nothing_watches_on_the_real_rover_is_a_warning(command: Command, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 from pydantic_core import to_json
 
 from controllers.control_loop import StepOutput
+from controllers.estimation.ground_travel import GroundReport
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.pose_filter import PoseEstimate, YawSource
 from controllers.estimation.wheel_contradiction import ContradictionReport
@@ -90,6 +91,15 @@ OUTPUT = StepOutput(
     contradiction=ContradictionReport(scaled=1.5, wheel=1, rolling_m=(0.0, 0.01), side_m=(0.0, 0.002)),
     steering_rad=(0.05, 0.0),
     crab=CrabReport(drift_rad=0.14, source=DriftSource.TRACE),
+    ground=GroundReport(
+        t_ns=4,
+        velocity_x_m_s=0.1,
+        velocity_y_m_s=0.0,
+        slip=0.25,
+        slip_sd=0.02,
+        drift_rad=None,
+        reason="",
+    ),
     suspicion="rover: may be entrapped",
 )
 RECORD = (
@@ -107,6 +117,8 @@ RECORD = (
     b'"theta_rad":0.15,"confidence":0.9,"source":"trace","theta_sd_rad":0.01},"reason":""},'
     b'"contradiction":{"scaled":1.5,"wheel":1,"rolling_m":[0.0,0.01],"side_m":[0.0,0.002]},'
     b'"steering_rad":[0.05,0.0],"crab":{"drift_rad":0.14,"source":"trace"},'
+    b'"ground":{"t_ns":4,"velocity_x_m_s":0.1,"velocity_y_m_s":0.0,"slip":0.25,"slip_sd":0.02,'
+    b'"drift_rad":null,"reason":""},'
     b'"suspicion":"rover: may be entrapped"}'
 )
 

@@ -16,6 +16,7 @@ NO_FORCE = "drive force unknown for too long"
 class SlipSource(StrEnum):
     """Where the slip in use comes from, in the order of preference."""
 
+    GROUND = "ground motion"
     EXCITATION = "excitation"
     MAP = "map"
     LEARNED = "learned"

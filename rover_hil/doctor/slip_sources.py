@@ -1,0 +1,43 @@
+"""Where a rover knows the slip of its wheels from, the best source first."""
+
+from collections.abc import Iterator
+
+from controllers.slip.effort.settings import YAW_PROBE
+from rover_hil.config import Config
+from rover_hil.run.excitation import for_real_rover
+
+
+def describe_slip_sources(config: Config) -> str:
+    """Return the sources of slip of a rover without mistakes, in the order in which they are preferred.
+
+    With ground motion also the error of the travel that the tolerance of the rig makes.
+    """
+    return ", then ".join(_sources(config))
+
+
+def _sources(config: Config) -> Iterator[str]:
+    camera = config.roles.camera
+    if config.ground_motion is not None and camera is not None:
+        yield f"ground motion by {camera}, travel {_scale_percent(config):.1f} % uncertain by its rig"
+    if config.roles.fixes:
+        yield f"pose fixes by {' and '.join(config.roles.fixes)}"
+    if config.scomp is not None:
+        has_trace = config.scomp.rig is not None and camera is not None
+        yield f"slip law with the wheel trace by {camera}" if has_trace else "slip law by tilt"
+    slip = config.slip
+    if slip is not None and slip.use == YAW_PROBE:
+        is_real = for_real_rover(config)[0].slip is not None
+        yield "yaw excitation" if is_real else "yaw excitation (on the real rover after commissioning)"
+    elif slip is not None:
+        yield f"motor currents by {slip.use}"
+    yield "encoders, which assume rolling wheels"
+
+
+def _scale_percent(config: Config) -> float:
+    # Imported here because they bring OpenCV, which a rover without a camera must not wait for.
+    from controllers.ground_motion.ground_patch import GroundPatch
+    from controllers.ground_motion.tolerance import scale_of
+
+    ground = config.ground_motion
+    assert ground is not None  # noqa: S101 - for the type checker
+    return 100.0 * scale_of(GroundPatch(ground.rig.geometry()), ground.tolerance)[1]
