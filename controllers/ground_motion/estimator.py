@@ -24,12 +24,14 @@ NO_MOTION = PatchMotion(
     forward_m=0.0,
     left_m=0.0,
     turn_rad=0.0,
+    tilt_rad=(0.0, 0.0),
     forward_sd_m=0.0,
     left_sd_m=0.0,
     turn_sd_rad=0.0,
     points=0,
     share=1.0,
     moved_pixels=0.0,
+    moved_sd_pixels=0.0,
 )
 """Between a picture and the same once more."""
 
@@ -40,13 +42,12 @@ class _Past:
 
     Attributes:
         picture: Fine structure in grey levels.
-        pose: Of the measured point in the axes of the first frame of the chain: forward, left, turn.
-        turned: Angles turned and their deviations since the start, rows of three.
+        pose: Of the measured point in the axes of the first frame of the chain: forward, left, turn, and roll
+            and pitch since then.
     """
 
     picture: Image
     pose: Floats
-    turned: Floats
 
 
 class GroundMotionEstimator:
@@ -72,15 +73,15 @@ class GroundMotionEstimator:
         parameters: GroundMotionParameters = DEFAULTS,
     ) -> None:
         self._ground, self._parameters = ground, parameters
-        self._factor, self._scale_sd = scale_of(ground, tolerance or RigTolerance())
         self._structure = FineStructure(ground, parameters.structure)
         self._flow = GroundFlow(ground, parameters.flow)
+        self._factor, self._scale_sd = scale_of(ground, self._flow, tolerance or RigTolerance())
         self._pattern = StaticPattern(ground.shape, parameters.pattern)
         self._first_metre = FirstMetre(self._scale_sd, parameters.first_metre)
         self._most_travel_m = parameters.validity.most_travel_share * ground.shape[0] * ground.pixel_m
         self._past: list[_Past] = []
-        self._pose: Floats = np.zeros(3)
-        self._next_pose: Floats = np.zeros(3)
+        self._pose: Floats = np.zeros(5)
+        self._next_pose: Floats = np.zeros(5)
         self._turned: Floats = np.zeros((2, 3))
         self._travel_m: Floats | None = np.zeros(2)
         self._last_m: Floats = np.zeros(2)
@@ -221,14 +222,16 @@ class GroundMotionEstimator:
 
     def _compare(self, past: _Past, picture: Image, starts_m: Floats) -> tuple[PatchMotion | None, str]:
         """Return the motion of the pair, by comparison with an earlier frame."""
-        angles, deviations = self._turned - past.turned
-        # Motion since that frame, in axes of the frame before and, by the gyro, of this one.
-        known_m = rotated(self._pose[:2] - past.pose[:2], -(past.pose[2] + angles[2]))
+        (roll, pitch, yaw), deviations = self._turned
+        before = self._pose - past.pose
+        angles = (float(before[3] + roll), float(before[4] + pitch), float(before[2] + yaw))
+        # Motion between that frame and the one before, in the axes of this one.
+        known_m = rotated(before[:2], -(self._pose[2] + yaw))
         wheel_m = self._travel_m
         reach_m = self._most_travel_m if wheel_m is None else float(np.hypot(*wheel_m))
         most_m = float(np.hypot(*known_m)) + self._parameters.flow.overrun * reach_m
         followed = self._flow.follow(
-            past.picture, picture, known_m + starts_m, tuple(angles), tuple(deviations), most_m
+            past.picture, picture, known_m + starts_m, angles, tuple(deviations.tolist()), most_m
         )
         found, reason = self._choose(followed, float(np.hypot(*known_m)) / self._ground.pixel_m)
         if found is None:
@@ -236,6 +239,7 @@ class GroundMotionEstimator:
         pose = np.r_[
             past.pose[:2] + rotated(np.array([found.forward_m, found.left_m]), past.pose[2] + found.turn_rad),
             past.pose[2] + found.turn_rad,
+            past.pose[3:] + found.tilt_rad,
         ]
         forward_m, left_m = rotated(pose[:2] - self._pose[:2], -pose[2]).tolist()
         turn_rad = float(pose[2] - self._pose[2])
@@ -246,12 +250,14 @@ class GroundMotionEstimator:
                 forward_m=forward_m,
                 left_m=left_m,
                 turn_rad=turn_rad,
+                tilt_rad=found.tilt_rad,
                 forward_sd_m=found.forward_sd_m,
                 left_sd_m=found.left_sd_m,
                 turn_sd_rad=found.turn_sd_rad,
                 points=found.points,
                 share=found.share,
                 moved_pixels=moved,
+                moved_sd_pixels=found.moved_sd_pixels,
             ),
             "",
         )
@@ -264,10 +270,9 @@ class GroundMotionEstimator:
             apart_pixels: Known motion between the earlier frame and the one before this.
         """
         numbers = self._parameters.validity
-        most_sd_m = numbers.most_forward_sd_pixels * self._ground.pixel_m
         moving, fixed = followed.moving, followed.fixed
         if moving is not None and moving.moved_pixels > numbers.still_pixels:
-            if moving.points >= numbers.least_moving and moving.forward_sd_m < most_sd_m:
+            if moving.points >= numbers.least_moving and moving.moved_sd_pixels < numbers.most_sd_pixels:
                 return moving, ""
             reason = "too few points move alike"
         else:
@@ -277,7 +282,7 @@ class GroundMotionEstimator:
             return None, reason
         if apart_pixels > 1.0:
             return None, "what is fixed in the picture hides the ground"
-        if still.share < numbers.least_still_share or still.forward_sd_m > most_sd_m:
+        if still.share < numbers.least_still_share or still.moved_sd_pixels > numbers.most_sd_pixels:
             return None, "ground that stands cannot be told from what is fixed in the picture"
         return still, ""
 
@@ -286,13 +291,12 @@ class GroundMotionEstimator:
         self._pose = self._next_pose
         numbers = self._parameters.validity
         pixel_m = self._ground.pixel_m
-        past = _Past(picture=picture, pose=self._pose, turned=self._turned)
         last = self._past[-1]
         moved = float(np.hypot(*(self._pose - last.pose)[:2])) / pixel_m
         turned = float(self._pose[2] - last.pose[2]) * self._ground.shape[0]
         if np.hypot(moved, turned) < numbers.stored_pixels:
             return
-        self._past.append(past)
+        self._past.append(_Past(picture=picture, pose=self._pose))
         # All before the newest one that is far enough will not be compared with again.
         while len(self._past) > 2 and (
             len(self._past) > numbers.most_stored
@@ -303,14 +307,14 @@ class GroundMotionEstimator:
     def _restart(self, t_ns: int, patch: Image, structure: Patch) -> None:
         """Begin a new chain of poses with this frame."""
         picture = self._structure.picture(self._pattern.without(structure))
-        self._pose = np.zeros(3)
-        self._past = [_Past(picture=picture, pose=self._pose, turned=self._turned)]
+        self._pose = np.zeros(5)
+        self._past = [_Past(picture=picture, pose=self._pose)]
         self._begin(t_ns, patch)
 
     def _begin(self, t_ns: int, patch: Image) -> None:
         """Begin the next pair."""
         self._t_ns, self._grey = t_ns, patch
-        self._travel_m = np.zeros(2)
+        self._travel_m, self._turned = np.zeros(2), np.zeros((2, 3))
 
     def _valid(self, from_ns: int, to_ns: int, motion: PatchMotion) -> GroundMotion:
         rig = self._ground.rig

@@ -35,7 +35,7 @@ class FirstMetre:
             return
         ratio = self._ground_m / self._wheel_m
         self.contradiction = ""
-        if self._against_m > numbers.least_travel_m > self._along_m:
+        if self._against_m > numbers.least_travel_m and self._along_m < numbers.confirmed_travel_m:
             self.contradiction = "ground moves against the wheels: check that the camera is not upside down"
         elif ratio > self._most:
             self.contradiction = (

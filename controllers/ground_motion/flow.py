@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from controllers.ground_motion.ground_patch import Floats, GroundPatch, Mask
 from controllers.ground_motion.parameters import FlowParameters
@@ -30,23 +31,27 @@ class PatchMotion:
         forward_m: Along the axis of the patch.
         left_m: Across it.
         turn_rad: Counter-clockwise.
+        tilt_rad: Change of roll and pitch.
         forward_sd_m: Standard deviation of `forward_m`, by the fit.
         left_sd_m: Standard deviation of `left_m`.
         turn_sd_rad: Standard deviation of `turn_rad`.
         points: Points that move with the ground.
         share: Their share of the points in both views.
         moved_pixels: Mean motion of these points in the picture.
+        moved_sd_pixels: Standard deviation of this mean, by the scatter of the points.
     """
 
     forward_m: float
     left_m: float
     turn_rad: float
+    tilt_rad: tuple[float, float]
     forward_sd_m: float
     left_sd_m: float
     turn_sd_rad: float
     points: int
     share: float
     moved_pixels: float
+    moved_sd_pixels: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,8 +78,9 @@ class GroundFlow:
     def __init__(self, ground: GroundPatch, parameters: FlowParameters) -> None:
         self._parameters = parameters
         window = parameters.window_pixels
+        step = parameters.coarse_spacing_pixels if ground.is_coarse else parameters.spacing_pixels
         self._window = (window, window)
-        step = parameters.spacing_pixels
+        self._covariance_factor = parameters.covariance_factor * max(1.0, (window / step) ** 2)
         rows, columns = np.mgrid[step // 2 : ground.shape[0] : step, step // 2 : ground.shape[1] : step]
         margin = cv2.erode(ground.visible.astype(np.uint8), np.ones(self._window, np.uint8), borderValue=0)
         keep = margin[rows, columns] > 0
@@ -123,14 +129,37 @@ class GroundFlow:
         information = np.diag(1 / np.array([turn_sd_rad[2], *turn_sd_rad[:2]]) ** 2)
         found = []
         for group in (usable & within & ~fixed, fixed):
-            middle = self._densest(shifts, group)
-            start = None if middle is None else np.r_[middle, angles]
+            start = self._densest(shifts, group, design[:, :, 4], turn_sd_rad[1])
             found.append(
                 None
                 if start is None
-                else self._solve(moved, usable, base, design, start, angles, information, turn_rad[2])
+                else self._solve(
+                    moved,
+                    usable,
+                    base,
+                    design,
+                    start + np.r_[0.0, 0.0, angles],
+                    angles,
+                    information,
+                    turn_rad[2],
+                )
             )
         return Followed(moving=found[0], fixed=found[1])
+
+    def points_m(self) -> Floats:
+        """Return the points of the ground that are followed, behind and left of the patch's origin."""
+        return np.asarray((self._points + self._reference) * (-1.0, 1.0), np.float64)
+
+    def fitted_forward_m(self, moved_m: Floats, turn_sd_rad: Angles) -> float:
+        """Return the motion forward that fits displacements of the points (ahead, left), without any turn.
+
+        The other motions are fitted with it, as in `follow`: a part of a displacement may pass for them.
+        """
+        sd_m = self._parameters.point_sd_pixels * self._pixel_m
+        design = self._linearised(0.0)[1].reshape(-1, 5)
+        normal = design.T @ design / sd_m**2
+        normal[2:, 2:] += np.diag(1 / np.array([turn_sd_rad[2], *turn_sd_rad[:2]]) ** 2)
+        return float(np.linalg.solve(normal, design.T @ moved_m.reshape(-1) / sd_m**2)[0])
 
     def _moved(self, before: Image, after: Image, turned: Floats, starts_m: Floats) -> tuple[Floats, Mask]:
         """Return how the points moved ahead and left (points x starts x 2), and which could be followed."""
@@ -148,25 +177,41 @@ class GroundFlow:
         apart = (places.reshape(shape) - self._pixels[:, None]) * self._pixel_m
         return np.stack([-apart[..., 1], apart[..., 0]], axis=-1), usable.reshape(shape[:2])
 
-    def _densest(self, shifts: Floats, group: Mask) -> Floats | None:
-        """Return the motion that most points share; None if too few do. A point counts once."""
+    def _densest(self, shifts: Floats, group: Mask, pitched: Floats, pitch_sd_rad: float) -> Floats | None:
+        """Return the motion that most points share, in the order of the design; None if too few do.
+
+        A point counts once. Where the pitch is not known, far points move otherwise than near ones: several
+        changes of pitch are tried, in steps that part the points less than the group is wide.
+        """
         numbers = self._parameters
         if group.any(axis=1).sum() < numbers.least_points:
             return None
         point = np.nonzero(group)[0]
         chosen = shifts[group]
-        cell = np.floor(chosen / (numbers.group_pixels * self._pixel_m * 2 / 3)).astype(np.intp)
+        spread = float(np.ptp(pitched[:, 0])) * pitch_sd_rad / self._pixel_m
+        steps = min(int(1.5 * spread / numbers.pitch_pixels), numbers.most_pitch_steps)
+        best, most = None, 0.0
+        for pitch_rad in np.linspace(-1.5, 1.5, 2 * steps + 1) * pitch_sd_rad if steps else (0.0,):
+            level = chosen + pitched[point] * pitch_rad
+            votes, middle = self._vote(level, point)
+            if votes > most:
+                best, most = np.r_[middle, 0.0, 0.0, pitch_rad], votes
+        return best
+
+    def _vote(self, shifts: Floats, point: NDArray[np.intp]) -> tuple[float, Floats]:
+        """Return how many points the densest group of motions has, and its middle."""
+        cell = np.floor(shifts / (self._parameters.group_pixels * self._pixel_m * 2 / 3)).astype(np.intp)
         cell -= cell.min(axis=0) - 1
         rows, columns = cell.max(axis=0) + 2
         if rows * columns > MOST_CELLS:
-            return None
+            return 0.0, np.zeros(2)
         votes = np.zeros((rows, columns), np.float32)
-        single = np.unique(np.stack([point, cell[:, 0], cell[:, 1]]), axis=1)
-        np.add.at(votes, (single[1], single[2]), 1.0)
+        single = np.unique((point * rows + cell[:, 0]) * columns + cell[:, 1])
+        np.add.at(votes.reshape(-1), single % (rows * columns), 1.0)
         votes = np.asarray(cv2.boxFilter(votes, -1, (3, 3), normalize=False))
         row, column = np.unravel_index(int(votes.argmax()), votes.shape)
         near = (np.abs(cell - (row, column)) <= 1).all(axis=1)
-        return np.asarray(chosen[near].mean(axis=0), np.float64)
+        return float(votes[row, column]), np.asarray(shifts[near].mean(axis=0), np.float64)
 
     def _solve(
         self,
@@ -210,17 +255,19 @@ class GroundFlow:
             return None
         model = base + design @ x
         landed = self._pixels + np.stack([model[:, 1], -model[:, 0]], axis=1) / self._pixel_m
-        sd = np.sqrt(numbers.covariance_factor * np.diag(np.linalg.inv(normal)))
+        sd = np.sqrt(self._covariance_factor * np.diag(np.linalg.inv(normal)))
         return PatchMotion(
             forward_m=float(x[0]),
             left_m=float(x[1]),
             turn_rad=yaw_rad + float(x[2]),
+            tilt_rad=(float(x[3]), float(x[4])),
             forward_sd_m=float(sd[0]),
             left_sd_m=float(sd[1]),
             turn_sd_rad=float(sd[2]),
             points=int(inlier.sum()),
             share=min(float(inlier.sum()) / max(int(self._is_visible(landed).sum()), 1), 1.0),
             moved_pixels=float(np.hypot(*model[inlier].T).mean()) / self._pixel_m,
+            moved_sd_pixels=scale / self._pixel_m * float(np.sqrt(self._covariance_factor / inlier.sum())),
         )
 
     def _linearised(self, yaw_rad: float) -> tuple[Floats, Floats]:

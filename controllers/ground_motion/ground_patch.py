@@ -19,7 +19,9 @@ Mask = NDArray[np.bool_]
 RESOLUTION_M = 0.004
 """Size of a pixel of the rectified ground behind a wheel; 25 of them are the width of a 10 cm wheel."""
 VIEW_PIXELS = 35_000
-"""Pixels of the rectified ground of a camera that watches no wheel: as many as behind a wheel."""
+"""Most pixels of the rectified ground of a camera that watches no wheel: as many as behind a wheel."""
+LEAST_PIXEL = 0.7
+"""Least size of a pixel of the rectified ground, over what the camera's own covers along its ray."""
 MOST_BEHIND_M, MOST_LATERAL_M = 0.8, 0.4
 """Ground further away than this from the contact adds time, not accuracy."""
 LEAST_VISIBLE = 0.25
@@ -39,6 +41,7 @@ class GroundPatch:
     Attributes:
         shape: Rows and columns.
         pixel_m: Size of a pixel; `RESOLUTION_M` with a wheel.
+        is_coarse: The camera's own pixels limit the size: its rays are flat.
         centre: Column of the contact.
         visible: Pixels that the camera sees and the wheel does not hide.
 
@@ -54,14 +57,16 @@ class GroundPatch:
         if rig.watches_wheel:
             reach = rig.behind_m * np.tan(rig.max_slip_rad) + 2.0 * rig.wheel_width_m
             length_m, half_m = min(length_m, MOST_BEHIND_M), min(half_m, reach, MOST_LATERAL_M)
-            self.pixel_m = RESOLUTION_M
+            self.pixel_m, self.is_coarse = RESOLUTION_M, False
         else:
-            self.pixel_m = float(np.sqrt(2 * half_m * length_m / VIEW_PIXELS))
-            if self.pixel_m == 0.0:
+            if min(length_m, half_m) <= 0.0:
                 raise ConfigError(
                     "the rig's camera sees no ground: check R_vehicle_camera (camera to vehicle) and "
                     "t_vehicle_camera"
                 )
+            fine_m = float(np.sqrt(2 * half_m * length_m / VIEW_PIXELS))
+            coarse_m = self._ray_pixel_m()
+            self.pixel_m, self.is_coarse = max(fine_m, coarse_m), coarse_m > fine_m
         half = round(half_m / self.pixel_m)
         self.shape = (round(length_m / self.pixel_m), 2 * half + 1)
         self.centre = half
@@ -81,6 +86,13 @@ class GroundPatch:
         source = (pixels - 0.5) / 2 if self._halved else pixels
         grid = np.where(ahead[:, None], source, -1e4).reshape(*self.shape, 2).astype(np.float32)
         self._maps = cv2.convertMaps(grid, np.empty(0, np.float32), cv2.CV_16SC2)
+
+    def _ray_pixel_m(self) -> float:
+        """Return `LEAST_PIXEL` of what a pixel of the camera covers along its ray, mid-view."""
+        rig = self.rig
+        middle = rig.contact_m - np.array([rig.behind_m / 2, 0.0, 0.0])
+        square = float(((middle - rig.position_m) ** 2).sum())
+        return LEAST_PIXEL * square / float(rig.position_m[2] * rig.camera_matrix[1, 1])
 
     def rectify(self, image: Image) -> Image:
         """Return the ground as grey pixels, 0 where the camera does not see it.

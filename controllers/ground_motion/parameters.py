@@ -38,17 +38,20 @@ class FlowParameters:
     """Points that are followed from picture to picture, and the motion that most of them share."""
 
     spacing_pixels: int = 14  # of the points
+    coarse_spacing_pixels: int = 6  # where rays are flat: few windows have corners there
     window_pixels: int = 15  # side of a point's window
     start_pixels: float = 6.0  # distance of two starts of the search; half of it is found from either
     most_starts: int = 6
     least_points: int = 14  # that follow the ground
     point_sd_pixels: float = 0.15  # of the motion of a point
     group_pixels: float = 0.3  # motions closer than this are alike
+    pitch_pixels: float = 1.0  # spread of the points' motions by a change of pitch, of a step of the search
+    most_pitch_steps: int = 6  # to either side
     rounds: int = 4  # of the robust fit
     cut: float = 3.0  # points with a greater residual have no weight; in robust standard deviations
-    most_scale_pixels: float = 0.625  # greatest scatter of points that follow the ground
+    most_scale_pixels: float = 1.0  # greatest scatter of points that follow the ground
     inlier_weight: float = 0.2  # least weight of a point that moves with the ground
-    covariance_factor: float = 2.0  # neighbouring windows overlap: there are fewer independent points
+    covariance_factor: float = 1.75  # errors of points are alike; windows that overlap add to it
     overrun: float = 1.5  # greatest motion, over the wheels': beyond, points have lost the ground
     aside: float = 0.8  # greatest motion across the wheels', over theirs: slip angles of 39 deg
 
@@ -57,12 +60,11 @@ class FlowParameters:
 class ValidityParameters:
     """What a pair of frames must show to measure the motion.
 
-    The numbers of the moving group and of its deviation were chosen on 14 drives of two renderers, and held
-    on 8 others (with a camera 0.8 m high, where 0.1 pixels are 0.4 mm).
+    The number of the moving group was chosen on 14 drives of two renderers, and held on 8 others.
     """
 
     least_moving: int = 18  # points that move in the picture, for any motion
-    most_forward_sd_pixels: float = 0.2  # of the fit: wrong groups scatter more, or have fewer points
+    most_sd_pixels: float = 0.25  # of the mean motion: wrong groups scatter more, or have fewer points
     still_pixels: float = 0.5  # a motion below this in the picture may be of specks and shadows
     least_still_share: float = 0.7  # of the points, for ground that does not move in the picture
     baseline_pixels: float = 3.0  # frames to compare with are at least this far apart, where there are any
@@ -85,6 +87,7 @@ class FirstMetreParameters:
     """Contradictions of ground and wheels that a wrong rig causes."""
 
     least_travel_m: float = 0.25  # of the wheels
+    confirmed_travel_m: float = 0.1  # of the wheels, with the ground moving along: the camera is upright
     backwards: float = 0.3  # motion against the wheels', over theirs, that counts
     skid: float = 0.05  # ground travel beyond the wheels' that a rover reaches, downhill
     scale_sds: float = 3.0  # deviations of the scale beyond that

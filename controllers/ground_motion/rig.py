@@ -23,7 +23,7 @@ OTHER_MODELS = ("fish", "kannala", "equidistant", "rational", "omni", "scaramuzz
 
 LEAST_LOOK_DOWN = 0.05
 """Least downward part of a ray's direction; flatter rays meet the ground metres away."""
-COARSEST = 5.0
+COARSEST = 8.0
 VIEW_RAYS = 41
 """Rays to either side, to find the ground in view."""
 VIEW_PERCENTILES = (5.0, 95.0)

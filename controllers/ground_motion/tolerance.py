@@ -5,17 +5,18 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from controllers.ground_motion.flow import GroundFlow
 from controllers.ground_motion.ground_patch import Floats, GroundPatch, project
 from controllers.ground_motion.rig import RigGeometry
 from controllers.ground_motion.rig_tolerance import RigTolerance
 
 STEP_M = 0.01
 """Travel that is compared; the factor hardly depends on it."""
-STRIDE = 16
-"""Every so many pixels of the rectified ground are compared."""
+TILT_SD_RAD = (0.002, 0.002, 0.01)
+"""Deviations of the angles turned in the fit, as with a gyro; the factor hardly depends on them."""
 
 
-def scale_of(ground: GroundPatch, tolerance: RigTolerance) -> tuple[float, float]:
+def scale_of(ground: GroundPatch, flow: GroundFlow, tolerance: RigTolerance) -> tuple[float, float]:
     """Return the factor from measured to true travel by scale and usual sinkage, and its standard deviation.
 
     Where the scale is calibrated, only its deviation and that of the sinkage are left. Otherwise the
@@ -27,36 +28,35 @@ def scale_of(ground: GroundPatch, tolerance: RigTolerance) -> tuple[float, float
     factor = tolerance.scale * (1 - tolerance.sinkage_m / height_m)
     if tolerance.scale_sd is not None:
         return factor, factor * float(np.hypot(tolerance.scale_sd, tolerance.sinkage_sd_m / height_m))
-    pitch = np.radians(tolerance.pitch_sd_deg)
-    cosine, sine = np.cos(pitch), np.sin(pitch)
-    pitched = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
     focal = np.diag([1 + tolerance.focal_length_sd, 1 + tolerance.focal_length_sd, 1.0])
-    # A change of the focal length leaves the principal point where it is.
-    matrix = rig.camera_matrix @ focal
-    effects = [
-        tolerance.height_sd_m / height_m,
-        tolerance.sinkage_sd_m / height_m,
-        travel_factor(replace(rig, rotation=pitched @ rig.rotation), ground) - 1,
-        travel_factor(replace(rig, camera_matrix=matrix), ground) - 1,
+    wrong = [
+        replace(rig, rotation=pitched(np.radians(tolerance.pitch_sd_deg)) @ rig.rotation),
+        replace(rig, camera_matrix=rig.camera_matrix @ focal),
     ]
+    effects = [travel_factor(true, ground, flow) - 1 for true in wrong]
+    effects += [tolerance.height_sd_m / height_m, tolerance.sinkage_sd_m / height_m]
     return factor, factor * float(np.linalg.norm(effects))
 
 
-def travel_factor(true: RigGeometry, ground: GroundPatch) -> float:
+def travel_factor(true: RigGeometry, ground: GroundPatch, flow: GroundFlow) -> float:
     """Return measured over true travel forward, where the camera is mounted otherwise than the rig says."""
-    rows, columns = np.nonzero(ground.visible[::STRIDE, ::STRIDE])
-    back = np.asarray((rows * STRIDE + 0.5) * ground.pixel_m, np.float64)
-    left = np.asarray((columns * STRIDE - ground.centre) * ground.pixel_m, np.float64)
-    points = ground.to_vehicle(back, left)
+    points = ground.to_vehicle(*flow.points_m().T)
     before, after = (
-        _seen_at(true, ground.rig, points + np.array([shift_m, 0.0, 0.0])) for shift_m in (STEP_M, 0.0)
+        _seen_at(true, ground, points + np.array([shift_m, 0.0, 0.0])) for shift_m in (STEP_M, 0.0)
     )
-    return float(np.median((before - after)[:, 0]) / STEP_M)
+    return flow.fitted_forward_m((after - before) * (-1.0, 1.0), TILT_SD_RAD) / STEP_M
 
 
-def _seen_at(true: RigGeometry, told: RigGeometry, points: Floats) -> Floats:
-    """Return where points of the ground (vehicle frame) seem to be, by the rig that is told."""
+def pitched(angle_rad: float) -> Floats:
+    """Return the turn about the vehicle's left axis that lowers what is ahead."""
+    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
+
+
+def _seen_at(true: RigGeometry, ground: GroundPatch, points: Floats) -> Floats:
+    """Return where points of the ground (vehicle frame) seem to be, behind and left of the patch's origin."""
+    told = ground.rig
     pixels, _ = project(true, points)
     plain = cv2.undistortPoints(pixels[:, None], told.camera_matrix, told.distortion).reshape(-1, 2)
     rays = np.c_[plain, np.ones(len(plain))] @ told.rotation.T
-    return np.asarray((told.position_m - rays * (told.position_m[2] / rays[:, 2:]))[:, :2], np.float64)
+    return ground.to_patch(told.position_m - rays * (told.position_m[2] / rays[:, 2:]))

@@ -35,9 +35,12 @@ def _sources(config: Config) -> Iterator[str]:
 
 def _scale_percent(config: Config) -> float:
     # Imported here because they bring OpenCV, which a rover without a camera must not wait for.
+    from controllers.ground_motion.flow import GroundFlow
     from controllers.ground_motion.ground_patch import GroundPatch
+    from controllers.ground_motion.parameters import DEFAULTS
     from controllers.ground_motion.tolerance import scale_of
 
     ground = config.ground_motion
     assert ground is not None  # noqa: S101 - for the type checker
-    return 100.0 * scale_of(GroundPatch(ground.rig.geometry()), ground.tolerance)[1]
+    patch = GroundPatch(ground.rig.geometry())
+    return 100.0 * scale_of(patch, GroundFlow(patch, DEFAULTS.flow), ground.tolerance)[1]

@@ -25,12 +25,14 @@ def learned(shadow: Patch, *, aside: int = 0, band: float = 0.0, ahead: int = 1)
         forward_m=ahead * STEP * RESOLUTION_M,
         left_m=aside * RESOLUTION_M,
         turn_rad=0.0,
+        tilt_rad=(0.0, 0.0),
         forward_sd_m=0.0002,
         left_sd_m=0.0002,
         turn_sd_rad=0.001,
         points=100,
         share=1.0,
         moved_pixels=1.0,
+        moved_sd_pixels=0.1,
     )
     for frame in range(FRAMES):
         top = STEP * (FRAMES - frame if ahead > 0 else frame)

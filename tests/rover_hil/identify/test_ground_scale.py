@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from controllers.estimation.ground_travel import WHEELS_SD
+from controllers.ground_motion.flow import GroundFlow
 from controllers.ground_motion.ground_patch import GroundPatch
+from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.rig_tolerance import RigTolerance
 from controllers.ground_motion.tolerance import scale_of
 from rover_hil.config import load_config
@@ -114,10 +116,11 @@ def test_a_calibrated_scale_replaces_the_tolerances_of_the_rig_but_not_the_sinka
     settings = load_config("robotino-camera").ground_motion
     assert settings is not None
     ground = GroundPatch(settings.rig.geometry())
+    flow = GroundFlow(ground, DEFAULTS.flow)
     calibrated = RigTolerance(scale=0.97, scale_sd=0.003, sinkage_m=0.009, sinkage_sd_m=0.0045)
-    factor, sd = scale_of(ground, calibrated)
+    factor, sd = scale_of(ground, flow, calibrated)
     assert factor == pytest.approx(0.97 * (1 - 0.009 / 0.45))
     assert sd == pytest.approx(factor * np.hypot(0.003, 0.01))
-    plain, plain_sd = scale_of(ground, RigTolerance(sinkage_sd_m=0.0045))
+    plain, plain_sd = scale_of(ground, flow, RigTolerance(sinkage_sd_m=0.0045))
     assert plain == 1.0
     assert plain_sd > sd

@@ -1,0 +1,273 @@
+"""Motion of textured ground under a camera, with exact truth: patches cut from a large picture."""
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from controllers.ground_motion.estimator import GroundMotionEstimator
+from controllers.ground_motion.ground_patch import GroundPatch
+from controllers.ground_motion.motion import GroundMotion
+from controllers.ground_motion.parameters import DEFAULTS
+from controllers.ground_motion.prior import MotionPrior, turned
+from controllers.ground_motion.rig_tolerance import RigTolerance
+from controllers.ground_motion.structure import FineStructure
+from drivers.errors import ModelError
+from drivers.samples import Image
+from tests.controllers.ftrace.rigs import geometry
+
+GROUND = GroundPatch(geometry())
+STEP_NS = 200_000_000
+WHEEL_M = 0.016
+EXACT = RigTolerance(height_sd_m=0.0, pitch_sd_deg=0.0, focal_length_sd=0.0, sinkage_sd_m=0.0)
+
+
+def wide_ground(seed: int = 1, length: int = 1000) -> Image:
+    noise = np.random.default_rng(seed).standard_normal((GROUND.shape[0] + length, GROUND.shape[1]))
+    smooth = cv2.GaussianBlur(noise, (0, 0), 1.5)
+    return np.asarray(np.clip(128 + 40 * smooth / smooth.std(), 0, 255), np.uint8)
+
+
+def patch_at(wide: Image, travelled_m: float) -> Image:
+    """Return the view after a travel: ground that was at row r is then further behind."""
+    rows, columns = np.indices(GROUND.shape).astype(np.float32)
+    middle = (wide.shape[0] - GROUND.shape[0]) / 2
+    rows += np.float32(middle - travelled_m / GROUND.pixel_m)
+    return np.asarray(cv2.remap(wide, columns, rows, cv2.INTER_LINEAR), np.uint8)
+
+
+class Drive:
+    """Feeds patches to an estimator.
+
+    Args:
+        tolerance: What is not known about the rig.
+    """
+
+    def __init__(self, tolerance: RigTolerance = EXACT) -> None:
+        self.estimator = GroundMotionEstimator(GROUND, tolerance)
+        self._structure = FineStructure(GROUND, DEFAULTS.structure)
+        self._rng = np.random.default_rng(7)
+        self._t_ns = 0
+        self.motions: list[GroundMotion] = []
+
+    def show(
+        self, patch: Image, wheel_m: float | None = WHEEL_M, *, noisy: bool = True
+    ) -> GroundMotion | None:
+        """Show the next frame, with the noise of a camera."""
+        grey = patch
+        if noisy:
+            grey = np.asarray(np.clip(patch + self._rng.normal(0, 1, patch.shape), 0, 255), np.uint8)
+        turn, turn_sd = turned((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.2, DEFAULTS.turn)
+        prior = MotionPrior(forward_m=wheel_m, left_m=0.0, turn_rad=turn, turn_sd_rad=turn_sd)
+        structure = self._structure.of(self._structure.log_grey(grey))
+        motion = self.estimator.step_patch(self._t_ns, grey, structure, prior)
+        self._t_ns += STEP_NS
+        if motion is not None:
+            self.motions.append(motion)
+        return motion
+
+    @property
+    def travelled_m(self) -> float:
+        """Return the sum of the motions."""
+        return sum(motion.forward_m for motion in self.motions)
+
+
+@pytest.mark.parametrize("slip", [-0.05, 0.0, 0.3, 0.55, 0.7, 0.8, 0.9, 0.98, 1.0, 1.3, 2.0])
+def test_ground_is_measured_at_every_slip(slip: float) -> None:
+    drive, wide = Drive(), wide_ground()
+    for frame in range(13):
+        drive.show(patch_at(wide, frame * (1 - slip) * WHEEL_M))
+
+    assert [motion.invalid_because for motion in drive.motions] == [""] * 12
+    assert drive.travelled_m == pytest.approx(12 * (1 - slip) * WHEEL_M, abs=0.0015)
+
+
+def test_fast_ground_that_slips_is_found_between_the_starts() -> None:
+    drive, wide = Drive(), wide_ground()
+    for frame in range(6):
+        drive.show(patch_at(wide, frame * 0.037), wheel_m=0.08)
+
+    assert all(motion.is_valid for motion in drive.motions)
+    assert drive.travelled_m == pytest.approx(5 * 0.037, rel=0.01)
+
+
+def test_errors_of_slow_motion_do_not_add_up() -> None:
+    """A tenth of a pixel a frame: frames are compared with one that is some pixels of ground away."""
+    drive, wide = Drive(), wide_ground()
+    for frame in range(101):
+        drive.show(patch_at(wide, frame * 0.0004), wheel_m=0.0005)
+
+    assert all(motion.is_valid for motion in drive.motions)
+    assert drive.travelled_m == pytest.approx(0.04, abs=0.0006)
+
+
+def specks(patch: Image) -> Image:
+    """Return a frame with specks on the lens, over about a third of the points."""
+    changed = patch.copy()
+    rng = np.random.default_rng(3)
+    for _ in range(60):
+        x, y = rng.integers(0, patch.shape[1]), rng.integers(0, patch.shape[0])
+        cv2.circle(changed, (int(x), int(y)), int(rng.integers(2, 6)), 30, -1)
+    return changed
+
+
+def test_specks_on_the_lens_are_not_ground_that_stands() -> None:
+    drive, wide = Drive(), wide_ground()
+    for frame in range(30):
+        drive.show(specks(patch_at(wide, frame * 0.012)))
+
+    assert all(motion.is_valid for motion in drive.motions)
+    assert drive.travelled_m == pytest.approx(29 * 0.012, rel=0.02)
+    shown = drive.estimator.fixed_in_picture
+    dirty = specks(np.full(GROUND.shape, 200, np.uint8)) < 100
+    clean = cv2.dilate(dirty.astype(np.uint8), np.ones((9, 9), np.uint8)) == 0
+    assert shown[dirty & GROUND.visible].mean() > 0.3
+    assert shown[clean & GROUND.visible].mean() < 0.02
+
+
+def test_specks_alone_do_not_prove_that_the_ground_stands() -> None:
+    """The ground cannot be followed: every frame shows other ground behind the same specks."""
+    drive = Drive()
+    for frame in range(8):
+        drive.show(specks(patch_at(wide_ground(seed=frame), 0.0)))
+
+    assert not any(motion.is_valid for motion in drive.motions)
+
+
+def test_ground_that_stops_is_told_from_specks() -> None:
+    drive, wide = Drive(), wide_ground()
+    for frame in range(20):
+        drive.show(specks(patch_at(wide, min(frame, 10) * 0.014)))
+
+    assert all(motion.is_valid for motion in drive.motions)
+    assert drive.travelled_m == pytest.approx(0.14, abs=0.002)
+    assert all(abs(motion.forward_m) < 0.0006 for motion in drive.motions[-8:])
+
+
+def test_repeated_frame_is_not_standing() -> None:
+    drive, wide = Drive(), wide_ground()
+    drive.show(patch_at(wide, 0.0), noisy=False)
+    drive.show(patch_at(wide, 0.012), noisy=False)
+    drive.show(patch_at(wide, 0.012), noisy=False)
+    drive.show(patch_at(wide, 0.036), noisy=False)
+
+    first, repeated, after = drive.motions
+    assert repeated.invalid_because == "frame repeated"
+    assert repeated.forward_m == 0.0
+    assert after.is_valid
+    assert after.from_ns == first.to_ns
+    assert after.forward_m == pytest.approx(0.024, abs=4e-4)
+
+
+def test_ground_that_cannot_be_seen_is_not_measured() -> None:
+    drive = Drive()
+    for _ in range(5):
+        drive.show(np.full(GROUND.shape, 60, np.uint8))
+
+    assert not any(motion.is_valid for motion in drive.motions)
+    assert {motion.forward_m for motion in drive.motions} == {0.0}
+
+
+def test_smooth_ground_of_little_contrast_is_measured() -> None:
+    """Grey levels that vary by less than three: the fit decides, not the contrast."""
+    drive, wide = Drive(), wide_ground()
+    for frame in range(10):
+        view = patch_at(wide, frame * 0.012).astype(np.float64)
+        drive.show(np.asarray(np.round(120 + (view - 128) / 18), np.uint8), noisy=False)
+
+    assert all(motion.is_valid for motion in drive.motions)
+    assert drive.travelled_m == pytest.approx(9 * 0.012, rel=0.02)
+
+
+def test_too_much_travel_between_two_frames_is_refused() -> None:
+    drive, wide = Drive(), wide_ground()
+    drive.show(patch_at(wide, 0.0))
+    motion = drive.show(patch_at(wide, 0.15), wheel_m=0.15)
+
+    assert motion is not None
+    assert "0.15 m between two frames, at most 0.0" in motion.invalid_because
+
+
+def test_travel_without_wheels() -> None:
+    drive, wide = Drive(), wide_ground()
+    for frame in range(8):
+        drive.show(patch_at(wide, frame * 0.03), wheel_m=None)
+
+    assert all(motion.is_valid for motion in drive.motions)
+    assert drive.travelled_m == pytest.approx(7 * 0.03, rel=0.01)
+
+
+def test_camera_upside_down_is_reported() -> None:
+    drive, wide = Drive(), wide_ground()
+    for frame in range(60):
+        view = patch_at(wide, frame * 0.9 * WHEEL_M)
+        drive.show(np.asarray(view[::-1, ::-1].copy(), np.uint8))
+
+    assert "upside down" in drive.motions[-1].invalid_because
+
+
+def test_rover_that_rolls_back_later_has_no_wrong_camera() -> None:
+    drive, wide = Drive(), wide_ground()
+    ways_m = [0.9 * WHEEL_M] * 15 + [-0.5 * WHEEL_M] * 40
+    for place_m in np.cumsum([0.0, *ways_m]):
+        drive.show(patch_at(wide, float(place_m)))
+
+    assert all(motion.is_valid for motion in drive.motions)
+
+
+def test_ground_faster_than_the_wheels_is_reported() -> None:
+    drive, wide = Drive(), wide_ground()
+    for frame in range(40):
+        drive.show(patch_at(wide, frame * 1.25 * WHEEL_M))
+
+    assert "1.25 times as far as the wheels" in drive.motions[-1].invalid_because
+
+
+def test_turn_on_the_spot() -> None:
+    """Turns of 3 deg a frame are followed, and the measured point stays."""
+    drive = Drive()
+    wide = wide_ground(length=800)
+    wide = np.asarray(np.tile(wide, (1, 5)), np.uint8)
+    rows, columns = np.indices(GROUND.shape).astype(np.float64)
+    turn_sd = turned((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.2, DEFAULTS.turn)[1]
+    structure = FineStructure(GROUND, DEFAULTS.structure)
+    for frame in range(6):
+        turn = math.radians(3.0) * frame
+        behind, left = rows + 0.5, columns - GROUND.centre
+        column = math.cos(turn) * left - math.sin(turn) * behind + wide.shape[1] / 2
+        row = math.cos(turn) * behind + math.sin(turn) * left + 400
+        view = cv2.remap(wide, column.astype(np.float32), row.astype(np.float32), cv2.INTER_LINEAR)
+        grey = np.asarray(view, np.uint8)
+        prior = MotionPrior(
+            forward_m=0.0, left_m=0.0, turn_rad=(0.0, 0.0, math.radians(3.1)), turn_sd_rad=turn_sd
+        )
+        motion = drive.estimator.step_patch(
+            frame * STEP_NS, grey, structure.of(structure.log_grey(grey)), prior
+        )
+        if motion is not None:
+            assert motion.is_valid
+            assert math.degrees(motion.turn_rad) == pytest.approx(3.0, abs=0.1)
+            assert math.hypot(motion.forward_m, motion.left_m) < 0.0015
+
+
+def test_deviations_cover_the_errors() -> None:
+    drive, wide = Drive(), wide_ground()
+    for frame in range(40):
+        drive.show(patch_at(wide, frame * 0.012))
+
+    errors = np.array([motion.forward_m - 0.012 for motion in drive.motions])
+    told = np.array([motion.forward_sd_m for motion in drive.motions])
+    assert (np.abs(errors) < 2 * told).mean() > 0.9
+    assert told.max() < 0.001
+
+
+def test_wrong_frames_are_refused() -> None:
+    estimator = GroundMotionEstimator(GROUND)
+    prior = MotionPrior(forward_m=0.0, left_m=0.0, turn_rad=(0.0,) * 3, turn_sd_rad=(0.01,) * 3)
+    image = np.zeros((GROUND.rig.height, GROUND.rig.width), np.uint8)
+    assert estimator.step(STEP_NS, image, prior) is None
+    with pytest.raises(ModelError, match="give frames in order"):
+        estimator.step(0, image, prior)
+    with pytest.raises(ModelError, match="use frames of this rig"):
+        estimator.step(2 * STEP_NS, image[:10], prior)
