@@ -23,7 +23,7 @@ from controllers.ground_motion.ground_patch import GroundPatch
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
 from controllers.ground_motion.rig import SCHEMA, RigFile
-from controllers.ground_motion.tolerance import RigTolerance
+from controllers.ground_motion.rig_tolerance import RigTolerance
 from drivers.clock import nanoseconds
 from drivers.samples import Image
 

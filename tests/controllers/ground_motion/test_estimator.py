@@ -11,8 +11,8 @@ from controllers.ground_motion.ground_patch import GroundPatch
 from controllers.ground_motion.motion import GroundMotion
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
+from controllers.ground_motion.rig_tolerance import RigTolerance
 from controllers.ground_motion.structure import FineStructure
-from controllers.ground_motion.tolerance import RigTolerance
 from drivers.errors import ModelError
 from drivers.samples import Image
 from tests.controllers.ftrace.rigs import geometry

@@ -16,7 +16,8 @@ from controllers.ground_motion.ground_patch import GroundPatch
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
 from controllers.ground_motion.rig import RigFile
-from controllers.ground_motion.tolerance import RigTolerance, pitched, scale_of, travel_factor
+from controllers.ground_motion.rig_tolerance import RigTolerance
+from controllers.ground_motion.tolerance import pitched, scale_of, travel_factor
 from drivers.errors import ConfigError
 from drivers.samples import Image
 from tests.controllers.ftrace.rigs import geometry
@@ -113,7 +114,7 @@ def test_deviation_of_the_scale_is_the_root_of_the_sum_of_squares() -> None:
     height_m = float(ground.rig.position_m[2])
     none = {"height_sd_m": 0.0, "pitch_sd_deg": 0.0, "focal_length_sd": 0.0, "sinkage_sd_m": 0.0}
     parts = [
-        scale_of(ground, flow, RigTolerance(**(none | {name: value})))[1]
+        scale_of(ground, flow, RigTolerance.model_validate(none | {name: value}))[1]
         for name, value in {
             "height_sd_m": 0.005, "pitch_sd_deg": 0.2, "focal_length_sd": 0.005, "sinkage_sd_m": 0.01
         }.items()

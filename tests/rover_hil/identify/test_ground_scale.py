@@ -116,8 +116,8 @@ def test_a_calibrated_scale_replaces_the_tolerances_of_the_rig_but_not_the_sinka
     settings = load_config("robotino-camera").ground_motion
     assert settings is not None
     ground = GroundPatch(settings.rig.geometry())
-    calibrated = RigTolerance(scale=0.97, scale_sd=0.003, sinkage_m=0.009, sinkage_sd_m=0.0045)
     flow = GroundFlow(ground, DEFAULTS.flow)
+    calibrated = RigTolerance(scale=0.97, scale_sd=0.003, sinkage_m=0.009, sinkage_sd_m=0.0045)
     factor, sd = scale_of(ground, flow, calibrated)
     assert factor == pytest.approx(0.97 * (1 - 0.009 / 0.45))
     assert sd == pytest.approx(factor * np.hypot(0.003, 0.01))
