@@ -1,0 +1,1 @@
+"""Synthetic drives of a slipping, sinking rover, seen by its rear camera."""
