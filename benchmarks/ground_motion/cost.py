@@ -2,8 +2,8 @@
 
     python -m benchmarks.ground_motion.cost FOLDER [FOLDER ...]
 
-A folder is a drive as of `benchmarks.ground_motion.drives`. Prints medians and 95 % points of all frames, on one
-thread: the step with rectification, the pair on rectified structure, and `cv2.calcOpticalFlowPyrLK` once
+A folder is a drive as of `benchmarks.ground_motion.drives`. Prints medians and 95 % points of all frames, on
+one thread: the step with rectification, the pair on rectified structure, and `cv2.calcOpticalFlowPyrLK` once
 on the same points.
 """
 
