@@ -79,6 +79,10 @@ class GroundMotionEstimator:
         self._pattern = StaticPattern(ground.shape, parameters.pattern)
         self._first_metre = FirstMetre(self._scale_sd, parameters.first_metre)
         self._most_travel_m = parameters.validity.most_travel_share * ground.shape[0] * ground.pixel_m
+        validity = parameters.validity
+        self._baseline_pixels = (
+            validity.coarse_baseline_pixels if ground.is_coarse else validity.baseline_pixels
+        )
         self._past: list[_Past] = []
         self._pose: Floats = np.zeros(5)
         self._next_pose: Floats = np.zeros(5)
@@ -199,9 +203,7 @@ class GroundMotionEstimator:
         expected = self._pose[:2] + self._last_m
         apart = [float(np.hypot(*(expected - past.pose[:2]))) / self._ground.pixel_m for past in self._past]
         far = [
-            past
-            for past, pixels in zip(self._past, apart, strict=True)
-            if pixels >= self._parameters.validity.baseline_pixels
+            past for past, pixels in zip(self._past, apart, strict=True) if pixels >= self._baseline_pixels
         ]
         first = far[-1] if far else self._past[0]
         return [first] if first is self._past[-1] else [first, self._past[-1]]
@@ -302,7 +304,7 @@ class GroundMotionEstimator:
         # All before the newest one that is far enough will not be compared with again.
         while len(self._past) > 2 and (
             len(self._past) > numbers.most_stored
-            or np.hypot(*(self._pose - self._past[1].pose)[:2]) / pixel_m >= numbers.baseline_pixels
+            or np.hypot(*(self._pose - self._past[1].pose)[:2]) / pixel_m >= self._baseline_pixels
         ):
             del self._past[0]
 

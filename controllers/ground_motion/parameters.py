@@ -71,6 +71,7 @@ class ValidityParameters:
     clear_still_share: float = 0.5  # enough where passing shadows hide the others, and this group is sharp:
     clear_still_sd_pixels: float = 0.03  # windows on specks and ground scatter more
     baseline_pixels: float = 8.0  # frames to compare with are at least this far apart, where there are any
+    coarse_baseline_pixels: float = 3.0  # where rays are flat: ground looks otherwise after some metres
     stored_pixels: float = 0.75  # least motion between two frames that are kept to compare with
     most_stored: int = 8  # of them
     most_travel_share: float = 0.15  # of the view, between two frames: beyond, too little ground is shared
