@@ -3,7 +3,16 @@
 import pytest
 
 from benchmarks.gates import fields, floors, published
-from benchmarks.gates.published import FAULTS, FIELDS, FLOORS, PageError, falls, read_tables, write_table
+from benchmarks.gates.published import (
+    CAMERA_FLOORS,
+    FAULTS,
+    FIELDS,
+    FLOORS,
+    PageError,
+    falls,
+    read_tables,
+    write_table,
+)
 from benchmarks.safety.faults.cases import all_cases
 from controllers.slip.effort.parameters import EFFORT
 from rover_hil.config import Config
@@ -78,6 +87,7 @@ def test_a_damaged_table_is_named() -> None:
 def test_the_page_holds_every_row() -> None:
     tables = read_tables(published.PAGE.read_text(encoding="utf-8"))
     assert set(tables[FLOORS]) == {cell.title for cell in floors.cells(floors.VERSIONS[:2])}
+    assert set(tables[CAMERA_FLOORS]) == {cell.title for cell in floors.camera_cells(is_full=False)}
     titles = {case.title for case in all_cases()}
     without = {f"{title}, no excitation" for title in titles if title.startswith("robotino/")}
     assert set(tables[FAULTS]) == titles | without

@@ -24,16 +24,29 @@ from benchmarks.safety.faults.cases import all_cases
 from benchmarks.safety.faults.measures import measure
 from rover_hil.parallel.executor import open_executor
 
-GATES_FLOORS, FIXED_FLOORS, FULL_FLOORS = 20, 10, 60
+GATES_FLOORS, FIXED_FLOORS, CAMERA_GATES_FLOORS, FULL_FLOORS = 20, 10, 2, 60
 SCREEN = Console(stderr=True)
 Found = TypeVar("Found")
 
 
-def measure_floors(pool: Executor, versions: Sequence[str], *, is_full: bool) -> Table:
-    """Return the table of the floors with some versions."""
-    first = floors.FIRST_FULL_FLOOR if is_full else floors.FIRST_FLOOR
-    cells = list(floors.cells(versions))
+def measure_floors(pool: Executor, *, is_full: bool) -> Table:
+    """Return the table of the floors."""
+    cells = list(floors.cells(floors.VERSIONS if is_full else floors.VERSIONS[:2]))
     counts = [FULL_FLOORS if is_full else FIXED_FLOORS if cell.has_fixes else GATES_FLOORS for cell in cells]
+    return _measure_cells(pool, cells, counts, is_full=is_full)
+
+
+def measure_camera_floors(pool: Executor, *, is_full: bool) -> Table:
+    """Return the table of the floors with a ground camera."""
+    cells = list(floors.camera_cells(is_full=is_full))
+    counts = [FULL_FLOORS if is_full else CAMERA_GATES_FLOORS] * len(cells)
+    return _measure_cells(pool, cells, counts, is_full=is_full)
+
+
+def _measure_cells(
+    pool: Executor, cells: Sequence[floors.Cell], counts: Sequence[int], *, is_full: bool
+) -> Table:
+    first = floors.FIRST_FULL_FLOOR if is_full else floors.FIRST_FLOOR
     jobs = [
         (cell, first + number) for cell, count in zip(cells, counts, strict=True) for number in range(count)
     ]
@@ -102,10 +115,8 @@ def main() -> int:
     fallen = 0
     with open_executor(arguments.cluster) as pool:
         measures = {
-            FLOORS: lambda: measure_floors(
-                pool, floors.VERSIONS if arguments.full else floors.VERSIONS[:2], is_full=arguments.full
-            ),
-            CAMERA_FLOORS: lambda: measure_floors(pool, floors.CAMERA_VERSIONS, is_full=arguments.full),
+            FLOORS: lambda: measure_floors(pool, is_full=arguments.full),
+            CAMERA_FLOORS: lambda: measure_camera_floors(pool, is_full=arguments.full),
             FIELDS: lambda: measure_fields(pool),
             FAULTS: lambda: measure_faults(pool),
         }

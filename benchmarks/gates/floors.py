@@ -83,6 +83,14 @@ def cells(versions: Sequence[str]) -> Iterator[Cell]:
                 yield Cell(nature=nature.name, version=version, has_fixes=has_fixes)
 
 
+def camera_cells(*, is_full: bool) -> Iterator[Cell]:
+    """Yield the rows with a camera; of `make gates` only the camera alone on omnidirectional wheels."""
+    for cell in cells(CAMERA_VERSIONS):
+        is_alone = cell.version == CAMERA_VERSIONS[0] and cell.nature != TWO_WHEELS and not cell.has_fixes
+        if is_full or is_alone:
+            yield cell
+
+
 def configure(cell: Cell, seed: int) -> Config:
     """Return the rover of a row, with noise of `seed`."""
     if cell.nature == TWO_WHEELS:

@@ -10,7 +10,7 @@ from controllers.estimation.ground_settings import GroundMotionSettings
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.pose_fixes import WayBack
 from controllers.ground_motion.motion import GroundMotion
-from drivers.clock import nanoseconds
+from drivers.clock import nanoseconds, seconds
 from drivers.record import record
 from drivers.samples import FrameSample, RateSample
 
@@ -250,11 +250,10 @@ class GroundTravel:
         )
 
     def report(self, now_ns: int) -> GroundReport:
-        """Return the motion as of the newest pair."""
-        valid = self._valid if self.is_valid(now_ns) else None
+        """Return the motion by the newest pair; where that is not valid, or too old, it is absent."""
+        valid = self._valid if self.is_valid(now_ns) and not self._reason else None
         if valid is None:
             self._window.clear()
-            reason = self._reason or "no frame for too long"
             return GroundReport(
                 t_ns=self._t_ns,
                 velocity_x_m_s=None,
@@ -262,9 +261,9 @@ class GroundTravel:
                 slip=None,
                 slip_sd=None,
                 drift_rad=None,
-                reason=reason,
+                reason=self._reason or "no frame for too long",
             )
-        velocity_m_s = valid.ground_m / (1e-9 * (valid.motion.to_ns - valid.motion.from_ns))
+        velocity_m_s = valid.ground_m / seconds(valid.motion.to_ns - valid.motion.from_ns)
         slip, slip_sd, drift_rad = self._slip()
         return GroundReport(
             t_ns=self._t_ns,
@@ -273,7 +272,7 @@ class GroundTravel:
             slip=slip,
             slip_sd=slip_sd,
             drift_rad=drift_rad,
-            reason=self._reason,
+            reason="",
         )
 
     def _slip(self) -> tuple[float | None, float | None, float | None]:
