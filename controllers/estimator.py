@@ -295,8 +295,8 @@ class Estimator:
             if pair is not None or self._frame_ns is None:
                 self._filter.mark_frame(way_back)
                 self._frame_ns = t_ns
-        if self._yaw_source is YawSource.GYRO or self._is_resting:
-            innovations += self._ground.compare_turns(camera)
+        is_gyro = self._yaw_source is YawSource.GYRO or self._is_resting
+        innovations += self._ground.compare_turns(camera, is_gyro=is_gyro)
         self.ground_pairs = tuple(pairs)
         self._is_measured = self._ground.is_valid(now_ns)
         return innovations
@@ -378,7 +378,7 @@ class Estimator:
             ),
             reports_speed=any(angle.contradicts_rest for angle in self._angles),
             is_commanded=self._is_commanded,
-            sees_motion=self._seen_at_rest_m() > 0.0,
+            sees_motion=self._seen_at_rest_m(now_ns) > 0.0,
         )
         self.suspicion = ""
         if not rest.is_contradicted:
@@ -400,7 +400,7 @@ class Estimator:
         if self._is_commanded and rest.moving == (Witness.GYRO,):  # a nudge, or a wrong gyro
             reach_m = 0.0
         if rest.moving == (Witness.CAMERA,):  # the motion is measured
-            reach_m = max(self._doubted[0], self._seen_at_rest_m())
+            reach_m = max(self._doubted[0], self._seen_at_rest_m(now_ns))
         before_m, before_rad = self._doubted
         self._doubted = max(before_m, reach_m), max(before_rad, abs(rest.turned_rad))
         added_m, added_rad = map(_added, self._doubted, (before_m, before_rad))
@@ -408,13 +408,13 @@ class Estimator:
             self._widen((added_m, added_m, added_rad))
         return rest
 
-    def _seen_at_rest_m(self) -> float:
+    def _seen_at_rest_m(self, now_ns: int) -> float:
         """Return how far a camera has seen the rover move although its wheels rest."""
         if self._ground is None or not self.is_still:
             return 0.0
         # The body swings after its wheels have stopped.
         swung_ns = nanoseconds(2.0 * self._settings.standstill_s)
-        return self._ground.moved_m(self.odometry.still_since_ns + swung_ns)
+        return self._ground.moved_m(self.odometry.still_since_ns + swung_ns, now_ns)
 
     def _is_perhaps_offset(self, rest: Rest) -> bool:
         """Return whether only the gyro contradicts a rest, and has never been seen at rest."""

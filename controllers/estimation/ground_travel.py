@@ -219,22 +219,30 @@ class GroundTravel:
         """Return whether a valid pair is new enough to be used."""
         return self._valid is not None and now_ns - self._valid.motion.to_ns <= self._age_ns
 
-    def moved_m(self, since_ns: int) -> float:
-        """Return how far the rover has moved over the ground in the last half second, after a time.
+    def moved_m(self, since_ns: int, now_ns: int) -> float:
+        """Return how far the rover has moved over the ground in the newest half second, after a time.
 
-        0 where it may not have moved at all.
+        0 where it may not have moved at all, and where that is not measured.
         """
+        if not self.is_valid(now_ns):
+            return 0.0
         pairs = [pair for pair in self._recent if pair.motion.from_ns >= since_ns]
         moved_m = abs(sum(pair.ground_m for pair in pairs))
         noise_m = math.sqrt(sum(pair.sd_m**2 for pair in pairs))
         return moved_m if moved_m > DEVIATIONS * noise_m else 0.0
 
-    def compare_turns(self, camera: str) -> Iterator[Innovation]:
+    def compare_turns(self, camera: str, *, is_gyro: bool) -> Iterator[Innovation]:
         """Yield the turn by the camera against that by the gyro, once in a second; it corrects nothing.
 
         Errors of neighbouring pairs are alike: their standard deviations add up.
+
+        Args:
+            camera: Name of the camera.
+            is_gyro: Whether the turn of the newest pairs was measured by a gyro.
         """
         pairs = self._turned
+        if not is_gyro:
+            pairs.clear()
         if not pairs or pairs[-1].motion.to_ns - pairs[0].motion.from_ns < TURN_NS:
             return
         self._turned = []
