@@ -142,7 +142,7 @@ def changed_config(tmp_path: Path, old: str, new: str) -> str:
     ("old", "new", "message"),
     [
         ('rig = "el-dorado" ', 'rig = "nowhere" ', "cannot read rig file nowhere"),
-        ('rig = "el-dorado" ', "# ", "its calibration is missing: add scomp.rig"),
+        ('rig = "el-dorado" ', "# ", "its calibration is missing: add ground_motion.rig or scomp.rig"),
         ('parameters = "el-dorado" ', 'parameters = "nowhere" ', "cannot read parameters nowhere"),
         (
             'camera = "camera"',

@@ -379,7 +379,7 @@ def calibrate_time(
     as_json: JsonOption = False,
     force: ForceOption = False,
 ) -> None:
-    """Find offsets between gyro, wheels, compass and overhead camera by the turns that they all feel.
+    """Find offsets between gyro, wheels, compass and cameras by the turns that they all feel.
 
     Exit code 1: no offset is sure.
 

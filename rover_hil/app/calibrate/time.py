@@ -15,6 +15,12 @@ from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from rover_hil.terminal import Terminal
 
+KEYS = {
+    "heading": "filter.heading_lag_s",
+    "ground": "ground_motion.camera_delay_s = {:.4f}, with a global shutter",
+}
+"""Where the offset of a kind of device is entered."""
+
 
 def calibrate_time(log: Path, *, out: Path | None, as_json: bool, force: bool) -> int:
     """Print the offsets of all devices of a log; returns the exit code: 1 where none is sure.
@@ -71,8 +77,8 @@ def _facts(reference: YawTrack, offsets: Sequence[Offset]) -> tuple[tuple[str, s
             continue
         side = "late" if each.offset_s >= 0.0 else "early"
         value = f"{abs(each.offset_s):.3f} s {side}, +- {each.sd_s:.3f} s (one standard deviation)"
-        if each.track.kind == "heading":
-            value += "; in the configuration: filter.heading_lag_s"
+        if each.track.kind in KEYS:
+            value += f"; in the configuration: {KEYS[each.track.kind].format(each.offset_s)}"
         facts.append((each.track.name, value))
     return tuple(facts)
 

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from controllers.ground_motion.motion import GroundMotion
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
 from controllers.ground_motion.rig import RigFile
-from controllers.motion.kinematics import Kinematics, make_kinematics
+from controllers.motion.kinematics import make_kinematics
 from drivers.clock import nanoseconds, seconds
 from drivers.errors import LogError
 from drivers.samples import Image
@@ -31,6 +31,13 @@ from rover_hil.recording.schema import RAW
 
 RATES = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 WHEELS = "wheels"
+REPEATED = "frame repeated"
+FREE_TURN_SD_RAD = 0.05
+"""Of a pair, where the camera alone is to tell the turn: many times what the picture leaves open."""
+
+
+class NothingToCompareError(LogError):
+    """A log without frames of the camera, or without positions of the wheels."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,46 +97,19 @@ def read_scale_record(path: Path) -> ScaleRecord:
         raise LogError(f"log {path} is of a rover without [ground_motion]: its camera has no rig")
     for message in log.messages():
         rows.take(message, log)
-    kinematics = make_kinematics(config.rover)
-    positions = [rows[f"enc{wheel + 1}_rad"] for wheel in range(kinematics.wheel_count)]
-    if not all(len(each) > 1 for each in positions):
-        raise LogError(f"log {path} holds no positions of the wheels: record a drive with `rover-hil run`")
-    wheels = _Wheels(
-        kinematics,
-        [np.asarray(each.t_ns) for each in positions],
-        [np.asarray(each.value) for each in positions],
-    )
+    wheels = _Wheels(config, rows, path)
     fixes = rows.fixes()
-    meter = _meter(settings, with_sinkage=fixes is not None)
+    sinkage_m = 0.0 if fixes is None else settings.tolerance.sinkage_m
+    tolerance = settings.tolerance.model_copy(update={"scale": 1.0, "scale_sd": None, "sinkage_m": sinkage_m})
+    alone = settings.model_copy(update={"tolerance": tolerance})
     point_m = complex(*settings.rig.geometry().point_m)
     travels: list[Travel] = []
     reasons: Counter[str] = Counter()
-    before: tuple[int, Rates | None] | None = None
-    for t_ns, image in _frames(log, config, settings, path):
-        rates = _rates_at(rows, t_ns)
-        if before is not None and t_ns <= before[0]:
-            continue
-        rolled_m, turn_rad = (0j, 0.0) if before is None else wheels.between(before[0], t_ns, point_m)
-        angles, deviations = turned(
-            rates,
-            None if before is None else before[1],
-            0.0 if before is None else seconds(t_ns - before[0]),
-            DEFAULTS.turn,
-        )
-        if rates is None:
-            angles = (0.0, 0.0, turn_rad)
-        prior = MotionPrior(
-            forward_m=rolled_m.real, left_m=rolled_m.imag, turn_rad=angles, turn_sd_rad=deviations
-        )
-        motion = meter.step(t_ns, image, prior)
-        before = t_ns, rates
-        if motion is None:
-            continue
+    for motion in _pairs(log, config, alone, rows, wheels):
         if motion.invalid_because:
             reasons[motion.invalid_because] += 1
-        if motion.invalid_because == "frame repeated":
-            continue
-        travels.append(_travel(motion, wheels, fixes, point_m))
+        if motion.invalid_because != REPEATED:
+            travels.append(_travel(motion, wheels, fixes, point_m))
     sds = np.zeros(1) if fixes is None else fixes.position_sd_m
     return ScaleRecord(
         path=path,
@@ -142,14 +122,100 @@ def read_scale_record(path: Path) -> ScaleRecord:
     )
 
 
-class _Wheels:
-    """Motion by rolling wheels between two times."""
+def read_ground_yaw(log: LogReader, config: Config, rows: LogRows) -> tuple[Times, Array] | None:
+    """Return frame times and the yaw by the camera alone, over its longest run of valid pairs.
 
-    def __init__(self, kinematics: Kinematics, t_ns: Sequence[Times], angles_rad: Sequence[Array]) -> None:
-        self._kinematics = kinematics
-        self._order = [np.argsort(each, kind="stable") for each in t_ns]
-        self._t_ns = [each[order] for each, order in zip(t_ns, self._order, strict=True)]
-        self._angles_rad = [each[order] for each, order in zip(angles_rad, self._order, strict=True)]
+    Times are those of the frames, without `camera_delay_s`. None without [ground_motion], frames or wheels.
+
+    Args:
+        log: The log.
+        config: Of the log.
+        rows: All readings of the log.
+
+    Raises:
+        LogError: The log is damaged.
+    """
+    settings = config.ground_motion
+    if settings is None or config.roles.camera is None:
+        return None
+    stamped = settings.model_copy(update={"camera_delay_s": 0.0})
+    runs: list[list[tuple[int, float]]] = [[]]
+    try:
+        wheels = _Wheels(config, rows, log.path)
+        for motion in _pairs(log, config, stamped, rows, wheels, turn_sd_rad=FREE_TURN_SD_RAD):
+            if motion.invalid_because == REPEATED:
+                continue
+            if not motion.is_valid:
+                runs.append([])
+                continue
+            if not runs[-1]:
+                runs[-1].append((motion.from_ns, 0.0))
+            runs[-1].append((motion.to_ns, runs[-1][-1][1] + motion.turn_rad))
+    except NothingToCompareError:
+        return None
+    longest = max(runs, key=len)
+    return np.array([t_ns for t_ns, _ in longest], np.int64), np.array([yaw for _, yaw in longest])
+
+
+def _pairs(
+    log: LogReader,
+    config: Config,
+    settings: GroundMotionSettings,
+    rows: LogRows,
+    wheels: "_Wheels",
+    *,
+    turn_sd_rad: float | None = None,
+) -> Iterator[GroundMotion]:
+    """Yield the motion of each pair of frames.
+
+    Args:
+        log: The log.
+        config: Of the log.
+        settings: Those of the camera.
+        rows: All readings of the log.
+        wheels: Where the search begins.
+        turn_sd_rad: Standard deviation of the turn by the wheels, which is then used instead of the gyro's.
+    """
+    meter = GroundMotionEstimator(GroundPatch(settings.rig.geometry()), settings.tolerance)
+    point_m = complex(*settings.rig.geometry().point_m)
+    before: tuple[int, Rates | None] | None = None
+    for t_ns, image in _frames(log, config, settings):
+        if before is not None and t_ns <= before[0]:
+            continue
+        rates = None if turn_sd_rad is not None else _rates_at(rows, t_ns)
+        from_ns, old_rates = (t_ns, None) if before is None else before
+        before = t_ns, rates
+        rolled_m, turn_rad = wheels.between(from_ns, t_ns, point_m)
+        angles, deviations = turned(rates, old_rates, seconds(t_ns - from_ns), DEFAULTS.turn)
+        if rates is None:
+            angles = (0.0, 0.0, turn_rad)
+        if turn_sd_rad is not None:
+            deviations = (*deviations[:2], turn_sd_rad)
+        prior = MotionPrior(
+            forward_m=rolled_m.real, left_m=rolled_m.imag, turn_rad=angles, turn_sd_rad=deviations
+        )
+        motion = meter.step(t_ns, image, prior)
+        if motion is not None:
+            yield motion
+
+
+class _Wheels:
+    """Motion by rolling wheels between two times.
+
+    Raises:
+        NothingToCompareError: The log holds no positions of the wheels.
+    """
+
+    def __init__(self, config: Config, rows: LogRows, path: Path) -> None:
+        self._kinematics = make_kinematics(config.rover)
+        positions = [rows[f"enc{wheel + 1}_rad"] for wheel in range(self._kinematics.wheel_count)]
+        if not all(len(each) > 1 for each in positions):
+            raise NothingToCompareError(
+                f"log {path} holds no positions of the wheels: record a drive with `rover-hil run`"
+            )
+        orders = [np.argsort(each.t_ns, kind="stable") for each in positions]
+        self._t_ns = [each.t_ns[order] for each, order in zip(positions, orders, strict=True)]
+        self._angles_rad = [each.value[order] for each, order in zip(positions, orders, strict=True)]
 
     def between(self, from_ns: int, to_ns: int, point_m: complex) -> tuple[complex, float]:
         """Return the travel of a point in the axes of the later time, and the turn."""
@@ -163,15 +229,7 @@ class _Wheels:
         return complex(x_m, y_m) * half + swing_m, turn_rad
 
 
-def _meter(settings: GroundMotionSettings, *, with_sinkage: bool) -> GroundMotionEstimator:
-    sinkage = {"sinkage_m": settings.tolerance.sinkage_m if with_sinkage else 0.0}
-    tolerance = settings.tolerance.model_copy(update={"scale": 1.0, "scale_sd": None, **sinkage})
-    return GroundMotionEstimator(GroundPatch(settings.rig.geometry()), tolerance)
-
-
-def _frames(
-    log: LogReader, config: Config, settings: GroundMotionSettings, path: Path
-) -> Iterator[tuple[int, Image]]:
+def _frames(log: LogReader, config: Config, settings: GroundMotionSettings) -> Iterator[tuple[int, Image]]:
     """Yield the frames with the middle of their exposure, grey."""
     topic = f"{RAW}{config.roles.camera}"
     size = (settings.rig.image.height, settings.rig.image.width)
@@ -188,7 +246,7 @@ def _frames(
         grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
         yield t_ns - nanoseconds(settings.camera_delay_s), grey
     if not count:
-        raise LogError(f"log {path} holds no frames of '{config.roles.camera}'")
+        raise NothingToCompareError(f"log {log.path} holds no frames of '{config.roles.camera}'")
 
 
 def _rates_at(rows: LogRows, t_ns: int) -> Rates | None:
