@@ -5,7 +5,7 @@ simulated rear scene (seeds below 1000). Units are in the names; other numbers a
 sensitivity to each number is printed by `python -m benchmarks.ftrace.parameter_sensitivity`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import radians
 
 from controllers.ground_motion.parameters import DEFAULTS as GROUND_MOTION
@@ -216,12 +216,16 @@ class FuzzyParameters:
     continuity_weight: float = 1.5
 
 
+TRACE_MOTION = replace(GROUND_MOTION, validity=replace(GROUND_MOTION.validity, baseline_pixels=3.0))
+"""A longer baseline makes the sum of pairs better, but the direction of a single pair worse."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FTraceParameters:
     """All groups."""
 
     most_misses: int = 3  # frames in a row without a trace for which the last one is kept
-    ground_motion: GroundMotionParameters = GROUND_MOTION
+    ground_motion: GroundMotionParameters = TRACE_MOTION
     frame: FrameParameters = FrameParameters()
     direction: DirectionParameters = DirectionParameters()
     matching: MatchingParameters = MatchingParameters()
