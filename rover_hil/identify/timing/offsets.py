@@ -4,8 +4,8 @@ Each device gives the yaw of the rover over time: gyros by integration, wheels b
 ground by the turns between its frames, compasses and overhead cameras directly. In blocks of a few seconds,
 without their constant and trend, the yaw of a device is that of the reference a little later; the offset
 minimises the squares of the difference. Turns at a constant rate show no offset: turns that begin and end do.
-Standard deviations are those of a jackknife over groups of blocks. A rolling shutter shears the ground while the
-rover turns: by the frames of such a camera turns seem earlier than they are, by about 0.8 of the readout.
+Standard deviations are those of a jackknife over groups of blocks. A rolling shutter shears the ground while
+the rover turns: by such frames turns seem later in time, by about 0.8 of the readout.
 """
 
 import math
