@@ -100,7 +100,7 @@ def test_the_secant_is_a_version_for_as_long_as_it_drives(
 ) -> None:
     seen: list[tuple[float, bool]] = []
 
-    def drive(config: Config, *_: object) -> list[None]:
+    def drive(config: Config, *_: object, **__: object) -> list[None]:
         assert config.slip is not None
         seen.append((EFFORT.bracket.weight, config.slip.gyro_response is not None))
         return [None]

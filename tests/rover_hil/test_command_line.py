@@ -59,7 +59,7 @@ def test_a_log_is_not_overwritten(command: Command) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("run", "nothing.toml"), ("nothing.toml", "el-dorado, el-dorado-crab, robotino")),
+        (("run", "nothing.toml"), ("nothing.toml", "el-dorado, el-dorado-camera, el-dorado-crab, robotino")),
         (("run", "robotino", "--out", "a"), ("ports/board",)),
         (("run", "robotino", "--virtual", "--realtime"), ("--realtime",)),
         (("run", "robotino", "--virtual", "--out", "taken"), ("taken",)),

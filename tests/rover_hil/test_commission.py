@@ -390,7 +390,7 @@ def test_a_simulated_drive_is_measured_with_the_error_of_the_tape(
     command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Plan, "names", lambda plan: ["line"])
-    assert command("commission", "robotino", "--virtual", "--side", "0.6", "--out", "try", "--json") == 1
+    assert command("commission", "robotino", "--virtual", "--side", "0.75", "--out", "try", "--json") == 1
     found = json.loads(command.out)
     assert found["doubts"] == ["3 marks were measured, 6 are needed"]
     assert found["odometry_rms_m"] > found["estimate_rms_m"]

@@ -140,8 +140,8 @@ class WatchParameters:
 class BracketParameters:
     """Slip between the secant reading and the bound by lag and force, `slip_bracket`.
 
-    `weight` and `greatest_bound` were chosen after seeing four of nine contact laws on three simulated
-    rovers, and `sd`, `sd_width`, `sd_share` on one of these; all were tried on fresh floors.
+    `weight` and `greatest_bound` were chosen on other simulated rovers, after four of their nine contact laws
+    were seen; `sd`, `sd_width` and `sd_share` on floors 0 to 19 of the law bristle of `tests/nature/floors`.
     """
 
     weight: float = 0.5  # of the way from the secant reading to the bound
