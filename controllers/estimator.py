@@ -78,6 +78,7 @@ class Estimator:
         self._ground = ground
         self._frame_ns: int | None = None
         self._is_measured = False
+        self._lost_m = 0.0
         self.ground_pairs: tuple[GroundPair, ...] = ()
         self._kinematics = kinematics
         self.steering = SteeringAngles(kinematics.steering_rates_rad_s)
@@ -284,9 +285,12 @@ class Estimator:
         for t_ns, way_back, pair in self._ground.take(self._fixes.known_ns, self._fixes.way_back):
             if pair is not None and pair.contradiction:
                 innovations.append(contradicting(camera, pair))
-                lost_m = abs(pair.ground_m - pair.rolled_m)
-                self._filter.widen(lost_m, lost_m, 0.0)
+                # One after the other they err in one direction: the errors add up, not their variances.
+                before_m, self._lost_m = self._lost_m, self._lost_m + abs(pair.ground_m - pair.rolled_m)
+                added_m = _added(self._lost_m, before_m)
+                self._filter.widen(added_m, added_m, 0.0)
             elif pair is not None and pair.motion.from_ns == self._frame_ns:
+                self._lost_m = 0.0
                 corrects_yaw = self._yaw_source is not YawSource.GYRO
                 innovations += self._filter.correct_ground(
                     camera, pair.motion, way_back, corrects_yaw=corrects_yaw
