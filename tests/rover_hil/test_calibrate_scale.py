@@ -15,6 +15,14 @@ from rover_hil.doctor.clocks import today
 from tests.rover_hil.command import Command
 
 HEIGHT_M, TOLD_M = 0.4365, 0.45
+TURNS = """[mission]
+type = "small_turns"
+heading = "along_path"
+frequencies_hz = [0.2, 0.3]
+each_s = 15
+turn_rate_rad_s = 0.3
+
+"""
 LINE = "calibrate camera mine.toml --scale --out scale.toml --force"
 
 
@@ -100,3 +108,19 @@ def test_an_old_scale_is_told(command: Command, tmp_path: Path) -> None:
     assert findings("2026-10-01") == ["scale 0.98 of 2026-10-01"]
     (old,) = findings("2024-10-01")
     assert old == "its scale is of 2024-10-01, today is 2026-11-27"
+
+
+@pytest.mark.slow
+def test_the_time_of_the_frames_is_found_by_turns(command: Command, tmp_path: Path) -> None:
+    config = write_config(tmp_path)
+    text = config.read_text()
+    text = text[: text.index("[mission]")] + TURNS + text[text.index("[ground_motion]") :]
+    text = text[: text.index("[slip]")] + text[text.index("# Fitted to the simulated ground") :]
+    text = text.replace("slip_sd_share", "# slip_sd_share")
+    config.write_text(text.replace("readout_s = 0.015", "readout_s = 0\nexposure_s = 0.06"))
+    assert command("run", "mine.toml", "--virtual", "--out", "turns") == 0, command.error
+    assert command("calibrate", "time", "turns/run.mcap", "--json") == 0, command.error
+    camera = json.loads(command.out)["offsets"]["ground camera 'camera'"]
+    # Frames are stamped when the exposure begins, half of it before its middle.
+    assert camera["problem"] == ""
+    assert camera["offset_s"] == pytest.approx(-0.03, abs=0.004)
