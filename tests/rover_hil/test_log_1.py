@@ -14,7 +14,8 @@ LOG = Path(__file__).parent / "data" / "log_1.mcap"
 def test_it_replays_with_the_same_samples_and_bytes() -> None:
     log = LogReader(LOG)
     with restore_config(log) as config:
-        result = replay(log, config, lambda: None)
+        # Its slip was read by constants that the program does not have any more.
+        result = replay(log, config.model_copy(update={"slip": None}), lambda: None)
     assert log.is_complete
     assert result.cycles == 30
     # The estimate is that of the present controller, which may have changed since.
