@@ -81,7 +81,8 @@ def test_a_replay_streams_its_log_also_one_of_version_1(
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     # The estimate is that of the present controller, which may have changed since.
-    assert command("replay", str(LOG_1), "--live", "--live-port", str(port)) in (0, 1)
+    present = ("--config", "robotino", "--live", "--live-port", str(port))
+    assert command("replay", str(LOG_1), *present) in (0, 1)
     assert f"live: open ws://127.0.0.1:{port}" in command.error
     assert published.count("/estimate") == 30
 
