@@ -149,8 +149,13 @@ class GroundMotionEstimator:
         self._remember(picture)
         self._begin(t_ns, patch)
         if wheel_m is not None and (length_m := float(np.hypot(*wheel_m))) > 0:
-            along_m = self._factor * float(self._last_m @ wheel_m) / length_m
-            self._first_metre.update(length_m, along_m)
+            along, across = (
+                self._factor
+                * self._last_m
+                / length_m
+                @ np.array([[wheel_m[0], -wheel_m[1]], [wheel_m[1], wheel_m[0]]])
+            )
+            self._first_metre.update(length_m, float(along), float(across))
         if self._first_metre.contradiction:
             return self._invalid(before_ns, t_ns, self._first_metre.contradiction)
         return self._valid(before_ns, t_ns, motion)

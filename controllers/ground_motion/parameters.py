@@ -93,6 +93,7 @@ class FirstMetreParameters:
     least_travel_m: float = 0.25  # of the wheels
     confirmed_travel_m: float = 0.1  # of the wheels, with the ground moving along: the camera is upright
     backwards: float = 0.3  # motion against the wheels', over theirs, that counts
+    across: float = 0.7  # motion across the wheels', over theirs: no slope drags a rover aside so fast
     skid: float = 0.05  # ground travel beyond the wheels' that a rover reaches, downhill
     scale_sds: float = 3.0  # deviations of the scale beyond that
 

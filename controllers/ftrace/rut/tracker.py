@@ -90,6 +90,11 @@ class RutTracker:
         """Return whether the ground moves enough in this frame to have a direction."""
         return motion is not None and motion.forward_m > self._numbers.direction.least_motion_m
 
+    def _is_across(self, motion: PatchMotion) -> bool:
+        """Return whether the motion is further from the wheel's axis than a trace may be."""
+        most_m = np.tan(self._ground.rig.max_slip_rad) * abs(motion.forward_m)
+        return bool(abs(motion.left_m) > most_m + self._numbers.direction.least_motion_m)
+
     def _advance(self, frame: Frame, motion: PatchMotion | None) -> tuple[float, bool]:
         """Predict the path to this frame; return the distance moved, and whether it is backwards."""
         numbers = self._numbers.direction
@@ -123,7 +128,8 @@ class RutTracker:
         previous = self._previous
         self._previous = self._structure.picture(structure) if frame.usable else None
         if abs(frame.travel_m) <= self._numbers.direction.reach_m:
-            return self._ground_motion.pair
+            pair = self._ground_motion.pair
+            return None if pair is None or self._is_across(pair) else pair
         if previous is None or self._previous is None:
             return None
         return self._sparse_motion(frame, previous, self._previous)

@@ -207,6 +207,19 @@ def test_camera_upside_down_is_reported() -> None:
     assert "upside down" in drive.motions[-1].invalid_because
 
 
+def test_camera_turned_by_a_quarter_is_reported() -> None:
+    drive = Drive()
+    noise = np.random.default_rng(1).standard_normal((GROUND.shape[0], GROUND.shape[1] + 400))
+    smooth = cv2.GaussianBlur(noise, (0, 0), 1.5)
+    wide = np.asarray(np.clip(128 + 40 * smooth / smooth.std(), 0, 255), np.uint8)
+    rows, columns = np.indices(GROUND.shape).astype(np.float32)
+    for frame in range(40):
+        aside = np.float32(frame * 0.9 * WHEEL_M / GROUND.pixel_m)
+        drive.show(np.asarray(cv2.remap(wide, columns + aside, rows, cv2.INTER_LINEAR), np.uint8))
+
+    assert "not turned" in drive.motions[-1].invalid_because
+
+
 def test_rover_that_rolls_back_later_has_no_wrong_camera() -> None:
     drive, wide = Drive(), wide_ground()
     ways_m = [0.9 * WHEEL_M] * 15 + [-0.5 * WHEEL_M] * 40
