@@ -1,4 +1,4 @@
-"""Contradictions of ground and wheels in the first metre: camera turned, upside down, of other focal length."""
+"""Contradictions of ground and wheels in the first metre: camera turned, upside down, other focal length."""
 
 from controllers.ground_motion.parameters import FirstMetreParameters
 
