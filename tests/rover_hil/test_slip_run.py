@@ -67,7 +67,7 @@ def test_the_torque_correction_is_stable_with_the_gain_and_bound_it_ships_with(s
     plain_mode, plain = rehearse(None, site)
     mode, reversals = rehearse({}, site)
     assert plain_mode is mode is Mode.FINISHED
-    assert reversals <= plain + 0.3
+    assert reversals <= plain + 0.5  # two in the window of 4 s; an unstable one has four more
 
 
 @pytest.mark.slow

@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+from controllers.estimation.ground_travel import GroundPair
+from controllers.ground_motion.motion import GroundMotion
 from controllers.roles import DeviceRoles
 from controllers.safety.entrapment import EntrapmentRule, EntrapmentSettings
 from controllers.safety.reasons import Cycle, Severity, StopReason
@@ -337,3 +339,53 @@ def test_a_camera_that_sees_no_motion_is_a_suspicion() -> None:
         "rover: may be entrapped, the rear camera sees no motion of the ground: it is stuck, or the camera "
         "is covered, turned, or in the dark"
     )
+
+
+def ground_pair(rolled_m: complex, ground_m: complex) -> GroundPair:
+    motion = GroundMotion(
+        from_ns=0,
+        to_ns=CYCLE_NS,
+        point_m=(0.0, 0.0),
+        forward_m=ground_m.real,
+        left_m=ground_m.imag,
+        turn_rad=0.0,
+        forward_sd_m=2e-4,
+        left_sd_m=2e-4,
+        turn_sd_rad=1e-3,
+        scale_sd=0.015,
+    )
+    return GroundPair(rolled_m, ground_m, 0.0, motion)
+
+
+def over_ground(rolled_m: complex, moved_m: list[complex]) -> list[float]:
+    """Return the pairs, counted from 0, at which a camera's motions over the ground stop the rover."""
+    rule = EntrapmentRule(EntrapmentSettings(), ROLES)
+    cycles = [Cycle(now_ns=0, ground_pairs=(ground_pair(rolled_m, moved),)) for moved in moved_m]
+    return [number for number, cycle in enumerate(cycles) if list(rule.check(cycle))]
+
+
+def test_without_progress_over_the_ground_the_stop_comes_after_15_cm() -> None:
+    assert over_ground(0.01 + 0j, [0j] * 20) == [14, 15, 16, 17, 18, 19]
+    rule = EntrapmentRule(EntrapmentSettings(), DeviceRoles(wheels="wheels", camera="rear", required={}))
+    for _ in range(14):
+        assert list(rule.check(Cycle(now_ns=0, ground_pairs=(ground_pair(0.01j, 0j),)))) == []
+    (reason,) = rule.check(Cycle(now_ns=0, ground_pairs=(ground_pair(0.01j, 0j),)))
+    assert reason.severity is Severity.FINAL
+    assert "its wheels travelled 0.15 m and rear shows no progress" in reason.text
+
+
+@pytest.mark.parametrize("moved_m", [0.0002 + 0j, -0.0002 + 0j, 0.01 + 0j])
+def test_a_rover_that_slips_and_moves_or_slides_back_is_not_entrapped(moved_m: complex) -> None:
+    assert over_ground(0.01 + 0j, [moved_m] * 60) == []
+
+
+def test_motion_aside_is_no_progress() -> None:
+    assert over_ground(0.01 + 0j, [0.005j] * 15) == [14]
+
+
+def test_the_window_of_the_ground_moves_with_the_wheels() -> None:
+    assert over_ground(0.01 + 0j, [0.01 + 0j] * 20 + [0j] * 16) == [34, 35]
+
+
+def test_wheels_that_rest_or_turn_the_rover_on_the_spot_say_nothing_of_progress() -> None:
+    assert over_ground(0.0001 + 0j, [0j] * 3000) == []
