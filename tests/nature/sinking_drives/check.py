@@ -165,9 +165,7 @@ def track(folder: Path, step: int = 5) -> tuple[float, float, int]:
     left = []
     for i in range(0, len(names) - 1, step):
         a, b = (picture(n) for n in names[i : i + 2])
-        found = cv2.goodFeaturesToTrack(a, 150, 0.02, 12)
-        if found is None:
-            continue
+        found = np.asarray(cv2.goodFeaturesToTrack(a, 150, 0.02, 12))
         one, two = true_camera(scene, pose, i), true_camera(scene, pose, i + 1)
         rays = cv2.undistortPoints(found, matrix, bend)[:, 0]
         ways = np.column_stack([rays, np.ones(len(rays))]) @ one[0]

@@ -9,8 +9,8 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft  # type: ignore[import-untyped]
-from scipy.spatial import cKDTree  # type: ignore[import-untyped]
+from scipy import fft
+from scipy.spatial import cKDTree
 
 F32 = NDArray[Any]  # of float32
 

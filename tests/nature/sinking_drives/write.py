@@ -192,8 +192,8 @@ def write_drive(out: Path, drive: Drive, ground: Ground, seed: int, index: int) 
                 *np.round(rates, 4).tolist(),
             )
         )
-        pose = (x, y, *(motion.at(name, t) for name in ("z", "psi", "pitch", "roll", "sink")), wheel)
-        poses.append((i, round(t, 4), *(round(float(value), 7) for value in pose)))
+        others = [float(motion.at(name, t)) for name in ("z", "psi", "pitch", "roll", "sink")]
+        poses.append((i, round(t, 4), *np.round([x, y, *others, wheel], 7).tolist()))
 
     _table(
         folder / "telemetry.csv",
