@@ -24,7 +24,7 @@ from benchmarks.safety.faults.cases import all_cases
 from benchmarks.safety.faults.measures import measure
 from rover_hil.parallel.executor import open_executor
 
-GATES_FLOORS, FIXED_FLOORS, CAMERA_GATES_FLOORS, FULL_FLOORS = 20, 10, 2, 60
+GATES_FLOORS, FIXED_FLOORS, CAMERA_GATES_FLOORS, FULL_FLOORS = 20, 10, 10, 60
 SCREEN = Console(stderr=True)
 Found = TypeVar("Found")
 
