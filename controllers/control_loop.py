@@ -324,10 +324,18 @@ class ControlLoop:
         velocity_x_m_s, velocity_y_m_s = guidance.velocity_x_m_s, guidance.velocity_y_m_s
         excited = None if self._effort is None else self._effort.excited
         swing_rad_s = 0.0
-        if excited is not None and not self._estimator.is_measured:
+        if excited is not None and self._estimator.is_measured:
+            excited.leave_out(seconds(now_ns))
+        elif excited is not None:
             now_s = seconds(now_ns)
-            swing_rad_s = excited.yaw_rate_rad_s(now_s)
-            yaw_rate_rad_s = excited.swing.without_swing(now_s, yaw_rate_rad_s) + swing_rad_s
+            in_place = excited.in_place
+            turn_rad_s = None if in_place is None else in_place.yaw_rate_rad_s(now_s, yaw_rate_rad_s)
+            if turn_rad_s is None:
+                swing_rad_s = excited.yaw_rate_rad_s(now_s)
+                yaw_rate_rad_s = excited.swing.without_swing(now_s, yaw_rate_rad_s) + swing_rad_s
+            else:
+                velocity_x_m_s = velocity_y_m_s = 0.0
+                yaw_rate_rad_s = swing_rad_s = turn_rad_s
         twist = (velocity_x_m_s, velocity_y_m_s, yaw_rate_rad_s)
         wanted_rad_s, self._steering_rad = self._kinematics.set_points(
             *twist, self._estimator.steering.angles_rad

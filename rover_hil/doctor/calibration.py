@@ -1,9 +1,10 @@
-"""Check whether headings are calibrated, and how old that and the scale of the ground camera are."""
+"""Check calibrations of headings, and the ages of these, of the gyro's constants and of the camera's scale."""
 
 import datetime as dt
 from pathlib import Path
 
 from controllers.ground_motion.rig_tolerance import RigTolerance
+from controllers.slip.effort.gyro_response import GyroResponse
 from drivers.heading_calibration import DeviationTable, MagnetometerCalibration, load_calibration
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.witmotion.settings import WitMotionSettings
@@ -15,24 +16,44 @@ OLDEST_DAYS = 365
 
 
 def check_calibration(config: Config, today: dt.date) -> list[Finding]:
-    """Check the calibration file of every compass, and the scale of the ground camera where it has one."""
+    """Check the file of every compass, the constants of the gyro and the scale of the ground camera."""
     findings: list[Finding] = []
     for name, settings in config.devices.items():
         if isinstance(settings, NmeaCompassSettings | WitMotionSettings):
             findings += _check_file(name, settings, today, is_used=name in config.roles.headings)
     if config.ground_motion is not None and config.roles.camera is not None:
         findings += _check_scale(config.roles.camera, config.ground_motion.tolerance, today)
+    if config.slip is not None and config.slip.gyro_response is not None and config.roles.gyro is not None:
+        findings += _check_gyro(config.roles.gyro, config.slip.gyro_response, today)
     return findings
+
+
+def _age_days(date: str, today: dt.date) -> int:
+    """Return the age of a date as written; -1 where it is none."""
+    try:
+        return (today - dt.date.fromisoformat(date)).days
+    except ValueError:
+        return -1
+
+
+def _check_gyro(name: str, gyro: GyroResponse, today: dt.date) -> list[Finding]:
+    if 0 <= _age_days(gyro.identified_on, today) <= OLDEST_DAYS:
+        return [ok(CHECK, name, f"delay and bandwidth of {gyro.identified_on}")]
+    return [
+        warning(
+            CHECK,
+            name,
+            f"its delay and bandwidth are of {gyro.identified_on}, today is {today}",
+            "another sensor, filter or baud rate delays turns by another time; or one of the dates is wrong",
+            "`rover-hil calibrate imu CONFIG`; check the host's date with `date`",
+        )
+    ]
 
 
 def _check_scale(name: str, tolerance: RigTolerance, today: dt.date) -> list[Finding]:
     if tolerance.scale_date is None:
         return []
-    try:
-        age_days = (today - dt.date.fromisoformat(tolerance.scale_date)).days
-    except ValueError:
-        age_days = -1
-    if 0 <= age_days <= OLDEST_DAYS:
+    if 0 <= _age_days(tolerance.scale_date, today) <= OLDEST_DAYS:
         return [ok(CHECK, name, f"scale {tolerance.scale:g} of {tolerance.scale_date}")]
     return [
         warning(

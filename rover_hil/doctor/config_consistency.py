@@ -39,7 +39,7 @@ def check_consistency(config: Config) -> list[Finding]:
                 )
             )
     findings += _check_yaw(config)
-    findings += _check_gyro_constants(config)
+    findings += _check_excitation(config)
     return findings or [ok(CHECK, "times", "the periods and limits fit each other")]
 
 
@@ -51,11 +51,22 @@ def _check_yaw(config: Config) -> list[Finding]:
     return [warning(CHECK, "yaw unwatched", unwatched.what, cause, unwatched.help)]
 
 
-def _check_gyro_constants(config: Config) -> list[Finding]:
+def _check_excitation(config: Config) -> list[Finding]:
     slip = config.slip
-    if slip is None or slip.use != YAW_PROBE or slip.gyro_response is not None:
+    if slip is None or slip.use != YAW_PROBE:
         return []
+    findings = [] if slip.gyro_response is not None else [_unknown_gyro()]
+    excitation = slip.excitation
+    if excitation.yaw_inertia_kg_m2 is None and "mass_kg" not in excitation.model_fields_set:
+        what = f"the mass of the rover is not given: {excitation.mass_kg:g} kg is assumed"
+        cause = "slip by the yaw excitation is read too small where the rover is lighter"
+        fix = "weigh the rover with its load and enter mass_kg in [slip.excitation]"
+        findings.append(warning(CHECK, "slip.excitation", what, cause, fix))
+    return findings
+
+
+def _unknown_gyro() -> Finding:
     what = "delay and bandwidth of the gyro are unknown: slip by the yaw excitation is unsure"
     cause = "a late gyro looks like wheels that slip, so only the least slip is used"
     fix = "run `rover-hil calibrate imu`, and enter its file as gyro_response in [slip]"
-    return [warning(CHECK, "slip.gyro_response", what, cause, fix)]
+    return warning(CHECK, "slip.gyro_response", what, cause, fix)

@@ -244,3 +244,38 @@ def test_the_geometry_factor_depends_on_the_directions_of_traction() -> None:
     skid = SkidSteerRoverSettings(kinematics="skid_steer_4", wheel_radius_m=0.04, track_m=0.5)
     assert per_slip_m2(SkidSteerKinematics(skid), 0.04, 0.0) == pytest.approx(0.25**2)
     assert per_slip_m2(SkidSteerKinematics(skid), 0.04, math.pi / 2.0) == 0.0
+
+
+def test_the_deviation_holds_what_the_law_leaves_open_and_the_noise() -> None:
+    """Uniform from the secant reading to the bound, half of the secant reading, the floor."""
+    found = read(1.0 / (1.0 + 5.0j), 30.0)
+    assert found.sd == pytest.approx(math.hypot(EFFORT.bracket.sd, 1.0 / math.sqrt(12.0)))
+    firm = read(complex(0.5), None)
+    assert firm.sd == pytest.approx(math.hypot(EFFORT.bracket.sd, 0.25))
+    noisy = read(complex(0.5), None, noise=0.2)
+    assert noisy.sd > math.hypot(firm.sd, 0.2)
+
+
+def test_where_one_wheel_grips_and_the_others_slide_the_deviation_reaches_the_slip() -> None:
+    """The wheel across the travel carries the swing: at a slip of 0.93 the reading is 0.6."""
+    found = read(1.0 / (2.5 + 0.2j), 28.0)
+    assert found.bound < found.secant
+    assert found.slip == pytest.approx(0.6, abs=0.01)
+    assert found.slip + 2.0 * found.sd > 0.93
+
+
+def test_an_angle_that_is_uncertain_counts_to_both_sides() -> None:
+    """Where wheels are read late the gyro seems early, and lag is hidden."""
+    sure, unsure = read(complex(0.8), None), read(complex(0.8), None, lag_sd_rad=0.3)
+    assert unsure.slip == sure.slip
+    hidden = read(cmath.rect(0.8, -0.3), None)
+    assert hidden.slip > sure.slip + 0.03
+    assert unsure.sd >= math.hypot(sure.sd, hidden.slip - sure.slip) - 1e-9
+
+
+@given(lag=st.floats(0.35, 0.7))
+def test_wheels_that_may_be_idle_are_never_surely_without_slip_for_an_unknown_gyro(lag: float) -> None:
+    share, weak = 1.0 / complex(1.0, lag), DrivenTravel(SPEED_M_S, 0.1 * MASS_KG)
+    assert read_slip(BodyResponse(share, 0.0), weak, LEVER).problem == IDLE_WHEELS
+    found = read_slip_by_unknown_gyro(BodyResponse(share, 0.0), weak, LEVER)
+    assert found.problem or found.slip + 2.0 * found.sd > 1.0

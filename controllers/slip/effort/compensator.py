@@ -128,11 +128,13 @@ class EffortCompensator:
                 wheel_age_s=roles.wheel_age_s,
                 travel_m_s=travel_m_s,
                 rest_s=settings.excitation_rest_s,
+                proves_gyro=not roles.fixes,
             )
             if settings.use == YAW_PROBE
             else None
         )
-        self._has_fixes = bool(roles.fixes)
+        self._all_fixes = roles.fixes
+        self._fix_ns: int | None = None
         correction = settings.torque_correction
         self._correction = None if correction is None else TorqueCorrection(rover, correction)
         self._settings = settings
@@ -211,6 +213,8 @@ class EffortCompensator:
 
     def feed(self, sample: Sample, t_ns: int) -> None:
         """Take the current of one wheel as of `t_ns`, unless it is missing, not finite or not newer."""
+        if isinstance(sample, PoseFixSample) and sample.device in self._all_fixes:
+            self._fix_ns = t_ns
         if isinstance(sample, PoseFixSample) and sample.device in self._fixes:
             found = self._by_fixes.take(sample)
             if found is not None:
@@ -447,6 +451,11 @@ class EffortCompensator:
         if self.excited is None:
             return None
         rate_rad_s = increment.turn_rad / increment.duration_s
+        in_place = self.excited.in_place
+        if in_place is not None and in_place.is_turning:
+            in_place.take(increment.duration_s, rate_rad_s, gyro_rate_rad_s)
+            self.excited.excitation.start_window()
+            return _WindowSlip((0.0,) * self._kinematics.wheel_count, 0.0, in_place.reason)
         response = self.excited.excitation.step(
             increment.duration_s, rate_rad_s, gyro_rate_rad_s, self._gyro_after_s()
         )
@@ -457,13 +466,19 @@ class EffortCompensator:
         found = self.excited.take(response, complex(x_m, y_m), self._window_force_n(x_m, y_m), known)
         if found.source is SlipSource.EXCITATION:
             self._ground.learn(found.slip)
-        if self._has_fixes:
+        if self._is_measured_by_fixes():
             return _WindowSlip((0.0,) * self._kinematics.wheel_count, 0.0, found.reason or MEASURED_BY_FIXES)
         if found.source is not SlipSource.EXCITATION:
             return _WindowSlip((found.slip,) * self._kinematics.wheel_count, 0.0, found.reason)
         missing_rad_s = (1.0 - found.slip) * response.wheel_rate_rad_s - response.gyro_rate_rad_s
         slips = share_slip(self._kinematics, self._window_rad, found.slip, missing_rad_s * self._window_s)
         return _WindowSlip(slips, 0.0, "")
+
+    def _is_measured_by_fixes(self) -> bool:
+        """Return whether the newest fix is recent."""
+        if self._fix_ns is None:
+            return False
+        return seconds(min(self._wheel_ns) - self._fix_ns) < EFFORT.fixes.absent_s
 
     def _window_force_n(self, x_m: float, y_m: float) -> float | None:
         """Return the mean drive force in the open window; None where currents or travel do not give it."""

@@ -7,7 +7,7 @@ from controllers.motion.kinematics import Kinematics
 from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.slip.effort.ground_knowledge import GYRO_WAS_WRONG, KnownSlip, SlipSource
 from controllers.slip.effort.gyro_response import GyroResponse
-from controllers.slip.effort.gyro_watch import GyroScaleWatch
+from controllers.slip.effort.gyro_watch import GyroInPlace
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.slip_bracket import (
     BodyResponse,
@@ -70,11 +70,12 @@ class ExcitedSlip:
         wheel_age_s: Age of the wheels' positions at their time stamp; None where it is unknown.
         travel_m_s: Speed of the mission; None without one.
         rest_s: How long the excitation may rest.
+        proves_gyro: Turn to and fro in place before the mission's travel, see `GyroInPlace`.
 
     Attributes:
         excitation: Excites the yaw.
         swing: Keeps the path follower from working against the excitation.
-        watch: Judges the scale of the gyro.
+        in_place: Judges scale and sign of the gyro before the rover travels; None where it is not to turn.
     """
 
     def __init__(
@@ -87,6 +88,7 @@ class ExcitedSlip:
         wheel_age_s: float | None = None,
         travel_m_s: float | None = None,
         rest_s: float = 0.0,
+        proves_gyro: bool = True,
     ) -> None:
         self._settings = settings
         self._kinematics = kinematics
@@ -97,7 +99,7 @@ class ExcitedSlip:
         sensors = sensor_response(frequency_hz, gyro, wheel_age_s or 0.0)
         self.excitation = YawExcitation(settings, amplitude_rad_s, sensors)
         self.swing = SwingFilter(frequency_hz)
-        self.watch = GyroScaleWatch()
+        self.in_place = GyroInPlace(rover.base_radius_m) if proves_gyro and travel_m_s is not None else None
         self._gyro = gyro
         self._lag_sd_rad = math.tau * frequency_hz * _lag_sd_s(gyro, frequency_hz, wheel_age_s)
         self._gain_sd = 0.0 if gyro is None else _gain_sd(gyro, frequency_hz)
@@ -108,6 +110,8 @@ class ExcitedSlip:
         self._rest_s = rest_s
         self._rest_end_s = 0.0
         self._has_given_up = False
+        self._was_off = False
+        self._begin_s: float | None = None
         self.slip = self._no_slip(TOO_LITTLE_TRAVEL)
 
     def _no_slip(self, reason: str) -> RoverSlip:
@@ -120,13 +124,26 @@ class ExcitedSlip:
     def doubt_gyro(self) -> None:
         """Return to the encoders' slip: that in use was read from a gyro that was wrong."""
         self._valid_windows = 0
+        self.excitation.start_window()
         self.slip = self._no_slip(GYRO_WAS_WRONG)
 
     def yaw_rate_rad_s(self, t_s: float) -> float:
         """Return what to add to the commanded yaw rate at a time; 0 during a pause, and once it is off."""
         self._now_s = t_s
         is_quiet = self._has_given_up or t_s < max(self._pause_end_s, self._rest_end_s)
-        return 0.0 if is_quiet else self.excitation.yaw_rate_rad_s(t_s)
+        if is_quiet:
+            self._begin_s = None
+            return 0.0
+        if self._begin_s is None:
+            self._begin_s = t_s
+        # From phase 0 on: a swing that begins at another one turns the rover aside.
+        return self.excitation.yaw_rate_rad_s(t_s - self._begin_s)
+
+    def leave_out(self, t_s: float) -> None:
+        """Take note that nothing was added to the commanded yaw rate at a time: the slip is measured."""
+        self._now_s = t_s
+        self._was_off = True
+        self._begin_s = None
 
     def take(
         self,
@@ -147,6 +164,7 @@ class ExcitedSlip:
         if not response.reason and not is_travel and self.slip.source is SlipSource.EXCITATION:
             return self.slip
         found = self._read(response, travelled_m, force_n)
+        self._was_off = False
         reason = found.problem
         self._valid_windows = 0 if reason else self._valid_windows + 1
         slip, sd, source = found.slip, found.sd, SlipSource.EXCITATION
@@ -176,9 +194,8 @@ class ExcitedSlip:
         )
         read = read_slip_by_unknown_gyro if self._gyro is None else read_slip
         found = read(body, travel, lever)
-        if not found.problem and force_n is not None:
-            self.watch.take(found)
-        return found._replace(problem=found.problem or self.watch.reason)
+        by_gyro = "" if self.in_place is None else self.in_place.reason
+        return found._replace(problem=found.problem or by_gyro)
 
     def _problem(self, response: ExcitationResponse, travelled_m: complex) -> str:
         """Return why this window says nothing about slip; empty where it does."""
@@ -190,7 +207,7 @@ class ExcitedSlip:
             return SPRINGS
         is_travel = abs(travelled_m) >= EFFORT.excitation.least_distance_m
         if response.reason:
-            if self._now_s < self._rest_end_s:
+            if self._was_off or self._now_s < self._rest_end_s:
                 return RESTS
             is_weak = is_travel and response.reason == WHEELS_DO_NOT_FOLLOW
             self._weak_windows = self._weak_windows + 1 if is_weak else 0

@@ -1,36 +1,74 @@
-"""Scale of the gyro, by the two readings of one response.
+"""Scale and sign of the gyro, by a slow turn to and fro in place before the rover travels.
 
-Where traction neither falls nor stiffens with slip, the bound by lag and force is not below the secant
-reading. A gyro that measures too little raises the secant reading and leaves the lag as it is. In place this
-cannot be seen: wheels that swing by less than their contact springs back hardly move the body.
+A slow turn passes through the contacts nearly whole: wheels that turn a rover about its own centre bear no
+load but its drag. The faster excitation of the travel does not: in place, contacts spring back from it.
 """
 
+import math
+
 from controllers.slip.effort.parameters import EFFORT
-from controllers.slip.effort.slip_bracket import SlipReading
 
 TOO_SMALL = (
-    "gyro measures less than the wheels turn, without the lag of slipping wheels: wrong scale: run "
+    "gyro measures {share:.0%} of the turn of the wheels in place: wrong scale, or wheels without grip: run "
     "`rover-hil calibrate imu`"
 )
+OPPOSITE = "gyro and wheels turn opposite ways in place: wrong sign: run `rover-hil calibrate imu`"
+NOT_TURNED = "gyro not yet compared with the wheels in place"
 
 
-class GyroScaleWatch:
-    """Averages the secant reading beyond the bound.
+class GyroInPlace:
+    """Turns the rover to and fro for one period, and compares the gyro with the wheels.
+
+    Args:
+        rim_arm_m: Distance of the wheels from the centre.
 
     Attributes:
         reason: Why slip cannot be read from the gyro; empty where it can.
     """
 
-    def __init__(self) -> None:
-        self._windows = 0
-        self._excess = 0.0
-        self.reason = ""
+    def __init__(self, rim_arm_m: float) -> None:
+        self._amplitude_rad_s = EFFORT.watch.rim_m_s / rim_arm_m
+        self._start_s: float | None = None
+        self._is_over = False
+        self._product = self._square = 0.0
+        self.reason = NOT_TURNED
 
-    def take(self, reading: SlipReading) -> None:
-        """Take the reading of one window whose drive force was measured."""
-        numbers = EFFORT.watch
-        excess = reading.secant - numbers.bound_factor * reading.bound
-        self._windows += 1
-        self._excess += max(numbers.weight, 1.0 / self._windows) * (excess - self._excess)
-        is_small = self._windows >= numbers.least_windows and self._excess > numbers.greatest_excess
-        self.reason = TOO_SMALL if is_small else ""
+    @property
+    def is_turning(self) -> bool:
+        """Whether the turn has begun and is not over."""
+        return self._start_s is not None and not self._is_over
+
+    def yaw_rate_rad_s(self, now_s: float, follower_rad_s: float) -> float | None:
+        """Return the yaw rate to command in place; None once the turn is over.
+
+        The angle, sin(a) (1 - cos(a)) / 2 with a from 0 to 2 pi, begins and ends at rest. Then the path
+        follower turns the rover back to its heading.
+        """
+        if self._is_over:
+            return None
+        if self._start_s is None:
+            self._start_s = now_s
+        elapsed_s, period_s = now_s - self._start_s, EFFORT.watch.period_s
+        if elapsed_s < period_s:
+            cosine = math.cos(math.tau * elapsed_s / period_s)
+            return 0.5 * self._amplitude_rad_s * (1.0 - cosine) * (1.0 + 2.0 * cosine)
+        if elapsed_s < period_s + EFFORT.watch.settle_s:
+            return follower_rad_s
+        self._is_over = True
+        self.reason = self._judge()
+        return None
+
+    def take(self, duration_s: float, wheel_rate_rad_s: float, gyro_rate_rad_s: float | None) -> None:
+        """Take the yaw rates of a cycle, by rolling wheels and by the gyro; None without a fresh one."""
+        if not self.is_turning or gyro_rate_rad_s is None:
+            return
+        self._product += gyro_rate_rad_s * wheel_rate_rad_s * duration_s
+        self._square += wheel_rate_rad_s**2 * duration_s
+
+    def _judge(self) -> str:
+        if self._square < (EFFORT.watch.least_turn * self._amplitude_rad_s) ** 2 * EFFORT.watch.period_s:
+            return NOT_TURNED
+        share = self._product / self._square
+        if share < 0.0:
+            return OPPOSITE
+        return TOO_SMALL.format(share=share) if share < EFFORT.watch.least_share else ""

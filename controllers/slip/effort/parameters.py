@@ -99,6 +99,7 @@ class FixParameters:
     deviations: float = 3.0  # so many of the greatest beyond 0 to 1, one of the two fixes is an outlier
     straightness: float = 0.97  # distance between the ends over distance travelled
     most_cycles: int = 1000  # that are remembered; a fix may be as old as this
+    absent_s: float = 5.0  # without a fix for so long, fixes measure no slip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,27 +129,27 @@ class ExcitationParameters:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchParameters:
-    """Scale of the gyro, by the secant reading beyond the bound."""
+    """Turn to and fro in place, by which scale and sign of the gyro are judged."""
 
-    bound_factor: float = 1.5  # drive force and yaw inertia are known no better
-    greatest_excess: float = 0.15  # of the secant reading over the bound, in the mean
-    least_windows: int = 4  # for a verdict
-    weight: float = 0.2  # of the newest window in the mean
+    rim_m_s: float = 0.06  # amplitude of the rims' speed: faster than the excitation, as no slip is read
+    period_s: float = 3.0  # 9 degrees to each side with the wheels 0.125 m from the centre
+    settle_s: float = 0.7  # after it, in which the path follower turns the rover back to its heading
+    least_turn: float = 0.2  # of the amplitude, rms; the commanded turn has 0.47, less was not compared
+    least_share: float = 0.56  # of the wheels' turn: of a gyro of half scale on wheels without slip 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BracketParameters:
     """Slip between the secant reading and the bound by lag and force, `slip_bracket`.
 
-    `weight` and `greatest_bound` were chosen on other simulated rovers, after four of their nine contact laws
-    were seen; `sd`, `sd_width` and `sd_share` on floors 0 to 19 of the law bristle of `tests/nature/floors`.
+    `weight`, `greatest_bound`, `sd` and `sd_secant` were chosen on other simulated rovers, after four of nine
+    contact laws were seen.
     """
 
     weight: float = 0.5  # of the way from the secant reading to the bound
     greatest_bound: float = 0.6  # a larger bound counts as this
-    sd: float = 0.08
-    sd_width: float = 0.25  # growth of the standard deviation with the width of the bracket
-    sd_share: float = 0.2  # and with the slip
+    sd: float = 0.06
+    sd_secant: float = 0.5  # growth of the standard deviation with the secant reading
     usual_force_n_kg: float = 1.1  # drive force over mass where it is not measured
     idle_force_n_kg: float = 0.2  # a smaller one at a long lag is that of wheels without grip
     idle_lag: float = 0.3  # tangent of a long lag

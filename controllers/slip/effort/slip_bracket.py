@@ -31,6 +31,8 @@ SMALLEST_SHARE = 0.005
 """A smaller response has no phase."""
 NO_PULL = 1e-9
 """Sum of squared cosines up to which no wheel pulls along a direction."""
+UNIFORM = math.sqrt(12.0)
+"""Width of a uniform distribution over its standard deviation."""
 
 
 class BodyResponse(NamedTuple):
@@ -117,7 +119,12 @@ def per_slip_m2(kinematics: Kinematics, wheel_radius_m: float, direction_rad: fl
 
 
 def read_slip(response: BodyResponse, travel: DrivenTravel, lever: YawLever) -> SlipReading:
-    """Return the slip between the secant reading and the bound by lag and force."""
+    """Return the slip between the secant reading and the bound by lag and force.
+
+    Its standard deviation holds what the contact law leaves open: the slip may be anywhere from the secant
+    reading to the bound, or to 1 where the bound is larger. The secant reading itself is too small where one
+    wheel grips and the others slide, as the wheel does that is across the travel.
+    """
     numbers = EFFORT.bracket
     size = abs(response.share)
     if size <= max(SMALLEST_SHARE, numbers.deviations * response.noise):
@@ -134,11 +141,21 @@ def read_slip(response: BodyResponse, travel: DrivenTravel, lever: YawLever) -> 
     if is_idle and inverse.imag - numbers.deviations * lag_noise > numbers.idle_lag * inverse.real:
         return SlipReading(0.0, 1.0, IDLE_WHEELS)
     secant, bound = _ends(inverse, travel, lever)
-    slip, width = _between(secant, bound), min(max(0.0, bound - secant), numbers.greatest_bound)
-    turned = inverse * cmath.exp(-1j * response.lag_sd_rad)
-    by_angle = _between(*_ends(turned, travel, lever)) - slip
+    slip = _between(secant, bound)
+    angle_sd_rad = math.hypot(response.lag_sd_rad, response.noise / size)
+    by_angle = max(
+        abs(_between(*_ends(inverse * cmath.exp(1j * angle_rad), travel, lever)) - slip)
+        for angle_rad in (-angle_sd_rad, angle_sd_rad)
+    )
     by_gain = _between(*_ends(inverse * (1.0 + response.gain_sd), travel, lever)) - slip
-    sd = math.hypot(numbers.sd, numbers.sd_width * width, numbers.sd_share * slip, by_angle, by_gain)
+    sd = math.hypot(
+        numbers.sd,
+        max(0.0, min(bound, 1.0) - secant) / UNIFORM,
+        numbers.sd_secant * secant,
+        response.noise,
+        by_angle,
+        by_gain,
+    )
     return SlipReading(slip, sd, "", secant, bound)
 
 
@@ -165,10 +182,12 @@ def read_slip_by_unknown_gyro(response: BodyResponse, travel: DrivenTravel, leve
     if not usable:
         return first
     least, greatest = min(usable), max(usable)
+    # Idle wheels, where a delay says so, may slip by any amount.
+    most = 1.0 if any(reading.problem == IDLE_WHEELS for reading in found) else greatest.slip
     # Of a uniform distribution about its end.
-    by_delay = (greatest.slip - least.slip) / math.sqrt(3.0)
+    by_delay = (most - least.slip) / math.sqrt(3.0)
     sd = math.hypot(max(reading.sd for reading in usable), by_delay)
-    return SlipReading(least.slip, sd, "", least.secant, greatest.bound)
+    return SlipReading(least.slip, sd, "", least.secant, max(reading.bound for reading in usable))
 
 
 def _ends(inverse: complex, travel: DrivenTravel, lever: YawLever) -> tuple[float, float]:

@@ -166,8 +166,13 @@ class YawExcitation:
         # A reading that ends the window within half of its duration is its last.
         if self._t_s - self._window_start_s < self._settings.window_s - 0.5 * elapsed_s:
             return None
-        rows, self._rows, self._window_start_s = self._rows, [], self._t_s
+        rows = self._rows
+        self.start_window()
         return self._compare(rows)
+
+    def start_window(self) -> None:
+        """Begin a new window; what the open one has is lost."""
+        self._rows, self._window_start_s = [], self._t_s
 
     def _compare(self, rows: list[tuple[float, float, float, float, float]]) -> ExcitationResponse:
         numbers, frequency_hz = EFFORT.excitation, self._settings.frequency_hz
