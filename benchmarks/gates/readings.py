@@ -42,6 +42,8 @@ from rover_hil.parallel.executor import open_executor
 DELAY_SAMPLES = 2
 """40 ms at 50 Hz."""
 LOW_PASS_HZ = 10.0
+NAMED = "wheels in place"
+"""Part of both sentences by which scale and sign of the gyro are named."""
 LEAST_TRAVEL_M = 0.04
 """Of the wheels in a window; slip of less travel is no number."""
 
@@ -225,12 +227,8 @@ def _effective_slip(kinematics: Kinematics, moments: Sequence[Moment]) -> float 
 def row_of(results: Sequence[Result]) -> dict[str, str]:
     """Return the figures of a row."""
     floors = len(results)
-    read = [window for result in results for window in result.windows if not window.reason]
-    total_s = sum(window.duration_s for result in results for window in result.windows)
-    errors = np.array([window.slip - window.effective for window in read])
-    deviations = np.array([window.sd for window in read])
     smaller = sum(result.excited.path_m < result.encoders.path_m for result in results)
-    rms = float(np.sqrt(np.mean(errors**2)))
+    named = sum(any(NAMED in window.reason for window in result.windows) for result in results)
     return {
         "floors": f"{floors}",
         "within (encoders)": f"{_within(results)} ({sum(result.encoders.is_within for result in results)})",
@@ -243,7 +241,21 @@ def row_of(results: Sequence[Result]) -> dict[str, str]:
             f"{_median_mm([result.excited.path_m for result in results])} "
             f"({_median_mm([result.encoders.path_m for result in results])})"
         ),
-        "rms": f"{rms:.3f}",
+        "gyro named": _share(named, floors),
+        **_readings([window for result in results for window in result.windows]),
+    }
+
+
+def _readings(windows: Sequence[Window]) -> dict[str, str]:
+    """Return the errors of the valid readings."""
+    read = [window for window in windows if not window.reason]
+    if not read:
+        return {"valid time": "0.00"}
+    errors = np.array([window.slip - window.effective for window in read])
+    deviations = np.array([window.sd for window in read])
+    total_s = sum(window.duration_s for window in windows)
+    return {
+        "rms": f"{float(np.sqrt(np.mean(errors**2))):.3f}",
         "bias": f"{errors.mean():+.3f}",
         "within 2 sd": _share(int(np.sum(np.abs(errors) <= 2.0 * deviations)), len(read)),
         "valid time": f"{sum(window.duration_s for window in read) / total_s:.2f}",

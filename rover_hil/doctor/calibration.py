@@ -1,4 +1,4 @@
-"""Check calibrations of headings, and the ages of these, of the gyro's constants and of the camera's scale."""
+"""Check calibrations of headings and their ages, and those of the gyro's constants and the camera's scale."""
 
 import datetime as dt
 from pathlib import Path

@@ -1,12 +1,15 @@
 """[slip] in a configuration: every mistake is one sentence."""
 
+import datetime as dt
 from pathlib import Path
 
 import pytest
 
 from controllers.slip.effort.gyro_response import GyroResponse
+from controllers.slip.effort.yaw_excitation import ExcitationSettings
 from drivers.errors import ConfigError
 from rover_hil.config import Config, load_config, shipped_configs
+from rover_hil.doctor.calibration import check_calibration
 from rover_hil.doctor.config_consistency import check_consistency
 from rover_hil.doctor.finding import Level
 from tests.rover_hil.command import Command
@@ -167,6 +170,32 @@ def test_an_unknown_gyro_is_a_warning_of_check_that_names_the_command() -> None:
     for update in ({"gyro_response": gyro}, {"use": "surfaces"}):
         other = config.model_copy(update={"slip": config.slip.model_copy(update=update)})
         assert "slip.gyro_response" not in {each.subject for each in check_consistency(other)}
+
+
+@pytest.mark.parametrize(
+    ("date", "level"),
+    [("2026-01-01", Level.OK), ("2024-01-01", Level.WARNING), ("soon", Level.WARNING)],
+)
+def test_the_age_of_the_gyros_constants_is_checked(date: str, level: Level) -> None:
+    config = load_config("robotino")
+    assert config.slip is not None
+    gyro = GyroResponse(source="by hand", identified_on=date)
+    dated = config.model_copy(update={"slip": config.slip.model_copy(update={"gyro_response": gyro})})
+    (found,) = [each for each in check_calibration(dated, dt.date(2026, 11, 27)) if each.subject == "imu"]
+    assert found.level is level
+
+
+def test_a_mass_that_nobody_gave_is_told() -> None:
+    config = load_config("robotino")
+    assert config.slip is not None
+    for excitation, count in (
+        (ExcitationSettings(), 1),
+        (ExcitationSettings(mass_kg=4.0), 0),
+        (ExcitationSettings(yaw_inertia_kg_m2=0.1), 0),
+    ):
+        slip = config.slip.model_copy(update={"excitation": excitation})
+        findings = check_consistency(config.model_copy(update={"slip": slip}))
+        assert len([each for each in findings if each.subject == "slip.excitation"]) == count
 
 
 def test_identify_probe_names_what_replaced_it(command: Command) -> None:

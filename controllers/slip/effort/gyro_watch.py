@@ -12,7 +12,9 @@ TOO_SMALL = (
     "gyro measures {share:.0%} of the turn of the wheels in place: wrong scale, or wheels without grip: run "
     "`rover-hil calibrate imu`"
 )
-OPPOSITE = "gyro and wheels turn opposite ways in place: wrong sign: run `rover-hil calibrate imu`"
+OPPOSITE = (
+    "gyro measures the opposite of the turn of the wheels in place: wrong sign: run `rover-hil calibrate imu`"
+)
 NOT_TURNED = "gyro not yet compared with the wheels in place"
 
 
