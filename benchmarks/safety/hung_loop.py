@@ -2,6 +2,7 @@
 
     python -m benchmarks.safety.hung_loop [--rover NAME] [--times N]
     python -m benchmarks.safety.hung_loop --healthy N      # ends of healthy runs on a loaded machine
+    python -m benchmarks.safety.hung_loop --healthy N --loaded   # the same where other programs load it
     python -m benchmarks.safety.hung_loop --starts N       # processes left behind
 
 Stuck: a library sleeps with the interpreter's lock held. The simulated rover is a process of its own, behind
@@ -17,7 +18,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from timeit import repeat
 
@@ -192,11 +193,13 @@ def cost_us() -> float:
             return 1e6 * min(repeat(cycle, number=2000, repeat=20)) / 2000
 
 
-def count_ends(times: int) -> int:
+def count_ends(times: int, *, is_loaded: bool) -> int:
     """Drive healthy rovers on a loaded machine; return how many were ended or stopped by the watchdog."""
     ends = 0
+    start_ns = CLOCK.now_ns()
     for number in range(times):
-        with tempfile.TemporaryDirectory() as folder_name, loaded_machine():
+        load = nullcontext() if is_loaded else loaded_machine()
+        with tempfile.TemporaryDirectory() as folder_name, load:
             folder = Path(folder_name)
             name = list(ROVERS)[number % len(ROVERS)]
             with driving(name, folder) as program:
@@ -204,7 +207,12 @@ def count_ends(times: int) -> int:
             said = (folder / "--loop.txt").read_text(errors="replace")
             told = [line.strip() for line in said.splitlines() if "watchdog" in line]
             ends += program.returncode < 0
-            print(f"{name}: exit {program.returncode}; {told or 'no word of the watchdog'}", flush=True)
+            elapsed_s = seconds(CLOCK.now_ns() - start_ns)
+            print(
+                f"{name}: exit {program.returncode}; {told or 'no word of the watchdog'}; load "
+                f"{os.getloadavg()[0]:.0f}; {elapsed_s:.0f} s so far",
+                flush=True,
+            )
     return ends
 
 
@@ -256,12 +264,13 @@ def main() -> int:
     parser.add_argument("--rover", choices=ROVERS)
     parser.add_argument("--times", type=int, default=1)
     parser.add_argument("--healthy", type=int, default=0)
+    parser.add_argument("--loaded", action="store_true", help="add no load: other programs are running")
     parser.add_argument("--starts", type=int, default=0)
     options = parser.parse_args()
     if options.starts:
         return 1 if count_left(options.starts) else 0
     if options.healthy:
-        return 1 if count_ends(options.healthy) else 0
+        return 1 if count_ends(options.healthy, is_loaded=options.loaded) else 0
     cost = cost_us()
     print(f"in the loop {cost:.1f} us a cycle, bar {COST_BAR_US:g} us")
     print("| drive | loop | wheels slow down after s | at rest after s | cycles in the log | told |")

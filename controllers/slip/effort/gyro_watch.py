@@ -32,7 +32,7 @@ class GyroInPlace:
         self._amplitude_rad_s = EFFORT.watch.rim_m_s / rim_arm_m
         self._start_s: float | None = None
         self._is_over = False
-        self._product = self._square = 0.0
+        self._product = self._wheel_square = self._gyro_square = 0.0
         self.reason = NOT_TURNED
 
     @property
@@ -65,12 +65,15 @@ class GyroInPlace:
         if not self.is_turning or gyro_rate_rad_s is None:
             return
         self._product += gyro_rate_rad_s * wheel_rate_rad_s * duration_s
-        self._square += wheel_rate_rad_s**2 * duration_s
+        self._wheel_square += wheel_rate_rad_s**2 * duration_s
+        self._gyro_square += gyro_rate_rad_s**2 * duration_s
 
     def _judge(self) -> str:
-        if self._square < (EFFORT.watch.least_turn * self._amplitude_rad_s) ** 2 * EFFORT.watch.period_s:
+        least_rad_s = EFFORT.watch.least_turn * self._amplitude_rad_s
+        if self._wheel_square < least_rad_s**2 * EFFORT.watch.period_s:
             return NOT_TURNED
-        share = self._product / self._square
-        if share < 0.0:
+        if self._product < 0.0:
             return OPPOSITE
+        # Of the sizes, not of what is in phase: soft contacts lag in slow turns, too.
+        share = math.sqrt(self._gyro_square / self._wheel_square)
         return TOO_SMALL.format(share=share) if share < EFFORT.watch.least_share else ""

@@ -131,8 +131,8 @@ class ExcitationParameters:
 class WatchParameters:
     """Turn to and fro in place, by which scale and sign of the gyro are judged."""
 
-    rim_m_s: float = 0.06  # amplitude of the rims' speed: faster than the excitation, as no slip is read
-    period_s: float = 3.0  # 9 degrees to each side with the wheels 0.125 m from the centre
+    rim_m_s: float = 0.072  # amplitude of the rims' speed: faster than the excitation, as no slip is read
+    period_s: float = 2.5  # 9 degrees to each side with the wheels 0.125 m from the centre
     settle_s: float = 0.7  # after it, in which the path follower turns the rover back to its heading
     least_turn: float = 0.2  # of the amplitude, rms; the commanded turn has 0.47, less was not compared
     least_share: float = 0.56  # of the wheels' turn: of a gyro of half scale on wheels without slip 0.5
