@@ -1,6 +1,7 @@
 """Every number of estimators, monitors and stop rules, and what a change by 20 % does to a mission.
 
     python -m benchmarks.gates.constants > numbers.md      # twelve minutes on two cores
+    python -m benchmarks.gates.constants --only slip.effort.parameters.Watch
 
 Prints a row for each number that `numbers` finds, as in docs/results/constants.md: its value, and by how many
 mm the path of the shipped Robotino changes at 0.8 and at 1.2 of it (whole numbers change by 1) on a simulated
@@ -8,6 +9,7 @@ site. Those of sComp are of another rover, see docs/results/scomp.md; those of t
 are of a rover with a camera.
 """
 
+import argparse
 import ast
 import importlib
 import math
@@ -232,7 +234,12 @@ def _change(value: float | str) -> str:
 
 def main() -> int:
     """Print the table."""
-    every, day = list(numbers()), wall_time_text()
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--only", action="append", help="rows whose names begin so; default: all")
+    chosen = tuple(parser.parse_args().only or ("",))
+    every, day = [number for number in numbers() if number.title.startswith(chosen)], wall_time_text()
     today = f"{day[:4]}-{day[4:6]}-{day[6:8]}"
     with open_executor() as pool:
         print("| number | value | path, mm | date |")

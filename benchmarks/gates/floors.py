@@ -126,15 +126,15 @@ def _with_the_rectangle_of_the_robotino(config: Config) -> Config:
 def drive_floor(cell: Cell, seed: int) -> Way:
     """Drive the rectangle on the floor of `seed`; the same arguments give the same way."""
     make_camera = ground_camera(seed) if cell.version in CAMERA_VERSIONS else None
-    with _bracket_of(cell.version):
+    with bracket_weight(0.0 if cell.version == "secant" else EFFORT.bracket.weight):
         return drive_config(configure(cell, seed), cell.nature, seed, make_camera=make_camera)[0]
 
 
 @contextmanager
-def _bracket_of(version: str) -> Iterator[None]:
-    """Read slip for a while by the secant alone, if the version is that."""
+def bracket_weight(weight: float) -> Iterator[None]:
+    """Read slip for a while at another place of the bracket; 0 is the secant alone."""
     usual = EFFORT.bracket.weight
-    object.__setattr__(EFFORT.bracket, "weight", 0.0 if version == "secant" else usual)
+    object.__setattr__(EFFORT.bracket, "weight", weight)
     try:
         yield
     finally:

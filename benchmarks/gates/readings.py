@@ -27,6 +27,7 @@ from benchmarks.gates.floors import (
     FIXES_PER_S,
     NATURE_NAMES,
     Way,
+    bracket_weight,
     configure_version,
     drive_config,
 )
@@ -34,6 +35,7 @@ from benchmarks.safety.missions import Driven, Falsify, Moment, with_fixes
 from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.safety import Mode
 from controllers.slip.effort.ground_knowledge import SlipSource
+from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.slip_sharing import share_slip
 from drivers.samples import RateSample, Sample
 from rover_hil.config import Config
@@ -109,12 +111,14 @@ class Trial:
         gyro: One of `GYROS`.
         is_known: The constants of the gyro are known: those of a healthy one.
         has_fixes: With pose fixes every two seconds.
+        weight: Place of the reading in its bracket; 0 for the secant alone.
     """
 
     nature: str
     gyro: str
     is_known: bool
     has_fixes: bool
+    weight: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,7 +157,8 @@ def try_floor(trial: Trial, seed: int) -> Result:
         config = configure_version(version, seed)
         if trial.has_fixes:
             config = with_fixes(config, FIXES_PER_S)
-        way, driven = drive_config(config, trial.nature, seed, GYROS[trial.gyro]())
+        with bracket_weight(trial.weight):
+            way, driven = drive_config(config, trial.nature, seed, GYROS[trial.gyro]())
         ways.append(way)
     assert driven is not None
     assert config is not None
@@ -285,6 +290,7 @@ def main() -> None:
     parser.add_argument("--gyro", choices=tuple(GYROS), default="healthy")
     parser.add_argument("--unknown", action="store_true", help="the constants of the gyro are not known")
     parser.add_argument("--fixes", action="store_true")
+    parser.add_argument("--weight", type=float, default=EFFORT.bracket.weight, help="0: the secant alone")
     parser.add_argument("--first", type=int, default=FIRST_FULL_FLOOR)
     parser.add_argument("--floors", type=int, default=60)
     parser.add_argument("--each", action="store_true", help="print every floor, too")
@@ -295,6 +301,7 @@ def main() -> None:
         gyro=arguments.gyro,
         is_known=not arguments.unknown,
         has_fixes=arguments.fixes,
+        weight=arguments.weight,
     )
     seeds = range(arguments.first, arguments.first + arguments.floors)
     with open_executor(arguments.cluster) as pool:
