@@ -52,7 +52,7 @@ STUCK_S = 600
 BAR_S = 0.3
 SLOWER = 0.9
 """A wheel below this share of its speed slows down: it has been told to, or its drive has given up."""
-WAIT_S = 120.0
+WAIT_S = 300.0
 COST_BAR_US = 10.0
 CLOCK = SystemClock()
 

@@ -1,5 +1,6 @@
 """The loop's side of the watchdog, with real processes: start, signs of life, loss, end."""
 
+import gc
 import json
 import mmap
 import os
@@ -72,8 +73,14 @@ def process_of(watchdog: WatchdogProcess) -> "subprocess.Popen[bytes]":
     return process
 
 
+def open_files() -> list[str]:
+    """Return the open files of this process, without those that earlier tests have left to the collector."""
+    gc.collect()
+    return sorted(path.name for path in Path("/proc/self/fd").iterdir())
+
+
 def test_it_lives_while_the_context_lasts_and_leaves_nothing_behind(port: Path) -> None:
-    files = sorted(path.name for path in Path("/proc/self/fd").iterdir())
+    files = open_files()
     watchdog = WatchdogProcess(stop_of(port), LONG_S)
     assert watchdog.count == 0
     with watchdog:
@@ -83,7 +90,7 @@ def test_it_lives_while_the_context_lasts_and_leaves_nothing_behind(port: Path) 
         assert process.poll() is None
     assert process.returncode == 0  # it ended by itself
     watchdog.close()
-    assert sorted(path.name for path in Path("/proc/self/fd").iterdir()) == files
+    assert open_files() == files
 
 
 def test_one_that_does_not_end_is_killed(port: Path) -> None:
@@ -164,7 +171,7 @@ def test_one_that_is_over_is_not_ready(port: Path) -> None:
 
 
 def test_without_shared_memory_nothing_moves(port: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    files = sorted(path.name for path in Path("/proc/self/fd").iterdir())
+    files = open_files()
     watchdog = WatchdogProcess(stop_of(port), LONG_S)
 
     def refuse(*arguments: object) -> int:
@@ -178,7 +185,7 @@ def test_without_shared_memory_nothing_moves(port: Path, monkeypatch: pytest.Mon
         assert str(caught.value) == (
             "the watchdog gets no shared memory (no memory): end other programs, or give this one more"
         )
-        assert sorted(path.name for path in Path("/proc/self/fd").iterdir()) == files
+        assert open_files() == files
 
 
 @pytest.mark.parametrize(
@@ -193,7 +200,7 @@ def test_without_shared_memory_nothing_moves(port: Path, monkeypatch: pytest.Mon
 def test_a_process_that_does_not_start_is_one_sentence_and_leaves_nothing(
     port: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, program: str | None, reason: str
 ) -> None:
-    files = sorted(path.name for path in Path("/proc/self/fd").iterdir())
+    files = open_files()
     path = tmp_path / "python"
     if program is not None:
         path.write_text(f"#!/bin/sh\n{program}\n")
@@ -205,7 +212,7 @@ def test_a_process_that_does_not_start_is_one_sentence_and_leaves_nothing(
         pass
     told = reason.format(path=path)
     assert str(caught.value) == f"the watchdog cannot be started ({told}): the rover must not move"
-    assert sorted(path.name for path in Path("/proc/self/fd").iterdir()) == files
+    assert open_files() == files
 
 
 def test_limits_are_what_the_documents_say() -> None:
