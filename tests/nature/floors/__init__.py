@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from tests.nature.floors import bristle, carpet, tread, tread_differential
+from tests.nature.floors import bristle, carpet, falling, tread, tread_differential
 from tests.nature.floors.bristle import BristlePlant
 from tests.nature.floors.carpet import CarpetPlant
+from tests.nature.floors.falling import FallingPlant
 from tests.nature.floors.patchwork import Floor
 from tests.nature.floors.rover import RoverPlant
 from tests.nature.floors.tread import TreadPlant
@@ -16,6 +17,7 @@ __all__ = [
     "BristlePlant",
     "CarpetPlant",
     "DifferentialTreadPlant",
+    "FallingPlant",
     "Floor",
     "Nature",
     "RoverPlant",
@@ -57,4 +59,5 @@ NATURES: Final = (
         tread_differential.steady_slip,
         tread.DRAG,
     ),
+    Nature("falling", FallingPlant, falling.draw_floor, falling.steady_slip, falling.RESISTANCE),
 )

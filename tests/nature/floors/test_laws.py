@@ -1,11 +1,12 @@
 """Tests of the contact laws alone: passivity, and what tells one nature from the other."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 
-from tests.nature.floors import bristle, carpet, tread, tread_differential
+from tests.nature.floors import bristle, carpet, falling, tread, tread_differential
 from tests.nature.floors.machine import Floats
 from tests.nature.floors.patchwork import Floor
 from tests.nature.floors.rover import slip_ratio
@@ -32,6 +33,12 @@ def _random_motion(seed: int, amplitude: float, steps: int = 20000) -> Floats:
 def _tiles(floor: Floor) -> list[Floats]:
     constants = floor.grid.constants
     return [constants[1, column].copy() for column in range(5)]
+
+
+def _families(seed: int) -> list[Floats]:
+    """Return a tile of each family of the ground whose friction falls, by family."""
+    constants = falling.draw_floor(seed).grid.constants
+    return [constants[constants[:, :, falling.FAMILY] == family][0].copy() for family in range(4)]
 
 
 def _least_work(power_w: list[float]) -> tuple[float, float]:
@@ -105,6 +112,19 @@ class TestPassivity:
             assert least_j > -1e-3 * end_j
             assert end_j > 0.0
 
+    def test_falling(self, seed: int, amplitude: float) -> None:
+        for ground in _families(seed):
+            deflection_m, power_w = 0.0, []
+            running = _random_motion(seed + 50, 0.2, 4000).tolist()
+            for sliding, rim in zip(_random_motion(seed, amplitude, 4000).tolist(), running, strict=True):
+                force_n, deflection_m = falling.contact_force(
+                    ground, _LOAD_N, sliding, rim, deflection_m, _STEP_S
+                )
+                power_w.append(force_n * sliding)
+            least_j, end_j = _least_work(power_w)
+            assert least_j > -1e-3 * end_j
+            assert end_j > 0.0
+
 
 @pytest.mark.parametrize("seed", range(4))
 def test_hub_resistance_opposes_the_motion_at_every_speed(seed: int) -> None:
@@ -114,6 +134,9 @@ def test_hub_resistance_opposes_the_motion_at_every_speed(seed: int) -> None:
         for ground in _tiles(carpet.draw_floor(seed)):
             for against in (-1.0, 0.0, 1.0):
                 assert carpet.pile_resistance(ground, speed_m_s, against) > 0.0
+        for ground in _families(seed):
+            for deflection_m in (-1.0, 0.0, 1e-3):
+                assert falling.drag_share(ground, speed_m_s, deflection_m) > 0.0
 
 
 def test_no_load_no_force() -> None:
@@ -121,6 +144,8 @@ def test_no_load_no_force() -> None:
     assert bristle.bristle_force(ground, 0.0, 0.3, 1.0, 0.1, 1e-3, _STEP_S)[0] == 0.0
     ground = tread.draw_floor(0).grid.constants[0, 0]
     assert tread.brush_force(ground, 0.0, 0.1, 0.1, 1e-3, _STEP_S)[0] == 0.0
+    for ground in _families(0):
+        assert falling.contact_force(ground, 0.0, 0.1, 0.1, 1e-3, _STEP_S)[0] == 0.0
     pile = carpet.Pile(np.full(3, 1e-3), np.zeros(3), np.zeros(3))
     ground = carpet.draw_floor(0).grid.constants[0, 0]
     assert carpet.pile_force(ground, 0, pile, 0.0, 0.0, np.ones(2), 0.1, 1.0, 0.0, _STEP_S) == (0.0, 0.0)
@@ -176,6 +201,100 @@ def test_relaxation_is_a_lag_in_space(length_m: float, running_m_s: float) -> No
     assert _tread_n(ground, sliding_m_s, running_m_s, length_m) == pytest.approx(
         (1.0 - math.exp(-1.0)) * steady_n, rel=0.05
     )
+
+
+def _falling_curve(ground: Floats, slips: Sequence[float], rim_m_s: float = 0.15) -> Floats:
+    """Return the steady force per load of each slip, of a wheel whose rollers do not turn."""
+    forces = []
+    for slip in slips:
+        deflection_m, force_n = 0.0, 0.0
+        for _ in range(round(0.4 / rim_m_s / _STEP_S)):
+            force_n, deflection_m = falling.contact_force(
+                ground, _LOAD_N, slip * rim_m_s, rim_m_s, deflection_m, _STEP_S
+            )
+        forces.append(force_n / _LOAD_N)
+    return np.array(forces)
+
+
+@pytest.mark.parametrize("seed", range(8))
+class TestFalling:
+    def test_tyre_falls_past_its_peak(self, seed: int) -> None:
+        ground = _families(seed)[falling.TYRE]
+        force = _falling_curve(ground, np.linspace(0.02, 1.0, 50).tolist())
+        peak = int(force.argmax())
+        assert force[peak] == pytest.approx(ground[falling.FRICTION], rel=0.01)
+        assert 0.08 <= 0.02 * (peak + 1) <= 0.32
+        assert np.all(np.diff(force[peak:]) < 0.0)
+        assert 0.2 < 1.0 - force[-1] / force[peak] < 0.6
+
+    def test_tyre_follows_the_ratio_with_a_short_lag(self, seed: int) -> None:
+        ground = _families(seed)[falling.TYRE]
+        assert _falling_curve(ground, [0.2], 0.1) == pytest.approx(_falling_curve(ground, [0.2], 0.3))
+        assert 0.003 < ground[falling.LENGTH_M] < 0.013
+
+    def test_stribeck_falls_from_static_to_coulomb(self, seed: int) -> None:
+        ground = _families(seed)[falling.STRIBECK]
+        ground[falling.ROLLER] = 0.0
+        assert 1.3 <= ground[falling.STATIC] / ground[falling.FRICTION] <= 2.5
+        assert falling.friction_level(ground, 0.0) == pytest.approx(ground[falling.STATIC])
+        assert falling.friction_level(ground, 0.3) == pytest.approx(ground[falling.FRICTION])
+        ground[falling.FILM], ground[falling.LENGTH_M] = 0.0, 1e9
+        force = _falling_curve(ground, np.linspace(0.02, 1.0, 15).tolist())
+        assert np.all(np.diff(force) <= 1e-9)
+        assert force[-1] < 0.85 * force[0]
+
+    def test_loose_ground_leaves_less_to_pull_with_at_large_slip(self, seed: int) -> None:
+        ground = _families(seed)[falling.LOOSE]
+        slips = np.linspace(0.05, 1.0, 20)
+        force = _falling_curve(ground, slips.tolist())
+        u_m = slips * ground[falling.LENGTH_M]
+        part = u_m / ground[falling.SHEAR_M]
+        shear = ground[falling.FRICTION] * (1.0 - (1.0 - np.exp(-part)) / part)
+        assert force == pytest.approx(shear, rel=2e-3)
+        resistance = np.array([0.1 * falling.drag_share(ground, 0.1, value) for value in u_m])
+        assert np.all(np.diff(resistance) > 0.0)
+        assert resistance[-1] > 2.0 * resistance[0]
+        # Three hubs share the traction of wheels that point in three directions (pi / 2 on the average).
+        pull = force - 0.5 * math.pi * resistance
+        assert 0.3 < slips[pull.argmax()] < 0.9
+        assert pull[-1] < 0.95 * pull.max()
+
+    def test_wet_friction_falls_then_rises(self, seed: int) -> None:
+        ground = _families(seed)[falling.WET]
+        force = _falling_curve(ground, np.geomspace(0.005, 1.0, 25).tolist(), 0.3)
+        peak = int(np.flatnonzero(np.diff(force) < 0.0)[0])
+        valley = peak + int(force[peak:].argmin())
+        assert peak < valley < force.size - 1
+        assert force[valley] < 0.95 * force[peak]
+        assert force[-1] > 1.03 * force[valley]
+        assert 0.15 < ground[falling.STATIC] < 0.8
+        assert force[valley] < 0.7 * ground[falling.STATIC]
+
+    def test_symmetry_and_rest(self, seed: int) -> None:
+        for ground in _families(seed):
+            for sliding_m_s, deflection_m in ((0.01, 1e-4), (0.1, -2e-3), (1e-4, 1e-3)):
+                ahead = falling.contact_force(ground, _LOAD_N, sliding_m_s, 0.1, deflection_m, _STEP_S)
+                back = falling.contact_force(ground, _LOAD_N, -sliding_m_s, -0.1, -deflection_m, _STEP_S)
+                assert ahead == (-back[0], -back[1])
+            assert falling.contact_force(ground, _LOAD_N, 0.0, 0.1, 0.0, _STEP_S) == (0.0, 0.0)
+            # At rest a deflection stays, and so does its force.
+            force_n, kept_m = falling.contact_force(ground, _LOAD_N, 0.0, 0.0, 1e-4, _STEP_S)
+            assert kept_m == pytest.approx(1e-4)
+            assert 0.0 < force_n <= _LOAD_N * ground[falling.STIFFNESS] * 1.001e-4
+
+    def test_half_the_step_changes_little(self, seed: int) -> None:
+        for ground in _families(seed):
+            ends = []
+            for parts in (1, 2):
+                deflection_m, work_j = 0.0, 0.0
+                t_s = np.arange(3600 * parts) * _STEP_S / parts
+                for sliding in (0.05 * np.sin(7.0 * t_s + seed) + 0.02 * np.sin(25.0 * t_s)).tolist():
+                    force_n, deflection_m = falling.contact_force(
+                        ground, _LOAD_N, sliding, 0.1, deflection_m, _STEP_S / parts
+                    )
+                    work_j += force_n * sliding * _STEP_S / parts
+                ends.append(work_j)
+            assert ends[0] == pytest.approx(ends[1], rel=0.02)
 
 
 def _push_pile(ground: Floats, pile: carpet.Pile, speed_m_s: float, steps: int) -> list[float]:

@@ -13,10 +13,12 @@ from tests.nature.floors import (
     BristlePlant,
     CarpetPlant,
     DifferentialTreadPlant,
+    FallingPlant,
     Nature,
     RoverPlant,
     bristle,
     carpet,
+    falling,
     tread,
     tread_differential,
 )
@@ -28,7 +30,9 @@ from tests.nature.floors.patchwork import Floor
 pytestmark = pytest.mark.nightly  # a truth generator, which no change of the program touches
 
 _ALL = pytest.mark.parametrize("nature", NATURES, ids=lambda nature: nature.name)
-_OMNI = pytest.mark.parametrize("nature", NATURES[:3], ids=lambda nature: nature.name)
+_OMNI = pytest.mark.parametrize(
+    "nature", [nature for nature in NATURES if nature.plant.wheel_count == 3], ids=lambda nature: nature.name
+)
 _START_NS = 1_234_567_891
 
 
@@ -318,6 +322,51 @@ class TestCarpet:
         _drive(plant, 0.15, 0.0, 0.0)
         tilt = [(truth.roll_rad, truth.pitch_rad) for truth in _run(plant, 6.0)]
         assert 1e-4 < np.max(np.ptp(tilt, axis=0)) < 0.05
+
+
+class TestFalling:
+    def test_every_floor_has_all_families(self) -> None:
+        for seed in range(5):
+            families = np.unique(falling.draw_floor(seed).grid.constants[:, :, falling.FAMILY])
+            assert families.tolist() == [falling.TYRE, falling.STRIBECK, falling.LOOSE, falling.WET]
+
+    @pytest.mark.parametrize("family", range(4))
+    def test_single_patches_go_from_rolling_to_large_slip(self, family: int) -> None:
+        slips = []
+        for seed in range(0, 26, 2):
+            floor = falling.draw_floor(seed)
+            place = np.argwhere(floor.grid.constants[:, :, falling.FAMILY] == family)[0].tolist()
+            slips.append(falling.steady_slip(floor.uniform(*place), 0.15, 0.3))
+        assert 0.0 < min(slips) < 0.1
+        assert 0.3 < max(slips) < 0.9
+
+    def test_rover_slips_or_rolls_by_how_it_set_off(self) -> None:
+        """Friction that falls and then rises has two steady states at one speed."""
+        floor = falling.draw_floor(0).uniform(0, 0)
+        for meaning, value in {
+            falling.FAMILY: float(falling.WET),
+            falling.STIFFNESS: 1000.0,
+            falling.DAMPING: 2.2,
+            falling.LENGTH_M: 0.012,
+            falling.FRICTION: 0.08,
+            falling.STATIC: 0.30,
+            falling.FALL_M_S: 0.02,
+            falling.FILM: 0.07,
+            falling.DIGGING: 0.0,
+            falling.RESISTANCE: 0.06,
+            falling.RESISTANCE_S_M: 0.05,
+            falling.ROLLER: 0.03,
+        }.items():
+            floor = floor.changed(meaning, value)
+        ends_m_s = []
+        for ramp in (1, 100):
+            plant = FallingPlant(floor, np.random.default_rng(0), _START_NS)
+            for part in range(1, ramp + 1):
+                _drive(plant, 0.15 * part / ramp, 0.0, 0.0)
+                _run(plant, 0.04)
+            ends_m_s.append(np.mean([truth.velocity_x_m_s for truth in _run(plant, 4.0)[100:]]))
+        assert ends_m_s[1] > 0.12
+        assert ends_m_s[0] < 0.8 * ends_m_s[1]
 
 
 def _differential(seed: int = 3, **values: float) -> DifferentialTreadPlant:
