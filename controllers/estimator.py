@@ -76,9 +76,8 @@ class Estimator:
     ) -> None:
         self._slip = slip
         self._ground = ground
-        self._frame_ns: int | None = None
         self._is_measured = False
-        self._lost_m = 0.0
+        self._lost_m = self._doubted_rig_m = 0.0
         self.ground_pairs: tuple[GroundPair, ...] = ()
         self._kinematics = kinematics
         self.steering = SteeringAngles(kinematics.steering_rates_rad_s)
@@ -282,23 +281,27 @@ class Estimator:
         innovations: list[Innovation] = []
         pairs: list[GroundPair] = []
         camera = self._roles.camera or ""
-        for t_ns, way_back, pair in self._ground.take(self._fixes.known_ns, self._fixes.way_back):
+        for way_back, pair, is_begin, doubted_m in self._ground.take(
+            self._fixes.known_ns, self._fixes.way_back
+        ):
+            added_m, self._doubted_rig_m = _added(doubted_m, self._doubted_rig_m), doubted_m
+            if added_m:
+                self._filter.widen(added_m, added_m, 0.0)
             if pair is not None and pair.contradiction:
                 innovations.append(contradicting(camera, pair))
                 # One after the other they err in one direction: the errors add up, not their variances.
                 before_m, self._lost_m = self._lost_m, self._lost_m + abs(pair.ground_m - pair.rolled_m)
                 added_m = _added(self._lost_m, before_m)
                 self._filter.widen(added_m, added_m, 0.0)
-            elif pair is not None and pair.motion.from_ns == self._frame_ns:
+            elif pair is not None:
                 self._lost_m = 0.0
                 corrects_yaw = self._yaw_source is not YawSource.GYRO
                 innovations += self._filter.correct_ground(
                     camera, pair.motion, way_back, corrects_yaw=corrects_yaw
                 )
                 pairs.append(pair)
-            if pair is not None or self._frame_ns is None:
+            if is_begin:
                 self._filter.mark_frame(way_back)
-                self._frame_ns = t_ns
         is_gyro = self._yaw_source is YawSource.GYRO or self._is_resting
         innovations += self._ground.compare_turns(camera, is_gyro=is_gyro)
         self.ground_pairs = tuple(pairs)

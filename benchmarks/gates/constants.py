@@ -43,6 +43,7 @@ OF_CAMERA = "controllers.estimation.ground_"
 NUMBERS_OF_CAMERA = (
     "estimation.parameters.GroundParameters.slip_sd",
     "estimation.parameters.GroundParameters.noise_m_sqrt_m",
+    "safety.entrapment.LEAST_ASIDE",
     "safety.entrapment.LEAST_GROUND_PROGRESS",
     "safety.entrapment.EntrapmentSettings.entrapment_ground_m",
 )

@@ -24,6 +24,8 @@ GREATEST_SLIP = 1.5
 """Greatest difference of ground and wheels, over the travel of the wheels, that slip explains."""
 SLACK_M = 0.005
 """And beside it: camera and wheels are timed to some hundredths of a second, and a rover starts and stops."""
+WINDOW_NS = 2_000_000_000
+"""And over this time at most: what the slip was before the rover stood is not what it is."""
 REST_NS = 500_000_000
 """Motion while the wheels rest is summed over this time."""
 TURN_NS = 1_000_000_000
@@ -56,6 +58,11 @@ class GroundMeter(Protocol):
     @property
     def point_m(self) -> tuple[float, float]:
         """The point of the vehicle whose motion is measured, forward and left."""
+        ...
+
+    @property
+    def from_ns(self) -> int | None:
+        """Time of the frame at which the next pair begins; None before the first."""
         ...
 
     def measure(self, frame: FrameSample, t_ns: int, prior: WheelPrior) -> GroundMotion | None:
@@ -106,6 +113,23 @@ class GroundPair(NamedTuple):
     def sd_m(self) -> float:
         """Standard deviation of `ground_m` by this pair alone."""
         return math.hypot(self.motion.forward_sd_m, self.motion.left_sd_m)
+
+
+class SeenFrame(NamedTuple):
+    """A frame up to which the motion of the wheels is known.
+
+    Attributes:
+        way_back: From the present pose to that at its exposure.
+        pair: Motion since the pair's first frame; None where it is not valid, or began before the recorded
+            motion of the wheels. One that contradicts the wheels is not to be used.
+        is_begin: Whether the next pair begins here.
+        doubted_m: By how much all earlier pairs may have moved the rover wrongly, see `GroundMotion`.
+    """
+
+    way_back: WayBack
+    pair: GroundPair | None
+    is_begin: bool
+    doubted_m: float
 
 
 @record(frozen=True, slots=True, kw_only=True)
@@ -167,14 +191,8 @@ class GroundTravel:
         x, y, z = sample.rate_x_rad_s, sample.rate_y_rad_s, sample.rate_z_rad_s
         self._rates_rad_s = None if x is None or y is None or not math.isfinite(x + y + z) else (x, y, z)
 
-    def take(
-        self, known_ns: int | None, way_back: Callable[[int], WayBack | None]
-    ) -> Iterator[tuple[int, WayBack, GroundPair | None]]:
-        """Yield each frame up to which the motion of the wheels is known: exposure, way back to it, its pair.
-
-        The pair is None where the motion is not valid, or began before the recorded motion. One that
-        contradicts the wheels is yielded, and not used otherwise.
-        """
+    def take(self, known_ns: int | None, way_back: Callable[[int], WayBack | None]) -> Iterator[SeenFrame]:
+        """Yield each frame up to which the motion of the wheels is known."""
         while known_ns is not None and self._waiting and self._waiting[0][0] <= known_ns:
             t_ns, frame = self._waiting.popleft()
             now = way_back(t_ns)
@@ -187,7 +205,9 @@ class GroundTravel:
             point_m = rolled_m + self._swing_m(turn_rad)
             prior = WheelPrior(point_m.real, point_m.imag, turn_rad, self._rates_rad_s)
             motion = self._meter.measure(frame, t_ns, prior)
-            yield t_ns, now, None if motion is None else self._pair(motion, now, way_back(motion.from_ns))
+            pair = None if motion is None else self._pair(motion, now, way_back(motion.from_ns))
+            doubted_m = 0.0 if motion is None else motion.doubted_m
+            yield SeenFrame(now, pair, self._meter.from_ns == t_ns, doubted_m)
 
     def _swing_m(self, turn_rad: float) -> complex:
         """Return by how much the measured point moves, in the later axes, while the origin only turns."""
@@ -206,10 +226,10 @@ class GroundTravel:
             return pair
         self._valid = pair
         self._recent.append(pair)
-        while self._recent[0].motion.from_ns < motion.to_ns - REST_NS:
-            self._recent.popleft()
         self._turned.append(pair)
         self._window.append(pair)
+        _forget(self._recent, motion.to_ns - REST_NS)
+        _forget(self._window, motion.to_ns - WINDOW_NS)
         length_m = sum(abs(pair.rolled_m) for pair in self._window)
         while length_m - abs(self._window[0].rolled_m) >= SLIP_WINDOW_M:
             length_m -= abs(self._window.popleft().rolled_m)
@@ -284,7 +304,13 @@ class GroundTravel:
         )
 
     def _slip(self) -> tuple[float | None, float | None, float | None]:
-        """Return slip, its standard deviation and the drift of the window; None where it has no direction."""
+        """Return slip, its standard deviation and the drift of the window.
+
+        None where it has no direction, and where the wheels have hardly moved in the newest half second.
+        """
+        newest_m = abs(sum(pair.rolled_m for pair in self._recent))
+        if newest_m <= DEVIATIONS * self._recent[-1].sd_m:
+            return None, None, None
         rolled_m = sum((pair.rolled_m for pair in self._window), 0j)
         length_m = sum(abs(pair.rolled_m) for pair in self._window)
         if abs(rolled_m) < max(0.5 * SLIP_WINDOW_M, STRAIGHT * length_m):
@@ -294,6 +320,12 @@ class GroundTravel:
         scale_sd = max(pair.motion.scale_sd for pair in self._window)
         sd = math.hypot(pairs_sd, abs(share) * math.hypot(scale_sd, WHEELS_SD))
         return 1.0 - share.real, sd, cmath.phase(share) if abs(share) > pairs_sd else 0.0
+
+
+def _forget(pairs: deque[GroundPair], before_ns: int) -> None:
+    """Leave out pairs that began before a time, but not the newest one."""
+    while len(pairs) > 1 and pairs[0].motion.from_ns < before_ns:
+        pairs.popleft()
 
 
 def _between(before: WayBack, now: WayBack) -> tuple[complex, float]:

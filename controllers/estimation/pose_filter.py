@@ -219,6 +219,8 @@ class PoseFilter:
         by_slip = None
         if self._slip is not None:
             by_slip = self._slip.predict(np.array(state[self._block]), increment)
+            if increment.is_measured:  # what the camera measures is the whole slip
+                by_slip = by_slip.without_travel(travel_m)
             rolled_m = travel_m = by_slip.travel_m
         if increment.rolled_m is not None:
             rolled_m = increment.rolled_m

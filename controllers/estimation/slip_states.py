@@ -1,6 +1,6 @@
 """States of slip that a compensator adds to those of the pose filter."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -31,6 +31,15 @@ class SlipStep:
     transition: Array
     noise: Array
     travel_noise_m2: Array
+
+    def without_travel(self, travel_m: complex) -> "SlipStep":
+        """Return the step of the states alone, beside a travel on which they have no effect."""
+        return replace(
+            self,
+            travel_m=travel_m,
+            slopes_m=np.zeros_like(self.slopes_m),
+            travel_noise_m2=np.zeros_like(self.travel_noise_m2),
+        )
 
 
 class SlipStates(Protocol):

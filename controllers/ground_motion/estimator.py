@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.ground_motion.first_metre import FirstMetre
 from controllers.ground_motion.flow import Followed, GroundFlow, PatchMotion
 from controllers.ground_motion.ground_patch import Floats, GroundPatch, Mask, Patch
 from controllers.ground_motion.motion import GroundMotion
 from controllers.ground_motion.parameters import DEFAULTS, GroundMotionParameters
 from controllers.ground_motion.prior import MotionPrior
 from controllers.ground_motion.rig_tolerance import RigTolerance
+from controllers.ground_motion.rig_watch import RigWatch
 from controllers.ground_motion.static_pattern import StaticPattern
 from controllers.ground_motion.structure import FineStructure
 from controllers.ground_motion.tolerance import scale_of
@@ -77,7 +77,7 @@ class GroundMotionEstimator:
         self._flow = GroundFlow(ground, parameters.flow)
         self._factor, self._scale_sd = scale_of(ground, self._flow, tolerance or RigTolerance())
         self._pattern = StaticPattern(ground.shape, parameters.pattern)
-        self._first_metre = FirstMetre(self._scale_sd, parameters.first_metre)
+        self._watch = RigWatch(self._scale_sd, parameters.rig_watch)
         self._most_travel_m = parameters.validity.most_travel_share * ground.shape[0] * ground.pixel_m
         validity = parameters.validity
         self._baseline_pixels = (
@@ -92,6 +92,11 @@ class GroundMotionEstimator:
         self._t_ns: int | None = None
         self._grey: Image | None = None
         self.pair: PatchMotion | None = None
+
+    @property
+    def from_ns(self) -> int | None:
+        """Time of the frame at which the next pair begins; None before the first."""
+        return self._t_ns
 
     @property
     def fixed_in_picture(self) -> Mask:
@@ -155,9 +160,10 @@ class GroundMotionEstimator:
                 / length_m
                 @ np.array([[wheel_m[0], -wheel_m[1]], [wheel_m[1], wheel_m[0]]])
             )
-            self._first_metre.update(length_m, float(along), float(across))
-        if self._first_metre.contradiction:
-            return self._invalid(before_ns, t_ns, self._first_metre.contradiction)
+            sd_m = float(np.hypot(motion.forward_sd_m, motion.left_sd_m))
+            self._watch.update(length_m, complex(along, across), sd_m)
+        if self._watch.contradiction:
+            return self._invalid(before_ns, t_ns, self._watch.contradiction)
         return self._valid(before_ns, t_ns, motion)
 
     def _expect(self, prior: MotionPrior) -> None:
@@ -356,6 +362,7 @@ class GroundMotionEstimator:
             left_sd_m=0.0,
             turn_sd_rad=0.0,
             scale_sd=self._scale_sd,
+            doubted_m=self._watch.doubted_m,
             invalid_because=reason,
         )
 

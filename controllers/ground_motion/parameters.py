@@ -87,15 +87,16 @@ class PatternParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FirstMetreParameters:
+class RigWatchParameters:
     """Contradictions of ground and wheels that a wrong rig causes."""
 
-    least_travel_m: float = 0.25  # of the wheels
+    memory_m: float = 1.0  # travel of the wheels over which sums of the travels fade
+    least_travel_m: float = 0.25  # of the wheels, for a ratio to their travel
     confirmed_travel_m: float = 0.1  # of the wheels, with the ground moving along: the camera is upright
     backwards: float = 0.3  # motion against the wheels', over theirs, that counts
     across: float = 0.7  # motion across the wheels', over theirs: no slope drags a rover aside so fast
     skid: float = 0.05  # ground travel beyond the wheels' that a rover reaches, downhill
-    scale_sds: float = 3.0  # deviations of the scale beyond that
+    deviations: float = 3.0  # of the scale beyond that, and of the newest pair
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,7 +108,7 @@ class GroundMotionParameters:
     flow: FlowParameters = FlowParameters()
     validity: ValidityParameters = ValidityParameters()
     pattern: PatternParameters = PatternParameters()
-    first_metre: FirstMetreParameters = FirstMetreParameters()
+    rig_watch: RigWatchParameters = RigWatchParameters()
 
 
 DEFAULTS = GroundMotionParameters()

@@ -6,6 +6,11 @@ from controllers.slip.effort.settings import YAW_PROBE
 from rover_hil.config import Config
 from rover_hil.run.excitation import for_real_rover
 
+LOOKS_LIKE_SLIP = (
+    " (1 % of the camera's height or focal length is about 0.01 of slip; a focal length told too long, or a "
+    "height told too low, looks like slip: only pose fixes or `rover-hil calibrate camera --scale` show it)"
+)
+
 
 def describe_slip_sources(config: Config) -> str:
     """Return the sources of slip of a rover without mistakes, in the order in which they are preferred.
@@ -18,7 +23,11 @@ def describe_slip_sources(config: Config) -> str:
 def _sources(config: Config) -> Iterator[str]:
     camera = config.roles.camera
     if config.ground_motion is not None and camera is not None:
-        yield f"ground motion by {camera}, travel {_scale_percent(config):.1f} % uncertain by its rig"
+        is_calibrated = config.ground_motion.tolerance.scale_sd is not None
+        yield (
+            f"ground motion by {camera}, travel {_scale_percent(config):.1f} % uncertain by its rig"
+            f"{'' if is_calibrated else LOOKS_LIKE_SLIP}"
+        )
     if config.roles.fixes:
         yield f"pose fixes by {' and '.join(config.roles.fixes)}"
     if config.scomp is not None:

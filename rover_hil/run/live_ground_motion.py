@@ -45,6 +45,11 @@ class LiveGroundMotion:
         """The point of the vehicle whose motion is measured, forward and left."""
         return self._point_m
 
+    @property
+    def from_ns(self) -> int | None:
+        """Time of the frame at which the next pair begins; None before the first."""
+        return self._estimator.from_ns
+
     def measure(self, frame: FrameSample, t_ns: int, prior: WheelPrior) -> GroundMotion | None:
         """Return the motion since the frame before; None for the first frame and one of another size."""
         before_ns = self._before_ns

@@ -101,6 +101,11 @@ class GroundCamera:
         start = rover.truth()
         self._start_m = complex(start.x_m, start.y_m)
 
+    @property
+    def from_ns(self) -> int | None:
+        """Time of the frame at which the next pair begins; None before the first."""
+        return self._newest_ns
+
     def frames(self, now_ns: int) -> list[FrameSample]:
         """Expose a frame where one is due; return those that have arrived by now."""
         errors = self._errors

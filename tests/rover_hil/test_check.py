@@ -50,11 +50,22 @@ def test_the_sources_of_slip_are_named_with_the_error_of_the_rig(command: Comman
     section = ("[scomp]", '[ground_motion]\nrig = "el-dorado"\n\n[scomp]')
     assert command("check", write(tmp_path, "el-dorado", section)) == 0
     found = re.search(
-        r"  slip: ground motion by camera, travel (\d\.\d) % uncertain by its rig, then (.*)", command.out
+        r"  slip: ground motion by camera, travel (\d\.\d) % uncertain by its rig (\(.*\)), then (.*)",
+        command.out,
     )
     assert found is not None
     assert 1.0 < float(found[1]) < 2.5
-    assert found[2] == "slip law with the wheel trace by camera, then encoders, which assume rolling wheels"
+    assert found[2].startswith("(1 % of the camera's height or focal length is about 0.01 of slip; a focal")
+    assert found[3] == "slip law with the wheel trace by camera, then encoders, which assume rolling wheels"
+
+
+def test_of_a_calibrated_scale_no_error_of_height_and_focal_length_is_told(
+    command: Command, tmp_path: Path
+) -> None:
+    tolerance = "tolerance = {scale = 1.02, scale_sd = 0.004}"
+    section = ("[scomp]", f'[ground_motion]\nrig = "el-dorado"\n{tolerance}\n\n[scomp]')
+    assert command("check", write(tmp_path, "el-dorado", section)) == 0
+    assert "uncertain by its rig, then slip law" in command.out
 
 
 def test_a_camera_without_a_rig_of_its_own_is_a_mistake(command: Command, tmp_path: Path) -> None:

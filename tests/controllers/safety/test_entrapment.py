@@ -357,10 +357,12 @@ def ground_pair(rolled_m: complex, ground_m: complex) -> GroundPair:
     return GroundPair(rolled_m, ground_m, 0.0, motion)
 
 
-def over_ground(rolled_m: complex, moved_m: list[complex]) -> list[float]:
+def over_ground(rolled_m: complex | list[complex], moved_m: list[complex]) -> list[int]:
     """Return the pairs, counted from 0, at which a camera's motions over the ground stop the rover."""
     rule = EntrapmentRule(EntrapmentSettings(), ROLES)
-    cycles = [Cycle(now_ns=0, ground_pairs=(ground_pair(rolled_m, moved),)) for moved in moved_m]
+    rolled = rolled_m if isinstance(rolled_m, list) else [rolled_m] * len(moved_m)
+    pairs = map(ground_pair, rolled, moved_m)
+    cycles = [Cycle(now_ns=0, ground_pairs=(pair,)) for pair in pairs]
     return [number for number, cycle in enumerate(cycles) if list(rule.check(cycle))]
 
 
@@ -379,8 +381,20 @@ def test_a_rover_that_slips_and_moves_or_slides_back_is_not_entrapped(moved_m: c
     assert over_ground(0.01 + 0j, [moved_m] * 60) == []
 
 
-def test_motion_aside_is_no_progress() -> None:
-    assert over_ground(0.01 + 0j, [0.005j] * 15) == [14]
+@pytest.mark.parametrize("share", [0.11, -0.11, 0.5, 1.0])
+def test_a_rover_that_slides_aside_is_not_stuck(share: float) -> None:
+    assert over_ground(0.01 + 0j, [0.01j * share] * 60) == []
+
+
+@pytest.mark.parametrize("share", [0.09, -0.09])
+def test_one_that_creeps_along_a_wall_is(share: float) -> None:
+    assert over_ground(0.01 + 0j, [0.01j * share] * 15) == [14]
+
+
+def test_progress_is_seen_from_the_course_of_the_wheels() -> None:
+    """Of a rover that keeps its heading round a corner; its travel is the same in both directions."""
+    there_and_aside: list[complex] = [0.005 + 0j] * 7 + [0.005j] * 8
+    assert over_ground([2.0 * each for each in there_and_aside], there_and_aside) == []
 
 
 def test_the_window_of_the_ground_moves_with_the_wheels() -> None:
@@ -388,4 +402,22 @@ def test_the_window_of_the_ground_moves_with_the_wheels() -> None:
 
 
 def test_wheels_that_rest_or_turn_the_rover_on_the_spot_say_nothing_of_progress() -> None:
-    assert over_ground(0.0001 + 0j, [0j] * 3000) == []
+    assert over_ground(0j, [0j] * 3000) == []
+
+
+@pytest.mark.parametrize("swing_m", [0.0004, 0.004])
+def test_wheels_that_hunt_at_rest_say_nothing_of_progress(swing_m: float) -> None:
+    assert over_ground([swing_m + 0j, -swing_m + 0j] * 2000, [0j] * 4000) == []
+
+
+@pytest.mark.parametrize("speed_m_s", [0.006, 0.012])
+def test_wheels_that_spin_slowly_are_counted_at_30_frames_per_second(speed_m_s: float) -> None:
+    pair_m = speed_m_s / 30.0
+    stops = over_ground(pair_m + 0j, [0j] * round(0.2 / pair_m))
+    assert stops[0] * pair_m == pytest.approx(0.15, abs=0.003)
+
+
+def test_after_wheels_have_hunted_a_rover_that_is_stuck_is_told() -> None:
+    hunted: list[complex] = [0.004 + 0j, -0.004 + 0j] * 40
+    stops = over_ground(hunted + [0.01 + 0j] * 16, [0j] * 96)
+    assert stops[0] <= 80 + 14

@@ -1,0 +1,81 @@
+"""Contradictions of ground and wheels by a wrong rig: camera turned, upside down, other focal length."""
+
+import math
+
+from controllers.ground_motion.parameters import RigWatchParameters
+
+
+class RigWatch:
+    """Compares the travel of the ground with that of the wheels. A wheel slips, it does not lag behind.
+
+    Until the ground has once moved along with the wheels, any direction that is not theirs contradicts the
+    rig; later a rover may slide. Ground that outruns the wheels contradicts it for the whole drive: slip may
+    have hidden that before.
+
+    Args:
+        scale_sd: Standard deviation of the travel's factor.
+        parameters: Tuned numbers.
+
+    Attributes:
+        contradiction: What contradicts the rig after the newest pair; "" where nothing does.
+        doubted_m: By how much the travel of the pairs before may be wrong then; it grows while the
+            contradiction becomes clear. 0 without one.
+    """
+
+    def __init__(self, scale_sd: float, parameters: RigWatchParameters) -> None:
+        self._numbers = parameters
+        self._most = 1 + parameters.skid + parameters.deviations * scale_sd
+        self._wheel_m, self._ground_m = 0.0, 0j
+        self._confirmed_m = 0.0
+        self._used_m = self._apart_m = 0.0
+        self.contradiction, self.doubted_m = "", 0.0
+
+    def update(self, wheel_m: float, ground_m: complex, sd_m: float) -> None:
+        """Take a pair.
+
+        Args:
+            wheel_m: Travel by the wheels, positive.
+            ground_m: That of the ground along it, and to its left as imaginary part.
+            sd_m: Standard deviation of this. Errors of pairs do not add up while the rover is slow.
+        """
+        numbers = self._numbers
+        kept = math.exp(-wheel_m / numbers.memory_m)
+        self._wheel_m = kept * self._wheel_m + wheel_m
+        self._ground_m = kept * self._ground_m + ground_m
+        slack_m = numbers.deviations * sd_m
+        is_confirmed = self._confirmed_m >= numbers.confirmed_travel_m
+        self.contradiction = "" if is_confirmed else self._wrong_course(slack_m)
+        self._doubt(self._apart_m if self.contradiction else 0.0)
+        if not self.contradiction and self._outruns(slack_m, is_confirmed=is_confirmed):
+            ratio = self._ground_m.real / self._wheel_m
+            self._doubt((1.0 - 1.0 / ratio) * self._used_m)
+            self.contradiction = (
+                f"ground moves {ratio:.2f} times as far as the wheels: check focal length, height and pitch "
+                "of the rig, and the wheels' radius"
+            )
+        if self.contradiction:
+            return
+        if self.doubted_m:
+            self.doubted_m = self._used_m = self._apart_m = 0.0
+        self._used_m += abs(ground_m)
+        self._apart_m += abs(ground_m - wheel_m)
+        if not is_confirmed and ground_m.real > numbers.backwards * wheel_m:
+            self._confirmed_m += wheel_m
+
+    def _doubt(self, doubted_m: float) -> None:
+        self.doubted_m = max(self.doubted_m, doubted_m)
+
+    def _wrong_course(self, slack_m: float) -> str:
+        """Return why the ground does not move as under a camera that is mounted as told; "" where it does."""
+        numbers, along_m, across_m = self._numbers, self._ground_m.real, abs(self._ground_m.imag)
+        if along_m < -numbers.backwards * self._wheel_m - slack_m:
+            return "ground moves against the wheels: check that the camera is not upside down"
+        if across_m > max(numbers.across * self._wheel_m, abs(along_m)) + slack_m:
+            return "ground moves across the wheels' course: check that the camera is not turned"
+        return ""
+
+    def _outruns(self, slack_m: float, *, is_confirmed: bool) -> bool:
+        """Return whether the ground has moved further than the wheels can have moved it."""
+        if is_confirmed and self._wheel_m < self._numbers.least_travel_m:
+            return False
+        return self._ground_m.real > self._most * self._wheel_m + slack_m

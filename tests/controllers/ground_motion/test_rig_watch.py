@@ -1,0 +1,64 @@
+"""Which travels of the ground contradict the rig of a camera, and how much travel is then doubted."""
+
+import pytest
+
+from controllers.ground_motion.parameters import DEFAULTS
+from controllers.ground_motion.rig_watch import RigWatch
+
+WHEEL_M = 0.01
+SD_M = 2e-4
+
+
+def watch(*stretches: tuple[float, complex]) -> list[str]:
+    """Return what contradicts the rig after each pair; stretches are travel of the wheels, ground over it."""
+    rig_watch, found = RigWatch(0.015, DEFAULTS.rig_watch), []
+    for wheels_m, ratio in stretches:
+        for _ in range(round(wheels_m / WHEEL_M)):
+            rig_watch.update(WHEEL_M, ratio * WHEEL_M, SD_M)
+            found.append(rig_watch.contradiction)
+    return found
+
+
+@pytest.mark.parametrize("ratio", [1.08, 1.0, 0.5, 0.02, 0.0, -0.2, 0.7 + 0.5j, 0.3 - 0.6j])
+def test_slip_and_sliding_contradict_no_rig(ratio: complex) -> None:
+    assert not any(watch((3.0, ratio)))
+
+
+@pytest.mark.parametrize(
+    ("ratio", "words"), [(-1.0, "upside down"), (1j, "not turned"), (1.5, "focal length")]
+)
+def test_a_wrong_rig_is_contradicted_from_the_first_centimetre(ratio: complex, words: str) -> None:
+    assert all(words in reason for reason in watch((0.5, ratio)))
+
+
+@pytest.mark.parametrize("ratio", [-1.0, -1.0 + 1j, 1j])
+def test_a_rover_that_slides_after_it_has_driven_on_contradicts_no_rig(ratio: complex) -> None:
+    assert not any(watch((0.12, 0.9), (1.0, ratio)))
+
+
+def test_ground_that_outruns_the_wheels_is_told_at_any_time() -> None:
+    found = watch((5.0, 0.975), (0.5, 1.5))
+    assert not any(found[:500])
+    assert "1.1" in found[-1] or "1.2" in found[-1]
+
+
+def test_a_jerk_contradicts_no_rig() -> None:
+    assert not any(watch((1.0, 1.0), (0.05, 2.0), (1.0, 1.0)))
+
+
+def test_a_rover_that_rolls_back_at_first_is_measured_once_it_drives_on() -> None:
+    found = watch((0.2, -1.0), (2.0, 0.9))
+    assert found[19]
+    assert not any(found[-150:])
+
+
+def test_the_share_of_the_travel_that_outran_the_wheels_is_doubted_once() -> None:
+    rig_watch = RigWatch(0.015, DEFAULTS.rig_watch)
+    told_m = []
+    for ratio in [0.975] * 200 + [1.5] * 500 + [1.0] * 200:
+        rig_watch.update(WHEEL_M, complex(ratio * WHEEL_M), SD_M)
+        told_m.append(rig_watch.doubted_m)
+    assert told_m[199] == 0.0
+    # A third of what was measured, and a little that was used before it was told.
+    assert told_m[699] == pytest.approx((1.95 + 0.4) / 3.0, rel=0.1)
+    assert told_m[-1] == 0.0
