@@ -44,6 +44,16 @@ class OperatorInput:
     stop_reason: str | None = None
 
 
+def merge(first: OperatorInput, then: OperatorInput) -> OperatorInput:
+    """Return two inputs as one; of what both change, the later one counts."""
+    return OperatorInput(
+        is_paused=first.is_paused if then.is_paused is None else then.is_paused,
+        motion=then.motion or first.motion,
+        gains={**first.gains, **then.gains},
+        stop_reason=first.stop_reason if then.stop_reason is None else then.stop_reason,
+    )
+
+
 def gain_ranges(settings: ControlSettings) -> dict[str, tuple[float, float]]:
     """Return the least and greatest allowed value of each gain; empty for a mission that has none."""
     mission = settings.mission

@@ -2,10 +2,9 @@
 
 import math
 
-from typing_extensions import TypedDict
-
 from controllers.estimation.pose_filter import YawSource
 from controllers.estimation.settings import FilterSettings
+from rover_hil.connect.records import OdometryRecord
 from rover_hil.recording.schema import EstimateRecord, PoseEstimateRecord, PoseRecord
 
 REST_M_S = 0.001
@@ -15,30 +14,6 @@ MEMORY_S = 0.5
 """A period of the yaw excitation."""
 NANOSECONDS = 1_000_000_000
 NO_COMPENSATION = "slip is not compensated"
-
-
-class OdometryRecord(TypedDict):
-    """Pose, velocity and slip of a cycle.
-
-    `time_ns` is since 1970. The covariance is that of x, y, yaw: xx, xy, x yaw, yy, y yaw, yaw yaw. The
-    velocity is in the body frame, its variance in m2/s2, m2/s2, rad2/s2. `slip` is a ratio of the travel of
-    the wheels, None where it is not valid: `slip_reason` says why.
-    """
-
-    time_ns: int
-    mode: str
-    reason: str
-    x_m: float
-    y_m: float
-    yaw_rad: float
-    covariance: tuple[float, ...]
-    velocity_x_m_s: float
-    velocity_y_m_s: float
-    yaw_rate_rad_s: float
-    velocity_variance: tuple[float, float, float]
-    slip: float | None
-    slip_sd: float | None
-    slip_reason: str
 
 
 class OdometryRecorder:

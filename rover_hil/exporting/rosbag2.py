@@ -7,7 +7,8 @@ from typing import Any, Literal
 from controllers.estimation.settings import FilterSettings
 from drivers.errors import ConfigError
 from drivers.samples import AccelerationSample, RateSample, WheelSample
-from rover_hil.connect.odometry_record import OdometryRecord, OdometryRecorder
+from rover_hil.connect.odometry_record import OdometryRecorder
+from rover_hil.connect.records import ImuRecord, OdometryRecord
 from rover_hil.connect.ros2 import mapping
 from rover_hil.connect.ros2.messages import CompressedImage, Message
 from rover_hil.exporting.rosbag_types import to_rosbags
@@ -132,17 +133,15 @@ class _Bag:
         time_ns = self._offset_ns + samples[-1].t_ns
         self._write("/joint_states", time_ns, mapping.joint_state(time_ns, BASE, joints))
 
-    def rate(self, sample: RateSample, acceleration: AccelerationSample | None) -> None:
+    def rate(self, sample: RateSample, force: AccelerationSample | None) -> None:
         """Write a sensor_msgs/Imu."""
         time_ns = self._offset_ns + sample.t_ns
-        message = mapping.imu(
-            time_ns,
-            BASE,
-            sample,
-            acceleration,
-            rate_sd_rad_s=self._noise.gyro_rate_noise_rad_s,
-            acceleration_sd_m_s2=self._noise.acceleration_noise_m_s2,
-        )
+        record: ImuRecord = {
+            "time_ns": time_ns,
+            "rate_rad_s": (sample.rate_x_rad_s, sample.rate_y_rad_s, sample.rate_z_rad_s),
+            "force_m_s2": None if force is None else (force.x_m_s2, force.y_m_s2, force.z_m_s2),
+        }
+        message = mapping.imu(record, BASE, self._noise)
         self._write(f"/imu/{sample.device}", time_ns, message)
 
     def picture(self, device: str, t_ns: int, data: bytes) -> None:

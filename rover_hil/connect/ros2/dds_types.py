@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 from cyclonedds.idl import make_idl_struct, types
 from cyclonedds.idl.annotations import final
 
-from rover_hil.connect.ros2.messages import FieldType, Message, field_types
+from rover_hil.connect.ros2.messages import FieldType, Message, dds_name, field_types
 
 MessageT = TypeVar("MessageT", bound=Message)
 Convert = Callable[[Any], Any]
@@ -22,12 +22,6 @@ _PRIMITIVES: dict[str, Any] = {
     "float32": types.float32,
     "float64": types.float64,
 }
-
-
-def dds_name(ros_type: str) -> str:
-    """Return the name that ROS 2 gives a type in DDS, as `nav_msgs::msg::dds_::Odometry_`."""
-    package, kind, name = ros_type.split("/")
-    return f"{package}::{kind}::dds_::{name}_"
 
 
 @cache

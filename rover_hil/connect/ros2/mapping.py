@@ -6,8 +6,8 @@ Frames after REP-103 and REP-105. Variances of what a rover on a plane does not 
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
-from drivers.samples import AccelerationSample, PowerSample, RateSample
-from rover_hil.connect.odometry_record import OdometryRecord
+from controllers.estimation.settings import FilterSettings
+from rover_hil.connect.records import ImuRecord, OdometryRecord, PowerRecord, StatusRecord
 from rover_hil.connect.ros2.messages import (
     BatteryState,
     DiagnosticStatus,
@@ -114,52 +114,38 @@ def joint_state(time_ns: int, frame: str, joints: Mapping[str, tuple[float, floa
     )
 
 
-def imu(
-    time_ns: int,
-    frame: str,
-    rate: RateSample,
-    acceleration: AccelerationSample | None,
-    *,
-    rate_sd_rad_s: float,
-    acceleration_sd_m_s2: float,
-) -> Imu:
+def imu(record: ImuRecord, frame: str, noise: FilterSettings) -> Imu:
     """Return rates and specific force; the orientation is not measured as a whole.
 
     Args:
-        time_ns: Of the rate, since 1970.
-        frame: Body frame: the samples are in its axes.
-        rate: The rates.
-        acceleration: The newest specific force of the same device, or None.
-        rate_sd_rad_s: Standard deviation of one reading.
-        acceleration_sd_m_s2: The same of the specific force.
+        record: The reading.
+        frame: Body frame: the reading is in its axes.
+        noise: Standard deviations of one reading.
     """
     not_known = [UNKNOWN, *zeros(8)]
-    rates = (rate.rate_x_rad_s, rate.rate_y_rad_s, rate.rate_z_rad_s)
-    force = (0.0, 0.0, 0.0)
-    if acceleration is not None:
-        force = acceleration.x_m_s2, acceleration.y_m_s2, acceleration.z_m_s2
+    rates, force = record["rate_rad_s"], record["force_m_s2"]
     return Imu(
-        header=header(time_ns, frame),
+        header=header(record["time_ns"], frame),
         orientation_covariance=not_known,
         angular_velocity=Vector3(*(each or 0.0 for each in rates)),
         angular_velocity_covariance=_diagonal(
-            NOT_MEASURED if each is None else rate_sd_rad_s**2 for each in rates
+            NOT_MEASURED if each is None else noise.gyro_rate_noise_rad_s**2 for each in rates
         ),
-        linear_acceleration=Vector3(*force),
+        linear_acceleration=Vector3(*(force or ())),
         linear_acceleration_covariance=(
-            not_known if acceleration is None else _diagonal([acceleration_sd_m_s2**2] * 3)
+            not_known if force is None else _diagonal([noise.acceleration_noise_m_s2**2] * 3)
         ),
     )
 
 
-def battery_state(time_ns: int, frame: str, sample: PowerSample) -> BatteryState:
+def battery_state(record: PowerRecord, frame: str) -> BatteryState:
     """Return the supply of the rover; a current that is drawn is negative, what is not known NaN."""
-    not_known = math.nan
+    not_known, current_a = math.nan, record["current_a"]
     return BatteryState(
-        header=header(time_ns, frame),
-        voltage=sample.voltage_v,
+        header=header(record["time_ns"], frame),
+        voltage=record["voltage_v"],
         temperature=not_known,
-        current=not_known if sample.current_a is None else -sample.current_a,
+        current=not_known if current_a is None else -current_a,
         charge=not_known,
         capacity=not_known,
         design_capacity=not_known,
@@ -168,10 +154,11 @@ def battery_state(time_ns: int, frame: str, sample: PowerSample) -> BatteryState
     )
 
 
-def status(level: int, name: str, message: str, values: Mapping[str, object]) -> DiagnosticStatus:
-    """Return the state of a part; `name` also is its hardware id."""
-    pairs = [KeyValue(key, "" if value is None else str(value)) for key, value in values.items()]
-    return DiagnosticStatus(level, f"rover_hil: {name}", message, name, pairs)
+def status(record: StatusRecord) -> DiagnosticStatus:
+    """Return the state of a part; its name also is its hardware id."""
+    pairs = [KeyValue(key, "" if value is None else str(value)) for key, value in record["values"].items()]
+    name = record["name"]
+    return DiagnosticStatus(record["level"], f"rover_hil: {name}", record["message"], name, pairs)
 
 
 def _diagonal(variances: Iterable[float]) -> list[float]:

@@ -70,6 +70,12 @@ def _field_type(hint: object) -> FieldType:
     return FieldType(base or item, is_list=True, size=int(size[:-1]) if size != "]" else None)
 
 
+def dds_name(ros_type: str) -> str:
+    """Return the name that ROS 2 gives a type in DDS, as `nav_msgs::msg::dds_::Odometry_`."""
+    package, kind, name = ros_type.split("/")
+    return f"{package}::{kind}::dds_::{name}_"
+
+
 def zeros(size: int) -> list[float]:
     """Return a list of zeros."""
     return [0.0] * size

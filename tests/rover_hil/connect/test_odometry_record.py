@@ -8,7 +8,8 @@ import pytest
 
 from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config
-from rover_hil.connect.odometry_record import NO_COMPENSATION, OdometryRecord, OdometryRecorder
+from rover_hil.connect.odometry_record import NO_COMPENSATION, OdometryRecorder
+from rover_hil.connect.records import OdometryRecord
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.schema import (
     ESTIMATE,
