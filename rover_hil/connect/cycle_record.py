@@ -11,7 +11,7 @@ from drivers.driver import DeviceState, Health
 from drivers.samples import AccelerationSample, PowerSample, RateSample, Sample, WheelSample
 from rover_hil.config import Config
 from rover_hil.config.ros2_joints import steered_wheels
-from rover_hil.connect.odometry_record import OdometryRecorder, slip_of
+from rover_hil.connect.odometry_record import OdometryRecorder, map_to_odom, slip_of
 from rover_hil.connect.records import (
     CycleRecord,
     ImuRecord,
@@ -76,7 +76,7 @@ class CycleRecorder:
         return {
             "time_ns": to_wall_ns + output.t_ns,
             "odometry": self._odometry.record(to_wall_ns, cycle),
-            "map_to_odom": None,
+            "map_to_odom": map_to_odom(cycle),
             "wheels": None if wheels is None else self._wheels_of(wheels, output),
             "imu": imu,
             "power": power,

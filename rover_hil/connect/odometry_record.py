@@ -41,11 +41,14 @@ class OdometryRecorder:
     def record(self, wall_offset_ns: int, cycle: EstimateRecord) -> OdometryRecord | None:
         """Return the record of a cycle; None where the estimate is not newer or has no finite numbers.
 
+        The pose is continuous: with pose fixes it is that of dead reckoning, which they do not correct.
+
         Args:
             wall_offset_ns: Wall-clock time since 1970 minus the monotonic time of the estimate.
             cycle: All that it computed.
         """
         pose = cycle["estimate"]
+        place = cycle.get("dead_reckoned") or pose
         if not self._follow(cycle) or not math.isfinite(sum(_numbers(pose))):
             return None
         slip, slip_sd, slip_reason = slip_of(cycle)
@@ -53,10 +56,10 @@ class OdometryRecorder:
             "time_ns": wall_offset_ns + pose["t_ns"],
             "mode": cycle["mode"],
             "reason": cycle["reason"],
-            "x_m": pose["x_m"],
-            "y_m": pose["y_m"],
-            "yaw_rad": pose["yaw_rad"],
-            "covariance": pose["covariance"],
+            "x_m": place["x_m"],
+            "y_m": place["y_m"],
+            "yaw_rad": place["yaw_rad"],
+            "covariance": place["covariance"],
             "velocity_x_m_s": pose["velocity_x_m_s"],
             "velocity_y_m_s": pose["velocity_y_m_s"],
             "yaw_rate_rad_s": pose["yaw_rate_rad_s"],
@@ -107,6 +110,21 @@ class OdometryRecorder:
                 + settings.wheel_yaw_noise_rad_sqrt_m**2 * length_m
             ) / step_s**2
         return along_m2_s2, along_m2_s2, turn_rad2_s2 + REST_RAD_S**2
+
+
+def map_to_odom(cycle: EstimateRecord) -> tuple[float, float, float] | None:
+    """Return where the frame of dead reckoning is in that of the estimate; None without pose fixes.
+
+    Returns:
+        x and y in m, yaw in rad.
+    """
+    reckoned, pose = cycle.get("dead_reckoned"), cycle["estimate"]
+    if reckoned is None:
+        return None
+    yaw_rad = math.remainder(pose["yaw_rad"] - reckoned["yaw_rad"], math.tau)
+    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+    x_m, y_m = reckoned["x_m"], reckoned["y_m"]
+    return pose["x_m"] - cosine * x_m + sine * y_m, pose["y_m"] - sine * x_m - cosine * y_m, yaw_rad
 
 
 def _numbers(pose: PoseEstimateRecord) -> tuple[float, ...]:

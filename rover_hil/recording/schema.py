@@ -183,6 +183,15 @@ class GroundRecord(TypedDict):
     reason: str
 
 
+class DeadReckonedRecord(TypedDict):
+    """The pose without corrections by fixes, and its covariance."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    covariance: Numbers
+
+
 class EstimateRecord(TypedDict):
     """All that a cycle computed, on `ESTIMATE`."""
 
@@ -203,6 +212,7 @@ class EstimateRecord(TypedDict):
     crab: NotRequired[CrabRecord | None]
     ground: NotRequired[GroundRecord | None]
     suspicion: NotRequired[str | None]
+    dead_reckoned: NotRequired[DeadReckonedRecord | None]
     exact: NotRequired[str]
 
 
@@ -377,6 +387,7 @@ _wheel_command = _copy(WheelCommandRecord)
 _wheel_slip = _copy(WheelSlipRecord)
 _contradiction = _copy(ContradictionRecord)
 _ground = _copy(GroundRecord)
+_dead_reckoned = _copy(DeadReckonedRecord)
 _trace = _copy(TraceRecord)
 set_point_record = _copy(SetPointRecord)
 """From a `SentCommand`."""
@@ -408,6 +419,7 @@ def estimate_record(output: StepOutput) -> EstimateRecord:
         "crab": None if output.crab is None else _crab(output.crab),
         "ground": None if output.ground is None else _ground(output.ground),
         "suspicion": output.suspicion or None,
+        "dead_reckoned": None if output.dead_reckoned is None else _dead_reckoned(output.dead_reckoned),
     }
 
 

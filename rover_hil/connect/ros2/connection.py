@@ -16,6 +16,7 @@ from rover_hil.config import Config
 from rover_hil.config.ros2_joints import joint_names
 from rover_hil.connect.cycle_record import CycleRecorder
 from rover_hil.connect.ros2.commands import Command, CommandGate, Stop
+from rover_hil.connect.ros2.device_frames import static_transforms
 from rover_hil.connect.ros2.process import MOST_BYTES, Face, serve
 from rover_hil.connect.wall_clock import WallOffset
 from rover_hil.recording.text import strict_json
@@ -53,7 +54,9 @@ class Ros2Connection:
         settings = config.ros2
         if settings is None:
             raise ConfigError("ros2: this section is missing")
-        self._face = Face(settings, config.filter, joint_names(config.rover, settings), ())
+        self._face = Face(
+            settings, config.filter, joint_names(config.rover, settings), static_transforms(config)
+        )
         self._recorder = CycleRecorder(config, WallOffset(), simulated_offset_ns)
         self._life = SignOfLife()
         self._clock: Clock = SystemClock()
