@@ -1,4 +1,4 @@
-# make setup | run | test | test-slow | test-nightly | test-kernel | gates | gates-full | safety-coverage | check | reference | site | wheel | mutation
+# make setup | run | test | test-slow | test-nightly | test-kernel | test-ros2 | gates | gates-full | safety-coverage | check | reference | site | wheel | mutation
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 SLOW_FILES = $(shell grep -rl "mark\.slow" tests --include "test_*.py" --exclude-dir bench)
 STAMP := $(VENV)/.installed
 
-.PHONY: setup run test test-slow test-nightly test-kernel gates gates-full safety-coverage check reference site wheel mutation
+.PHONY: setup run test test-slow test-nightly test-kernel test-ros2 gates gates-full safety-coverage check reference site wheel mutation
 
 setup: $(STAMP)
 
@@ -41,6 +41,13 @@ test-nightly: setup
 # Part of the nightly, not of `make test`: minutes, and 90 MB of Debian's packages in .cache/kernel the first time.
 test-kernel: setup
 	$(BIN)/python .ci/kernel
+
+# The topics of ROS 2 with a peer of another make, Fast DDS 2.9.1 of Debian 12: two minutes. ROS2_PEER_SECONDS=600 for ten more.
+test-ros2: setup
+	.ci/ros2_tools
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[ros2]"
+	$(BIN)/python -m tests.ros2_peer.build .cache/ros2_peer
+	ROS2_PEER=.cache/ros2_peer/peer $(BIN)/python -m pytest -n 0 -s tests/ros2_peer tests/rover_hil/connect
 
 # What must not get worse, against docs/results/gates.md: a quarter of an hour on two cores.
 gates: setup

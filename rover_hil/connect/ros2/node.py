@@ -2,7 +2,8 @@
 
 import socket
 from collections.abc import Callable, Iterator
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
 from cyclonedds.core import DDSException, Policy, Qos
@@ -22,6 +23,7 @@ LOOPBACK = "lo"
 DEPTH = 10
 MOST_WRITERS = 1000
 
+ResultT = TypeVar("ResultT")
 Send = Callable[[Message], None]
 Received = tuple[Any, str, int]
 """A message, who sent it, and its source time in ns since 1970."""
@@ -56,17 +58,20 @@ def require_domain(settings: Ros2Settings) -> int:
 def configuration(settings: Ros2Settings, domain: int) -> str:
     """Return the configuration of Cyclone DDS; with it the user's own has no effect.
 
+    On the loopback participants are announced by multicast too, which does not leave the computer: Fast DDS
+    announces itself by nothing else, and one that begins later than the rover would never be found.
+
     Type information of Fast DDS 1.15 and newer is ignored: Cyclone rejects that of every type with an array
     or a sequence, and then no message arrives (eclipse-cyclonedds/cyclonedds#2333).
     """
     is_loopback = settings.interface == LOOPBACK
     peers = [*settings.peers, *(["127.0.0.1"] if is_loopback else [])]
     listed = "".join(f'<Peer address="{peer}"/>' for peer in peers)
-    interface = f'name="{settings.interface}"' + (' multicast="false"' if is_loopback else "")
+    interface = f'name="{settings.interface}"' + (' multicast="true"' if is_loopback else "")
     return (
         f'<CycloneDDS><Domain Id="{domain}">'
         f"<General><Interfaces><NetworkInterface {interface}/></Interfaces>"
-        f"<AllowMulticast>{'false' if is_loopback else 'true'}</AllowMulticast></General>"
+        f"<AllowMulticast>{'spdp' if is_loopback else 'true'}</AllowMulticast></General>"
         "<Discovery><ParticipantIndex>auto</ParticipantIndex>"
         f"<MaxAutoParticipantIndex>{MOST_PARTICIPANTS}</MaxAutoParticipantIndex>"
         f"<Peers>{listed}</Peers></Discovery>"
@@ -118,7 +123,11 @@ class Node:
         )
         writer = DataWriter(self._participant, self._topic(name, message), qos=qos)
         convert = to_dds(message)
-        return lambda sent: writer.write(convert(sent))
+
+        def send(sent: Message) -> None:
+            writer.write(convert(sent))
+
+        return partial(_with, self, send)
 
     def reader(
         self, name: str, message: type[Message], *, latched: bool = False, depth: int = 1
@@ -147,7 +156,7 @@ class Node:
                 if info.valid_data:
                     yield convert(sample), f"{info.publication_handle:016x}", info.source_timestamp
 
-        return take
+        return partial(_with, self, take)
 
     def _topic(self, name: str, message: type[Message]) -> Topic:
         return Topic(self._participant, self._settings.topic(name), dds_type(message))
@@ -170,8 +179,16 @@ class WritersOfOthers:
 
     def take(self) -> list[tuple[str, str]]:
         """Return topic and type, by their names in DDS, of those that were found since the last call."""
-        found = self._reader.take(MOST_WRITERS)
-        return [(each.topic_name, each.type_name) for each in found if each.participant_key != self._own]
+        return [
+            (each.topic_name, each.type_name)
+            for each in self._reader.take(MOST_WRITERS)
+            if each.topic_name and each.participant_key != self._own  # one that has ended has no name
+        ]
+
+
+def _with(node: Node, call: Callable[..., ResultT], *arguments: Message) -> ResultT:
+    """Call a function of a writer or reader, which ends together with its participant: keep that."""
+    return call(*arguments)
 
 
 def _user_data(message: type[Message]) -> Any:

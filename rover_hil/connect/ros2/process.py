@@ -84,7 +84,7 @@ class _Server:
         self._line = line
         self._clock: Clock = SystemClock()
         self.is_connected = True
-        node = self._node = Node(face.settings)  # without it its writers and readers end
+        node = Node(face.settings)
         self._publisher = Publisher(node, face.settings, face.noise, face.joint_names, face.static)
         self._velocities = (
             [node.reader("cmd_vel", Twist), node.reader("cmd_vel", TwistStamped)]
