@@ -253,3 +253,11 @@ def test_any_number_of_writers_can_stop_and_memory_stays_bounded() -> None:
         rover.cycle()
         rover.press(writer=str(number), stamp_ns=number + 1, is_pressed=False)
     assert rover.gate.stop_reason  # those beyond the memory hold until a restart
+
+
+def test_stamps_of_many_writers_are_forgotten_together() -> None:
+    rover = Rover()
+    for number in range(200):
+        rover.now_ns += nanoseconds(1.0)  # each after the time-out of the one before
+        rover.send((0.001 * (number + 1), 0.0, 0.0), writer=str(number), stamp_ns=rover.now_ns)
+        assert rover.gate.motion(rover.now_ns) == (0.001 * (number + 1), 0.0, 0.0)
