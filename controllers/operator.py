@@ -14,6 +14,7 @@ from controllers.motion.settings import (
 )
 from controllers.settings import ControlSettings
 from drivers.errors import ConfigError
+from drivers.samples import PoseFixSample
 
 GAIN_UNITS = {
     "speed_m_s": "m/s",
@@ -36,12 +37,14 @@ class OperatorInput:
         gains: New values of keys of [mission], by key.
         stop_reason: Why the operator's side must not let the rover move, e.g. because it is lost; "" where
             it may move again; None for no change.
+        fixes: Poses measured from outside that arrived since the last cycle: samples of this one.
     """
 
     is_paused: bool | None = None
     motion: BodyMotion | None = None
     gains: Mapping[str, float] = field(default_factory=dict)
     stop_reason: str | None = None
+    fixes: tuple[PoseFixSample, ...] = ()
 
 
 def merge(first: OperatorInput, then: OperatorInput) -> OperatorInput:
@@ -51,6 +54,7 @@ def merge(first: OperatorInput, then: OperatorInput) -> OperatorInput:
         motion=then.motion or first.motion,
         gains={**first.gains, **then.gains},
         stop_reason=first.stop_reason if then.stop_reason is None else then.stop_reason,
+        fixes=first.fixes + then.fixes,
     )
 
 

@@ -10,6 +10,8 @@ from drivers.settings import Settings
 
 DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
 MOST_JOINTS = 100
+POSE_FIX = "/pose_fix"
+"""Name of the poses that arrive over ROS 2 in place of a device's: no device can be called so."""
 
 
 def _check_name(text: str) -> str:
@@ -54,6 +56,8 @@ class Ros2Settings(Settings):
         joint_names: Names of the joints as in the URDF: of all wheels, then the steering of the wheels that
             steer. Empty for wheel_0_joint, ..., steering_0_joint, ...
         commands: Whether velocities on `cmd_vel` drive the rover; only with a mission of type by_hand.
+        pose_fixes: Whether poses on `pose_fix` correct the estimate, like those of a camera in `roles.fixes`.
+            The clocks of both computers must agree.
         command_timeout_s: The rover rests this long after the arrival of the newest command.
     """
 
@@ -67,6 +71,7 @@ class Ros2Settings(Settings):
     publish_tf: bool = True
     joint_names: Annotated[tuple[Name, ...], Field(max_length=MOST_JOINTS)] = ()
     commands: bool = False
+    pose_fixes: bool = False
     command_timeout_s: Annotated[float, Field(ge=0.05, le=2.0)] = 0.5
 
     def domain_id(self) -> int | None:

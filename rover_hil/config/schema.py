@@ -22,7 +22,7 @@ from drivers.inertial_settings import InertialSettings
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.registry import AnyDeviceSettings
 from drivers.settings import Settings
-from rover_hil.config.ros2_settings import Ros2Settings
+from rover_hil.config.ros2_settings import POSE_FIX, Ros2Settings
 from rover_hil.config.tune_settings import TuneSettings
 from sim_backends.settings import SimulationSettings
 
@@ -147,6 +147,12 @@ class Config(ControlSettings):
     bench: BenchSettings = BenchSettings()
     ros2: Ros2Settings | None = None
 
+    @property
+    def fix_sources(self) -> tuple[str, ...]:
+        """Names of the devices whose poses are used, and of those that arrive over ROS 2."""
+        over_ros2 = self.ros2 is not None and self.ros2.pose_fixes
+        return (*self.roles.fixes, *((POSE_FIX,) if over_ros2 else ()))
+
     def device_roles(self) -> DeviceRoles:
         """Return the roles as the controller needs them."""
         wheels = self.devices[self.roles.wheels]
@@ -160,7 +166,7 @@ class Config(ControlSettings):
             gyro=self.roles.gyro,
             gyro_rate_hz=gyro.rate_hz if isinstance(gyro, InertialSettings) else None,
             headings=self.roles.headings,
-            fixes=self.roles.fixes,
+            fixes=self.fix_sources,
             camera=self.roles.camera,
         )
 

@@ -153,9 +153,9 @@ class CommandGate:
             self._command = None
         elif stop.writer in self._latched:
             if stop.stamp_ns <= newest_ns:
-                self._report("releases of a stop that are older than it")
+                self.report("releases of a stop that are older than it")
             elif not self._is_at_rest:
-                self._report("releases of a stop while the rover moved")
+                self.report("releases of a stop while the rover moved")
             else:
                 del self._latched[stop.writer]
                 if not self._latched:
@@ -168,7 +168,7 @@ class CommandGate:
         if not self._is_of_holder(command) or self._is_late(command):
             return
         if not all(map(math.isfinite, command.motion)):
-            self._report("commands with numbers that are not finite, taken as rest")
+            self.report("commands with numbers that are not finite, taken as rest")
             command = command._replace(motion=REST)
         self._holder = command
         if self._latched or not self._is_running or command.arrival_ns <= self._valid_from_ns:
@@ -197,7 +197,7 @@ class CommandGate:
             return True
         if command.arrival_ns - holder.arrival_ns >= self._timeout_ns:
             return True
-        self._report(f"commands of {command.writer} while {holder.writer} was followed")
+        self.report(f"commands of {command.writer} while {holder.writer} was followed")
         return False
 
     def _is_late(self, command: Command) -> bool:
@@ -209,9 +209,10 @@ class CommandGate:
             self._stamps[command.writer] = _Stamps()
         is_late = self._stamps[command.writer].is_late(command.arrival_ns, command.stamp_ns, self._timeout_ns)
         if is_late:
-            self._report("commands that came late or out of order")
+            self.report("commands that came late or out of order")
         return is_late
 
-    def _report(self, words: str) -> None:
+    def report(self, words: str) -> None:
+        """Count something that was wrong with what arrived."""
         if words in self._reports or len(self._reports) < MOST_WRITERS:
             self._reports[words] = self._reports.get(words, 0) + 1

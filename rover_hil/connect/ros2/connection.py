@@ -12,11 +12,13 @@ from controllers.operator import OperatorInput
 from controllers.safety import Mode
 from drivers.clock import Clock, SystemClock
 from drivers.errors import ConfigError
+from drivers.samples import PoseFixSample
 from rover_hil.config import Config
 from rover_hil.config.ros2_joints import joint_names
 from rover_hil.connect.cycle_record import CycleRecorder
 from rover_hil.connect.ros2.commands import Command, CommandGate, Stop
 from rover_hil.connect.ros2.device_frames import static_transforms
+from rover_hil.connect.ros2.fixes import Fix
 from rover_hil.connect.ros2.process import MOST_BYTES, Face, serve
 from rover_hil.connect.wall_clock import WallOffset
 from rover_hil.recording.text import strict_json
@@ -58,6 +60,7 @@ class Ros2Connection:
             settings, config.filter, joint_names(config.rover, settings), static_transforms(config)
         )
         self._recorder = CycleRecorder(config, WallOffset(), simulated_offset_ns)
+        self._simulated_offset_ns = simulated_offset_ns
         self._life = SignOfLife()
         self._clock: Clock = SystemClock()
         self._gate = CommandGate(settings.command_timeout_s, is_listening=settings.commands)
@@ -107,17 +110,24 @@ class Ros2Connection:
     def wanted(self) -> OperatorInput | None:
         """Return the command that holds now, and a change of the reason to stop; None for neither."""
         now_ns = self._clock.now_ns()
+        fixes: list[PoseFixSample] = []
         for item in self._arrived():
             if isinstance(item, Stop):
                 self._gate.take_stop(item)
-            else:
+            elif isinstance(item, Command):
                 self._gate.take(item)
+            elif isinstance(item, Fix):
+                fixes.append(item.sample(self._simulated_offset_ns()))
+            else:
+                self._gate.report(item)
         reason = self._ended or self._watch.check(now_ns) or self._gate.stop_reason
         motion = self._gate.motion(now_ns)
         if reason == self._stop_reason:
-            return None if motion is None else OperatorInput(motion=motion)
+            if motion is None and not fixes:
+                return None
+            return OperatorInput(motion=motion, fixes=tuple(fixes))
         self._stop_reason = reason
-        return OperatorInput(motion=motion, stop_reason=reason)
+        return OperatorInput(motion=motion, stop_reason=reason, fixes=tuple(fixes))
 
     def end(self) -> tuple[End, str] | None:
         """Return that the run ends where the process has ended; None to go on."""
@@ -142,7 +152,7 @@ class Ros2Connection:
         except OSError:  # it hangs, and its queue is full, or it has ended
             self._dropped += 1
 
-    def _arrived(self) -> Iterator[Command | Stop]:
+    def _arrived(self) -> Iterator[Command | Stop | Fix | str]:
         for _ in range(MOST_PER_CYCLE):
             try:
                 data = self._line.recv(MOST_BYTES)
@@ -164,7 +174,12 @@ class Ros2Connection:
                 return
 
 
-def _parse(item: dict[str, Any]) -> Command | Stop:
+def _parse(item: dict[str, Any]) -> Command | Stop | Fix | str:
+    if "fix" in item:
+        arrival_ns, age_ns, *numbers = item["fix"]
+        return Fix(int(arrival_ns), int(age_ns), *map(float, numbers))
+    if "wrong" in item:
+        return str(item["wrong"])
     if "is_pressed" in item:
         return Stop(str(item["writer"]), int(item["stamp_ns"]), bool(item["is_pressed"]))
     forward_m_s, left_m_s, yaw_rate_rad_s = map(float, item["motion"])

@@ -14,11 +14,18 @@ from contextlib import suppress
 from typing import Any, NamedTuple
 
 from controllers.estimation.settings import FilterSettings
-from drivers.clock import Clock, SystemClock
+from drivers.clock import Clock, SystemClock, wall_time_ns
 from drivers.errors import ConfigError
 from rover_hil.config.ros2_joints import MISSING_LIBRARY
 from rover_hil.config.ros2_settings import Ros2Settings
-from rover_hil.connect.ros2.messages import Bool, TransformStamped, Twist, TwistStamped
+from rover_hil.connect.ros2.fixes import read_fix
+from rover_hil.connect.ros2.messages import (
+    Bool,
+    PoseWithCovarianceStamped,
+    TransformStamped,
+    Twist,
+    TwistStamped,
+)
 from rover_hil.run.sign_of_life import SignOfLife
 
 POLL_S = 0.001
@@ -95,6 +102,8 @@ class _Server:
             node.reader("emergency_stop", Bool, depth=STOP_DEPTH),
             node.reader("emergency_stop", Bool, latched=True, depth=STOP_DEPTH),
         ]
+        self._fixes = node.reader("pose_fix", PoseWithCovarianceStamped) if face.settings.pose_fixes else None
+        self._map_frame = face.settings.map_frame
         self._waiting: list[dict[str, Any]] = [{"ready": True}]
 
     def turn(self) -> None:
@@ -129,6 +138,9 @@ class _Server:
         for take in self._stops:
             for message, writer, sent_ns in take():
                 yield {"writer": writer, "stamp_ns": sent_ns, "is_pressed": message.data}
+        for message, _, _ in () if self._fixes is None else self._fixes():
+            found = read_fix(message, self._map_frame, now_ns, wall_time_ns())
+            yield {"wrong": found} if isinstance(found, str) else {"fix": found}
 
     def _hand_over(self) -> None:
         """Send what waits; of too much only emergency stops that are pressed and the newest are kept."""

@@ -14,6 +14,7 @@ from rover_hil.recording.schema import ESTIMATE, ESTIMATE_SHAPE, EstimateRecord
 from rover_hil.run.executive import CycleView, End, RunResult
 from rover_hil.run.operators import Operators
 from rover_hil.run.replay import replay
+from sim_backends.world.plant import Truth
 
 LIMIT_S = 60.0
 """Of a script, on a loaded machine."""
@@ -46,6 +47,8 @@ class Scripted:
         reason: Why the rover was stopped in it.
         set_rad_s: Set-points that were sent in it.
         now_ns: Real monotonic time of it.
+        truth: The true state then.
+        pose: The estimate then.
     """
 
     def __init__(self, script: Callable[["Scripted"], Steps]) -> None:
@@ -53,6 +56,8 @@ class Scripted:
         self.set_rad_s: tuple[float, ...] = ()
         self.now_ns = 0
         self.is_over = False
+        self.truth: Truth | None = None
+        self.pose = (0.0, 0.0, 0.0)
         self._clock = SystemClock()
         self._steps = script(self)
 
@@ -85,6 +90,9 @@ class Scripted:
         self.now_ns = self._clock.now_ns()
         self.mode, self.reason = view.output.mode.value, view.output.reason
         self.set_rad_s = view.sent.speed_rad_s
+        self.truth = view.truth
+        estimate = view.output.estimate
+        self.pose = estimate.x_m, estimate.y_m, estimate.yaw_rad
         self.is_over = next(self._steps, self) is self
 
 

@@ -18,6 +18,11 @@ from tests.rover_hil.connect.by_hand import own_domain
 SHIPPED = Path(load_config.__code__.co_filename).parent / "shipped" / "configs"
 
 
+def other_domain() -> int:
+    """Return a domain in which no peer of the tests is."""
+    return 1 + (own_domain() + 49) % 100
+
+
 def written(folder: Path, lines: str, name: str = "robotino", *, by_hand: bool = False) -> str:
     """Write a shipped configuration with a section [ros2]; return its path."""
     text = (SHIPPED / f"{name}.toml").read_text()
@@ -127,7 +132,7 @@ time.sleep(600)
 def seen_beside(*arguments: str, **keys: object) -> list[Finding]:
     """Return what the doctor finds beside a program with some writers."""
     pytest.importorskip("cyclonedds", reason="needs the extra `ros2`")
-    domain = own_domain()
+    domain = other_domain()
     line = [sys.executable, "-c", SENDERS, str(domain), *arguments]
     with subprocess.Popen(line, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout is not None
@@ -159,7 +164,7 @@ def test_the_doctor_finds_nothing_wrong_beside_a_commander() -> None:
 @pytest.mark.slow
 def test_a_full_domain_is_named() -> None:
     pytest.importorskip("cyclonedds", reason="needs the extra `ros2`")
-    domain = own_domain()
+    domain = other_domain()
     with ExitStack() as resources:
         # The ports of all participants that a domain has room for on one computer.
         for number in range(33):

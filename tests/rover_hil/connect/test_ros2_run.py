@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import SystemClock, seconds
-from rover_hil.config.ros2_settings import Ros2Settings
 from rover_hil.connect.ros2.connection import ENDED, Ros2Connection
 from rover_hil.connect.ros2.messages import (
     Bool,
@@ -40,11 +39,6 @@ pytestmark = pytest.mark.slow
 
 AHEAD = Twist(Vector3(0.2), Vector3(z=0.1))
 REST = Twist()
-
-
-@pytest.fixture(scope="module")
-def peer() -> Node:
-    return Node(Ros2Settings(domain=own_domain()))
 
 
 def test_a_planner_drives_gets_every_estimate_and_the_run_replays(peer: Node, tmp_path: Path) -> None:
