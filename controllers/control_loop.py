@@ -5,6 +5,7 @@ import operator
 from collections.abc import Sequence
 from dataclasses import replace
 
+from controllers.estimation.dead_reckoning import DeadReckoned
 from controllers.estimation.ground_travel import GroundMeter, GroundReport, GroundTravel
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.motor_field import MotorFieldCorrection
@@ -62,6 +63,7 @@ class StepOutput:
         steering_rad: Present steering angles of the wheels; None where none steers.
         crab: Slip angle against which a rover that crabs turns its wheels; None while it does not crab.
         ground: Motion over the ground by the camera; None without.
+        dead_reckoned: Pose without the corrections by pose fixes, which never jumps; None without fixes.
     """
 
     t_ns: int
@@ -81,6 +83,7 @@ class StepOutput:
     crab: CrabReport | None = None
     ground: GroundReport | None = None
     suspicion: str = ""
+    dead_reckoned: DeadReckoned | None = None
 
 
 class ControlLoop:
@@ -242,6 +245,7 @@ class ControlLoop:
             crab=None if guidance is None or self._crab is None else self._crab.report,
             ground=ground,
             suspicion=self._supervisor.suspicion or self._estimator.suspicion,
+            dead_reckoned=self._estimator.dead_reckoned(),
         )
 
     def _mode(self) -> Mode:

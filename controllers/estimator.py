@@ -4,6 +4,7 @@ import cmath
 import math
 from dataclasses import replace
 
+from controllers.estimation.dead_reckoning import DeadReckoned, DeadReckoning
 from controllers.estimation.ground_travel import GroundPair, GroundReport, GroundTravel, contradicting
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.gyro import GyroIntegrator, GyroTurn
@@ -125,6 +126,7 @@ class Estimator:
             if device
         }
         self._fixes = FixQueue(roles.fixes, has_camera=ground is not None)
+        self._dead_reckoning = DeadReckoning() if roles.fixes else None
         self._headings: list[tuple[HeadingSample, int]] = []
         self._heading_ns: dict[tuple[str, HeadingReference], int] = {}
         self._wheel_turn_rad = 0.0
@@ -237,7 +239,10 @@ class Estimator:
             self._wheel_turn = self._wheel_turn.with_increment(
                 self._effects, increment.turned_rad, increment.duration_s
             )
-            self._fixes.move(self.motion_ns, self._move(increment, self._turn(increment, now_ns, is_still)))
+            step = self._move(increment, self._turn(increment, now_ns, is_still))
+            self._fixes.move(self.motion_ns, step)
+            if self._dead_reckoning is not None:
+                self._dead_reckoning.add(step, math.sqrt(self._filter.gyro_bias_rad2_s2))
             self._path_m += math.hypot(increment.x_m, increment.y_m)
             self._doubt_stuck_wheels(increment)
         innovations = [
@@ -512,6 +517,12 @@ class Estimator:
             greatest_motion(self._effects, [self._speed_limit_rad_s * age_s] * len(self._effects))
         )
         return (x_m**2 + y_m**2) / 3.0, yaw_rad**2 / 3.0
+
+    def dead_reckoned(self) -> DeadReckoned | None:
+        """Return the pose without corrections; None without fixes, where the estimate does not jump."""
+        if self._dead_reckoning is None:
+            return None
+        return self._dead_reckoning.report(*self._waiting_turn())
 
     def _waiting_turn(self) -> tuple[float, float]:
         """Return the turn that waits for motion of the wheels or a reading of the gyro, and its variance."""

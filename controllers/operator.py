@@ -14,6 +14,7 @@ from controllers.motion.settings import (
 )
 from controllers.settings import ControlSettings
 from drivers.errors import ConfigError
+from drivers.samples import PoseFixSample
 
 GAIN_UNITS = {
     "speed_m_s": "m/s",
@@ -36,12 +37,25 @@ class OperatorInput:
         gains: New values of keys of [mission], by key.
         stop_reason: Why the operator's side must not let the rover move, e.g. because it is lost; "" where
             it may move again; None for no change.
+        fixes: Poses measured from outside that arrived since the last cycle: samples of this one.
     """
 
     is_paused: bool | None = None
     motion: BodyMotion | None = None
     gains: Mapping[str, float] = field(default_factory=dict)
     stop_reason: str | None = None
+    fixes: tuple[PoseFixSample, ...] = ()
+
+
+def merge(first: OperatorInput, then: OperatorInput) -> OperatorInput:
+    """Return two inputs as one; of what both change, the later one counts."""
+    return OperatorInput(
+        is_paused=first.is_paused if then.is_paused is None else then.is_paused,
+        motion=then.motion or first.motion,
+        gains={**first.gains, **then.gains},
+        stop_reason=first.stop_reason if then.stop_reason is None else then.stop_reason,
+        fixes=first.fixes + then.fixes,
+    )
 
 
 def gain_ranges(settings: ControlSettings) -> dict[str, tuple[float, float]]:

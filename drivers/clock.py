@@ -81,6 +81,11 @@ class PacedClock(VirtualClock):
         self._offset_ns: int | None = None
         self.lost_ns = 0
 
+    @property
+    def offset_ns(self) -> int:
+        """Real time minus simulated time; 0 before the first sleep."""
+        return self._offset_ns or 0
+
     def sleep_until(self, deadline_ns: int) -> None:
         """Sleep until real time has come as far, and move simulated time forward to `deadline_ns`."""
         if self._offset_ns is None:

@@ -259,6 +259,7 @@ class PoseFilter:
             position_m2=_greatest_variance(self._noise),
             yaw_rad2=float(self._noise[YAW, YAW]),
             rolled_m=complex(increment.x_m, increment.y_m) if by_wheels_m is None else by_wheels_m,
+            slip_sd=math.hypot(slip_sd, across_sd),
         )
 
     def _take_slip(self, step: SlipStep, toward: complex, state: list[float]) -> None:

@@ -27,6 +27,7 @@ class Step:
         position_m2: Variance added to the position along its most uncertain axis.
         yaw_rad2: Variance added to the yaw.
         rolled_m: What rolling wheels would have moved, to the left as imaginary part.
+        slip_sd: Standard deviation of the slip that remains, as a share of it.
     """
 
     x_m: float
@@ -36,6 +37,7 @@ class Step:
     position_m2: float
     yaw_rad2: float
     rolled_m: complex = 0j
+    slip_sd: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

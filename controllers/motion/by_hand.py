@@ -14,6 +14,8 @@ EXPIRY_S = 0.2
 class ByHand:
     """Limits commands by hand to the speed and yaw rate of the mission, and lets them expire.
 
+    The curvature stays: a command beyond either limit is scaled as a whole.
+
     Args:
         mission: Its `speed_m_s` and `yaw_rate_limit_rad_s` are the limits.
         moves_sideways: Whether the rover can move in any direction at any heading.
@@ -48,16 +50,22 @@ class ByHand:
         forward_m_s, left_m_s, yaw_rate_rad_s = self._motion
         if not self._moves_sideways:
             left_m_s = 0.0
-        share = min(1.0, self.mission.speed_m_s / max(math.hypot(forward_m_s, left_m_s), 1e-9))
         limit_rad_s = self.mission.yaw_rate_limit_rad_s
         if not self._turns_on_spot and forward_m_s == 0.0:
-            limit_rad_s = 0.0
+            yaw_rate_rad_s = 0.0
         elif self._turn_radius_m > 0.0 and forward_m_s != 0.0:
-            limit_rad_s = min(limit_rad_s, abs(share * forward_m_s) / self._turn_radius_m)
+            tightest_rad_s = abs(forward_m_s) / self._turn_radius_m
+            yaw_rate_rad_s = min(tightest_rad_s, max(-tightest_rad_s, yaw_rate_rad_s))
+        # One factor for both: a rover that is only slower drives the same curve.
+        share = min(
+            1.0,
+            self.mission.speed_m_s / max(math.hypot(forward_m_s, left_m_s), 1e-9),
+            limit_rad_s / max(abs(yaw_rate_rad_s), 1e-9),
+        )
         return Guidance(
             velocity_x_m_s=share * forward_m_s,
             velocity_y_m_s=share * left_m_s,
-            yaw_rate_rad_s=min(limit_rad_s, max(-limit_rad_s, yaw_rate_rad_s)),
+            yaw_rate_rad_s=share * yaw_rate_rad_s,
             cross_track_m=0.0,
             finished=False,
         )

@@ -89,11 +89,24 @@ def run(
         Path | None, out_option("Folder for log, summary and report [default: runs/NAME-DATE].")
     ] = None,
     realtime: Annotated[
-        bool, typer.Option("--realtime", help="Use the SCHED_FIFO scheduler; needs the right to.")
+        bool,
+        typer.Option(
+            "--realtime",
+            help="Use the SCHED_FIFO scheduler; needs the right to. With --virtual: simulated time passes "
+            "like real time, so that other programs can take part.",
+        ),
     ] = False,
     model: PlantModelOption = None,
     live: LiveOption = False,
     live_port: LivePortOption = LIVE_PORT,
+    odometry_to: Annotated[
+        str | None,
+        typer.Option(
+            "--odometry-to",
+            metavar="HOST:PORT",
+            help="Send pose, velocity and state of each cycle there, as a line of JSON over UDP.",
+        ),
+    ] = None,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -117,6 +130,7 @@ def run(
             as_json=json,
             model=model,
             live_port=live_port if live else None,
+            odometry_to=odometry_to,
         )
     )
 

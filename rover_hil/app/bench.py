@@ -9,8 +9,9 @@ from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.run import run_real, run_virtual
 from rover_hil.bench.views import RunOrder
 from rover_hil.config import load_config
+from rover_hil.connect.connections import connected
 from rover_hil.report.write import write_report
-from rover_hil.run.checks import ROVER_CHECKS
+from rover_hil.run.checks import CONNECTION_CHECKS, ROVER_CHECKS
 from rover_hil.run.drive_order import rover_words
 from rover_hil.run.executive import Operator, RunResult
 from rover_hil.terminal import Terminal
@@ -24,7 +25,7 @@ def serve_bench(config_name: str, port: int, out: Path) -> int:
     Raises:
         ConfigError: Bad configuration, a port that cannot be used, or NiceGUI is missing.
     """
-    config = load_config(config_name, ROVER_CHECKS)
+    config = load_config(config_name, (*ROVER_CHECKS, *CONNECTION_CHECKS))
     try:
         from rover_hil.bench.server import bind, serve
     except ModuleNotFoundError as error:
@@ -55,16 +56,20 @@ def serve_bench(config_name: str, port: int, out: Path) -> int:
 
 def run_order(order: RunOrder, operator: Operator, clock: PacedClock | None) -> RunResult:
     """Run what the page ordered, as `run` does; raises RoverHilError as `run_virtual` and `run_real`."""
-    if clock is not None:
-        return run_virtual(order.config, order.log_path, order.limit_s, None, clock=clock, operator=operator)
-    return run_real(
-        order.config,
-        order.log_path,
-        order.limit_s,
-        None,
-        order=order_drive(order.source, order.config),
-        operator=operator,
-    )
+    # The page comes last: of two who drive, the user on it counts.
+    with connected(order.config, clock, others=(operator,)) as operators:
+        if clock is not None:
+            return run_virtual(
+                order.config, order.log_path, order.limit_s, None, clock=clock, operator=operators
+            )
+        return run_real(
+            order.config,
+            order.log_path,
+            order.limit_s,
+            None,
+            order=order_drive(order.source, order.config),
+            operator=operators,
+        )
 
 
 def report_order(order: RunOrder) -> None:

@@ -25,6 +25,7 @@ from rover_hil.commissioning.figures import draw_drives, draw_errors
 from rover_hil.commissioning.worth import Worth, find_worth
 from rover_hil.config import Config, load_config, read_config_text, shipped_configs
 from rover_hil.config.entry import with_entry
+from rover_hil.connect.connections import connected
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.log import read_drive
 from rover_hil.datasets.marks import COLUMNS, Marks, marks_beside, marks_file, marks_text, read_marks
@@ -208,7 +209,8 @@ def _drive(
         if order is None:
             result = run_virtual(driven, log, limit_s, show)
         else:
-            result = run_real(driven, log, limit_s, show, order=order)
+            with connected(driven) as operator:  # for pose fixes over ROS 2
+                result = run_real(driven, log, limit_s, show, order=order, operator=operator)
     require_finished(result, name)
     poses = read_poses(log)
     if order is None:

@@ -3,7 +3,7 @@
 import gc
 import json
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from pathlib import Path
 
 from rich.live import Live
@@ -12,7 +12,7 @@ from rich.text import Text
 from controllers.control_loop import StepOutput
 from controllers.motion.mission import corner_points
 from controllers.safety import Mode
-from drivers.clock import SystemClock, VirtualClock, wall_time_text
+from drivers.clock import PacedClock, SystemClock, VirtualClock, wall_time_text
 from drivers.device_settings import DriveSettings
 from drivers.emergency_stop import EmergencyStop
 from drivers.errors import ConfigError, NotConnectedError
@@ -23,6 +23,7 @@ from rover_hil.app.memory import ShortOfMemoryError, sentence_of
 from rover_hil.app.options import LOG_NAME
 from rover_hil.app.output import can_tell, tell
 from rover_hil.config import Config, load_config
+from rover_hil.connect.connections import connected
 from rover_hil.live.server import HOST, LiveServer
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
 from rover_hil.recording.data_files import collect_data_files
@@ -61,18 +62,18 @@ def run_rover(
     model: Path | None = None,
     force: bool = False,
     live_port: int | None = None,
+    odometry_to: str | None = None,
 ) -> int:
     """Run a rover and write its results; returns the exit code.
 
     With `force` the results of an earlier run in the same folder are replaced, once this one begins. With
-    `live_port` the records are also streamed to viewers on that port.
+    `live_port` the records are also streamed to viewers on that port, with `odometry_to` a record of each
+    cycle is sent to that host and port.
 
     Raises:
         RoverHilError: Bad configuration, a device that cannot be opened, a folder that cannot be used.
     """
     config = load_config(config_name, VIRTUAL_RUN_CHECKS if virtual else RUN_CHECKS)
-    if virtual and realtime:
-        raise ConfigError("--virtual runs on simulated time: leave --realtime out")
     messages = Terminal(stderr=True)
     if model is not None:
         config = _extended(config, model, messages, virtual=virtual)
@@ -82,19 +83,29 @@ def run_rover(
     reports = [folder / name for name in (SUMMARY_NAME, REPORT_NAME)]
     refuse_overwrite(log_path, *reports, force=force)
     limit_s = duration_s or config.loop.time_limit_s
+    clock = PacedClock() if virtual and realtime else None
+    connection = _connection(config, clock, messages, odometry_to, is_paced=realtime or not virtual)
     with (
         live_mirror(live_port, messages) as mirror,
+        connection as operator,
         Live(console=messages, transient=True, auto_refresh=False) as live,
     ):
         show = _display(live, messages, note)
 
         try:
             if virtual:
-                result = run_virtual(config, log_path, limit_s, show, mirror)
+                result = run_virtual(config, log_path, limit_s, show, mirror, clock=clock, operator=operator)
             else:
                 order = order_drive(config_name, config)
                 result = run_real(
-                    config, log_path, limit_s, show, order=order, realtime=realtime, mirror=mirror
+                    config,
+                    log_path,
+                    limit_s,
+                    show,
+                    order=order,
+                    realtime=realtime,
+                    mirror=mirror,
+                    operator=operator,
                 )
         except KeyboardInterrupt:
             if not log_path.exists():
@@ -118,6 +129,20 @@ def run_rover(
         console.print(_result_line(result, len(json.loads(summary_json)["stops"])))
     _tell_slowness(result, config.loop.rate_hz, messages, virtual=virtual)
     return EXIT_OK if _went_well(result, duration_s) else EXIT_NO
+
+
+def _connection(
+    config: Config, clock: PacedClock | None, messages: Terminal, odometry_to: str | None, *, is_paced: bool
+) -> AbstractContextManager[Operator | None]:
+    """Return what connects a run with other programs; a simulated one only while its time is real."""
+    if is_paced:
+        return connected(config, clock, odometry_to)
+    if odometry_to is not None or (config.ros2 is not None and config.ros2.commands):
+        what = "ros2.commands" if odometry_to is None else "--odometry-to"
+        raise ConfigError(f"{what}: other programs live in real time: add --realtime to --virtual")
+    if config.ros2 is not None:
+        messages.print("ROS 2 is not connected: add --realtime, and simulated time passes like real time")
+    return nullcontext()
 
 
 def _report(log_path: Path, folder: Path, messages: Terminal) -> str | None:

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from controllers.control_loop import StepOutput
 from controllers.motion.body_motion import BodyMotion
-from controllers.operator import OperatorInput
+from controllers.operator import OperatorInput, merge
 from controllers.safety import Mode
 from drivers.clock import NANOSECONDS_PER_SECOND, Clock, PacedClock, SystemClock, seconds
 from drivers.driver import Health
@@ -147,7 +147,7 @@ class PageOperator:
                 self._want(order)
 
     def _want(self, wanted: OperatorInput) -> None:
-        self._wanted = wanted if self._wanted is None else _merge(self._wanted, wanted)
+        self._wanted = wanted if self._wanted is None else merge(self._wanted, wanted)
 
     def _may_drive(self, motion: BodyMotion) -> bool:
         self._was_at_rest |= self._is_running and not any(motion)
@@ -194,15 +194,6 @@ class PageOperator:
             "lost_s": 0.0 if self._clock is None else seconds(self._clock.lost_ns),
             "dropped": self._dropped,
         }
-
-
-def _merge(first: OperatorInput, then: OperatorInput) -> OperatorInput:
-    return OperatorInput(
-        is_paused=first.is_paused if then.is_paused is None else then.is_paused,
-        motion=then.motion or first.motion,
-        gains={**first.gains, **then.gains},
-        stop_reason=first.stop_reason if then.stop_reason is None else then.stop_reason,
-    )
 
 
 def _relative(truth: Truth | None, first: Truth | None) -> tuple[float, float, float] | None:

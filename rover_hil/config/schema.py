@@ -22,6 +22,7 @@ from drivers.inertial_settings import InertialSettings
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.registry import AnyDeviceSettings
 from drivers.settings import Settings
+from rover_hil.config.ros2_settings import POSE_FIX, Ros2Settings
 from rover_hil.config.tune_settings import TuneSettings
 from sim_backends.settings import SimulationSettings
 
@@ -134,6 +135,7 @@ class Config(ControlSettings):
         simulation: The simulated rover; needed by `simulate`, `tune` and `run --virtual`.
         tune: What `tune` may change, and to what end.
         bench: What stops a run of `bench` when the page is lost.
+        ros2: What `run` and `bench` exchange with programs of ROS 2; without it nothing.
     """
 
     schema_name: Annotated[Literal["rover-hil-config/1"], Field(alias="schema")]
@@ -143,6 +145,13 @@ class Config(ControlSettings):
     simulation: SimulationSettings | None = None
     tune: TuneSettings | None = None
     bench: BenchSettings = BenchSettings()
+    ros2: Ros2Settings | None = None
+
+    @property
+    def fix_sources(self) -> tuple[str, ...]:
+        """Names of the devices whose poses are used, and of those that arrive over ROS 2."""
+        over_ros2 = self.ros2 is not None and self.ros2.pose_fixes
+        return (*self.roles.fixes, *((POSE_FIX,) if over_ros2 else ()))
 
     def device_roles(self) -> DeviceRoles:
         """Return the roles as the controller needs them."""
@@ -157,7 +166,7 @@ class Config(ControlSettings):
             gyro=self.roles.gyro,
             gyro_rate_hz=gyro.rate_hz if isinstance(gyro, InertialSettings) else None,
             headings=self.roles.headings,
-            fixes=self.roles.fixes,
+            fixes=self.fix_sources,
             camera=self.roles.camera,
         )
 

@@ -94,6 +94,7 @@ class LogRows:
     def __init__(self, config: Config, *, with_traces: bool = False) -> None:
         self.unsigned_wheels: set[int] = set()
         self._roles = config.roles
+        self._fix_sources = config.fix_sources
         self._with_traces = with_traces
         self._rows: defaultdict[str, list[tuple[int, float]]] = defaultdict(list)
         self._fixes: defaultdict[str, list[PoseFixSample]] = defaultdict(list)
@@ -121,7 +122,7 @@ class LogRows:
                 self._take_wheels(samples)
                 self._take_body(samples)
                 for fix in samples.fixes:
-                    if fix.device in self._roles.fixes:
+                    if fix.device in self._fix_sources:
                         self._fixes[fix.device].append(fix)
             case schema.TRUTH:
                 self._take_truth(log.parse(message, schema.TRUTH_SHAPE))

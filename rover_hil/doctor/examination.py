@@ -26,6 +26,7 @@ from rover_hil.doctor.listening import OpenDevice, Reception, listen, open_devic
 from rover_hil.doctor.no_data import check_no_data
 from rover_hil.doctor.ports import busy, check_latency_timer, check_port, port_of
 from rover_hil.doctor.rejections import check_rejections
+from rover_hil.doctor.ros2 import check_ros2
 from rover_hil.doctor.scheduling import check_scheduling, may_use_realtime
 from rover_hil.doctor.streams import check_breaks, check_streams, parts_of
 
@@ -56,7 +57,11 @@ def examine_rover(
         on_progress: Called with the seconds that have passed while listening.
     """
     before = read_clocks(clock)
-    findings = [*check_consistency(config), *check_calibration(config, today(before.wall_ns))]
+    findings = [
+        *check_consistency(config),
+        *check_calibration(config, today(before.wall_ns)),
+        *check_ros2(config.ros2),
+    ]
     with ExitStack() as stack:
         opened: list[OpenDevice] = []
         for name, settings in config.devices.items():

@@ -28,8 +28,8 @@ def _sources(config: Config) -> Iterator[str]:
             f"ground motion by {camera}, travel {_scale_percent(config):.1f} % uncertain by its rig"
             f"{'' if is_calibrated else LOOKS_LIKE_SLIP}"
         )
-    if config.roles.fixes:
-        yield f"pose fixes by {' and '.join(config.roles.fixes)}"
+    if config.fix_sources:
+        yield f"pose fixes by {' and '.join(config.fix_sources)}"
     if config.scomp is not None:
         has_trace = config.scomp.rig is not None and camera is not None
         yield f"slip law with the wheel trace by {camera}" if has_trace else "slip law by tilt"

@@ -15,6 +15,7 @@ from typing_extensions import TypedDict
 from controllers.control_loop import StepOutput
 from controllers.estimation.pose_filter import PoseEstimate
 from controllers.motion.crab import CrabReport
+from controllers.operator import OperatorInput
 from controllers.slip.effort.compensator import SlipReport
 from controllers.slip.effort.excited_slip import RoverSlip
 from controllers.slip.scomp.compensator import ScompReport
@@ -183,6 +184,15 @@ class GroundRecord(TypedDict):
     reason: str
 
 
+class DeadReckonedRecord(TypedDict):
+    """The pose without corrections by fixes, and its covariance."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    covariance: Numbers
+
+
 class EstimateRecord(TypedDict):
     """All that a cycle computed, on `ESTIMATE`."""
 
@@ -203,6 +213,7 @@ class EstimateRecord(TypedDict):
     crab: NotRequired[CrabRecord | None]
     ground: NotRequired[GroundRecord | None]
     suspicion: NotRequired[str | None]
+    dead_reckoned: NotRequired[DeadReckonedRecord | None]
     exact: NotRequired[str]
 
 
@@ -257,18 +268,32 @@ class CycleRecord(TypedDict):
     work_ns: int
 
 
+class FixRecord(TypedDict):
+    """A pose measured from outside, as a `PoseFixSample`."""
+
+    device: str
+    t_ns: int
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    position_std_m: float
+    yaw_std_rad: float
+    t_capture_ns: int
+
+
 class OperatorRecord(TypedDict):
     """What an operator wants from a cycle on, on `OPERATOR`; only in such cycles.
 
     `motion` is the body velocity by hand: forward and to the left in m/s, counter-clockwise in rad/s. `gains`
     has new values of keys of [mission]. `stop_reason` is why the operator's side must not let the rover move;
-    "" where it may move again.
+    "" where it may move again. `fixes` are poses that arrived over ROS 2.
     """
 
     is_paused: bool | None
     motion: MaybeNumbers
     gains: dict[str, float]
     stop_reason: NotRequired[str | None]
+    fixes: NotRequired[Annotated[list[FixRecord], FailFast()]]
 
 
 class EndRecord(TypedDict):
@@ -377,6 +402,7 @@ _wheel_command = _copy(WheelCommandRecord)
 _wheel_slip = _copy(WheelSlipRecord)
 _contradiction = _copy(ContradictionRecord)
 _ground = _copy(GroundRecord)
+_dead_reckoned = _copy(DeadReckonedRecord)
 _trace = _copy(TraceRecord)
 set_point_record = _copy(SetPointRecord)
 """From a `SentCommand`."""
@@ -384,8 +410,16 @@ truth_record = _copy(TruthRecord, without="is_new")
 """From the `Truth` of a simulated rover."""
 end_record = _copy(EndRecord)
 """From a `RunResult`."""
-operator_record = _copy(OperatorRecord)
-"""From an `OperatorInput`."""
+_operator = _copy(OperatorRecord, without="fixes")
+_fix = _copy(FixRecord)
+
+
+def operator_record(wanted: OperatorInput) -> OperatorRecord:
+    """Return the record of an operator's input; without fixes it has no such key."""
+    record = _operator(wanted)
+    if wanted.fixes:
+        record["fixes"] = list(map(_fix, wanted.fixes))
+    return record
 
 
 def estimate_record(output: StepOutput) -> EstimateRecord:
@@ -408,6 +442,7 @@ def estimate_record(output: StepOutput) -> EstimateRecord:
         "crab": None if output.crab is None else _crab(output.crab),
         "ground": None if output.ground is None else _ground(output.ground),
         "suspicion": output.suspicion or None,
+        "dead_reckoned": None if output.dead_reckoned is None else _dead_reckoned(output.dead_reckoned),
     }
 
 

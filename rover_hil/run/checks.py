@@ -11,6 +11,7 @@ from drivers.device_settings import DriveSettings
 from drivers.driver import SteeringCodec
 from drivers.errors import ConfigError
 from rover_hil.config import Draft, Rule
+from rover_hil.config.ros2_joints import find_command_conflicts, find_connection_conflicts
 from rover_hil.config.schema import MISSING_SIMULATION, find_rigs
 from rover_hil.run.composition import find_wheel_count_conflict
 from sim_backends.build import find_simulation_conflicts
@@ -143,11 +144,19 @@ def _find_missing_mission(draft: Draft) -> Iterator[str]:
     mission = draft.config.mission
     if mission is None:
         yield "mission: this key is missing; add what the rover is to do"
-    elif mission.type == "by_hand":
+    elif mission.type == "by_hand" and (draft.config.ros2 is None or not draft.config.ros2.commands):
         yield (
-            "mission.type: 'by_hand' has no path and is driven on the page of `rover-hil bench` only; choose "
-            "a mission with a path"
+            "mission.type: 'by_hand' has no path and is driven on the page of `rover-hil bench`, or over ROS "
+            "2 with ros2.commands = true; choose one of these, or a mission with a path"
         )
+
+
+def _find_connection_conflicts(draft: Draft) -> Iterator[str]:
+    return find_connection_conflicts(draft.config.rover, draft.config.ros2)
+
+
+def _find_command_conflicts(draft: Draft) -> Iterator[str]:
+    return find_command_conflicts(draft.config.mission, draft.config.ros2)
 
 
 def _find_missing_simulation(draft: Draft) -> Iterator[str]:
@@ -171,7 +180,15 @@ ROVER_CHECKS = (
 )
 """What every command checks that drives a real or a simulated rover."""
 
-RUN_CHECKS = (*ROVER_CHECKS, Rule(("mission",), _find_missing_mission))
+CONNECTION_CHECKS = (Rule(("rover", "ros2"), _find_connection_conflicts),)
+"""Of a run that may be connected with other programs."""
+
+RUN_CHECKS = (
+    *ROVER_CHECKS,
+    Rule(("mission", "ros2"), _find_missing_mission),
+    Rule(("mission", "ros2"), _find_command_conflicts),
+    *CONNECTION_CHECKS,
+)
 """For `run` on real devices, and for `doctor`."""
 
 VIRTUAL_RUN_CHECKS = (*RUN_CHECKS, Rule(("simulation",), _find_missing_simulation))

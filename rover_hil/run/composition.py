@@ -1,5 +1,6 @@
 """The composition root: the only place that chooses between real, simulated and replayed devices."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from controllers.control_loop import ControlLoop, StepOutput
@@ -56,9 +57,16 @@ class Rig:
             samples.extend(driver.poll())
         return samples
 
-    def cycle(self, now_ns: int) -> tuple[list[Sample], StepOutput, SentCommand]:
-        """Run one cycle: poll all devices, step the loop, command the wheels."""
-        samples = self.poll()
+    def cycle(
+        self, now_ns: int, others: Sequence[Sample] = ()
+    ) -> tuple[list[Sample], StepOutput, SentCommand]:
+        """Run one cycle: poll all devices, step the loop, command the wheels.
+
+        Args:
+            now_ns: Time of the cycle.
+            others: Samples that came from elsewhere.
+        """
+        samples = [*self.poll(), *others]
         output = self.loop.step(now_ns, samples)
         return samples, output, self.drive.command(output.command)
 

@@ -222,7 +222,7 @@ class Executive:
         if wanted is not None:
             self._rig.loop.operate(now_ns, wanted)
             self._log.write_json(OPERATOR, now_ns, operator_record(wanted))
-        samples, output, sent = self._rig.cycle(now_ns)
+        samples, output, sent = self._rig.cycle(now_ns, () if wanted is None else wanted.fixes)
         if self._watchdog is not None:
             self._watchdog.feed()
         self._log.samples(now_ns, samples)

@@ -16,7 +16,7 @@ from controllers.operator import OperatorInput
 from drivers.clock import VirtualClock
 from drivers.errors import LogError
 from drivers.link import CameraImage, LinkChange, NoTap, Received
-from drivers.samples import Sample, WheelCommand
+from drivers.samples import PoseFixSample, Sample, WheelCommand
 from rover_hil.config import Config
 from rover_hil.recording.images import decode_image
 from rover_hil.recording.reader import LogMessage, LogReader
@@ -137,6 +137,7 @@ class _Replayer(ABC):
         self._expected_sent: list[LogMessage] = []
         self._stops_ns: list[int] = []
         self._end: LogMessage | None = None
+        self._fixes: tuple[PoseFixSample, ...] = ()
         self._recorded = RecordedCycles(log, config.loop.rate_hz)
 
     def cycles(self) -> Iterator[int]:
@@ -183,6 +184,7 @@ class _Replayer(ABC):
 
     def _operate(self, t_ns: int) -> None:
         log = self._log
+        self._fixes = ()
         message = self._expected.pop("operator", None)
         if message is None:
             return
@@ -190,6 +192,7 @@ class _Replayer(ABC):
         motion = record["motion"]
         if motion is not None and len(motion) != 3:
             raise LogError(f"{log.path} is damaged: {message.topic} at {t_ns} ns: a motion has three numbers")
+        self._fixes = tuple(PoseFixSample(**fix) for fix in record.get("fixes", ()))
         self._rig.loop.operate(
             t_ns,
             OperatorInput(
@@ -230,7 +233,7 @@ class _Comparer(_Replayer):
     def _run_cycle(self, t_ns: int) -> None:
         rig = self._rig
         rig.clock.sleep_until(t_ns)
-        samples = rig.poll()
+        samples = [*rig.poll(), *self._fixes]
         output = self._output = rig.loop.step(t_ns, samples)
         self._compare("samples", t_ns, self._texts.samples(samples))
         self._compare("estimate", t_ns, self._texts.estimate(output))
@@ -328,7 +331,8 @@ class _Estimates(_Replayer):
     def _run_cycle(self, t_ns: int) -> None:
         rig = self._rig
         rig.clock.sleep_until(t_ns)
-        self.output = rig.loop.step(t_ns, [sample for sample in rig.poll() if self._is_used(sample)])
+        samples = [*rig.poll(), *self._fixes]
+        self.output = rig.loop.step(t_ns, [sample for sample in samples if self._is_used(sample)])
         estimate = self._expected.get(ESTIMATE[1:])
         if estimate is None:
             return

@@ -35,14 +35,19 @@ def test_a_command_that_is_not_finite_is_rest(wrong: float) -> None:
     assert hand.guide(1) is None
 
 
-def test_speed_and_yaw_rate_are_limited_and_the_direction_stays() -> None:
+@pytest.mark.parametrize("motion", [(3.0, 4.0, -0.9), (0.15, -0.2, 5.0), (3.0, 4.0, -20.0), (0.0, 0.0, 2.0)])
+def test_a_command_beyond_a_limit_is_scaled_as_a_whole(motion: tuple[float, float, float]) -> None:
     hand = ByHand(MISSION, moves_sideways=True)
-    hand.command(0, (3.0, 4.0, -9.0))
+    hand.command(0, motion)
     guidance = hand.guide(1)
     assert guidance is not None
-    assert guidance.velocity_x_m_s == pytest.approx(0.12)
-    assert guidance.velocity_y_m_s == pytest.approx(0.16)
-    assert guidance.yaw_rate_rad_s == -0.5
+    limited = (guidance.velocity_x_m_s, guidance.velocity_y_m_s, guidance.yaw_rate_rad_s)
+    share = max(map(abs, limited)) / max(map(abs, motion))
+    assert share < 1.0
+    assert limited == pytest.approx(tuple(share * value for value in motion))
+    assert math.hypot(*limited[:2]) <= 0.2 * (1 + 1e-12)
+    assert abs(limited[2]) <= 0.5 * (1 + 1e-12)
+    assert math.hypot(*limited[:2]) == pytest.approx(0.2) or abs(limited[2]) == pytest.approx(0.5)
 
 
 def test_what_the_wheels_cannot_do_is_left_out() -> None:

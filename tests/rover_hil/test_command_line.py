@@ -61,7 +61,7 @@ def test_a_log_is_not_overwritten(command: Command) -> None:
     [
         (("run", "nothing.toml"), ("nothing.toml", "el-dorado, el-dorado-camera, el-dorado-crab, robotino")),
         (("run", "robotino", "--out", "a"), ("ports/board",)),
-        (("run", "robotino", "--virtual", "--realtime"), ("--realtime",)),
+        (("run", "robotino", "--virtual", "--odometry-to", "5005"), ("--realtime",)),
         (("run", "robotino", "--virtual", "--out", "taken"), ("taken",)),
         (("run", "robotino", "--virtual", "--out", "/proc/1"), ("/proc/1/run.mcap", "choose another --out")),
         (("bench", "robotino", "--port", "99999"), ("--port is 99999, outside 0 .. 65535: correct it",)),

@@ -262,7 +262,7 @@ def test_marks_at_the_start_alone_measure_no_slip(command: Command, config: Conf
 def test_measured_positions_are_asked_for_and_kept(
     command: Command, config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def drive(driven: Config, log: Path, *rest: object, order: DriveOrder) -> object:
+    def drive(driven: Config, log: Path, *rest: object, order: DriveOrder, operator: None) -> object:
         write_drive(log, config, log.stem)
         return SimpleNamespace(end=End.FINISHED, reason="")
 

@@ -93,6 +93,11 @@ def test_a_bag_holds_poses_wheels_rates_and_pictures(tmp_path: Path, command: Co
     odometry = last["/odom"]
     assert odometry.pose.pose.position.x == estimate["estimate_x_m"]
     assert odometry.pose.covariance[35] == estimate["estimate_covariance_yaw_yaw"]
+    # z, roll and pitch are not measured, and no velocity is certain.
+    assert list(odometry.pose.covariance[[14, 21, 28]]) == [1e6] * 3
+    assert min(odometry.twist.covariance[[0, 7, 35]]) > 0.0
+    assert list(odometry.twist.covariance[[14, 21, 28]]) == [1e6] * 3
+    assert last["/imu/imu"].orientation_covariance[0] == -1.0
     assert last["/joint_states"].name == ["wheel1", "wheel2", "wheel3"]
     assert last["/camera/camera/compressed"].data.tobytes() == jpeg
 

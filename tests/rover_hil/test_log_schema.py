@@ -9,6 +9,7 @@ import pytest
 from pydantic_core import to_json
 
 from controllers.control_loop import StepOutput
+from controllers.estimation.dead_reckoning import DeadReckoned
 from controllers.estimation.ground_travel import GroundReport
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.pose_filter import PoseEstimate, YawSource
@@ -101,6 +102,7 @@ OUTPUT = StepOutput(
         reason="",
     ),
     suspicion="rover: may be entrapped",
+    dead_reckoned=DeadReckoned(x_m=1.5, y_m=-0.25, yaw_rad=0.5, covariance=(1e-4, 0.0, 0.0, 1e-4, 0.0, 1e-6)),
 )
 RECORD = (
     b'{"t_ns":7,"mode":"running","reason":"","estimate":{"t_ns":6,"x_m":1.0,"y_m":2.0,'
@@ -119,7 +121,8 @@ RECORD = (
     b'"steering_rad":[0.05,0.0],"crab":{"drift_rad":0.14,"source":"trace"},'
     b'"ground":{"t_ns":4,"velocity_x_m_s":0.1,"velocity_y_m_s":0.0,"slip":0.25,"slip_sd":0.02,'
     b'"drift_rad":null,"reason":""},'
-    b'"suspicion":"rover: may be entrapped"}'
+    b'"suspicion":"rover: may be entrapped",'
+    b'"dead_reckoned":{"x_m":1.5,"y_m":-0.25,"yaw_rad":0.5,"covariance":[0.0001,0.0,0.0,0.0001,0.0,1e-6]}}'
 )
 
 
@@ -209,7 +212,7 @@ def test_nothing_that_a_cycle_computes_is_left_out() -> None:
 def test_a_cycle_of_an_older_log_is_read() -> None:
     older = json.loads(RECORD)
     del older["slip"], older["drift"], older["contradiction"], older["steering_rad"]
-    del older["command"]["steering_rad"], older["crab"], older["suspicion"]
+    del older["command"]["steering_rad"], older["crab"], older["suspicion"], older["dead_reckoned"]
     older["wheel_doubt"] = None  # told apart from other suspicions for a while
     record = ESTIMATE_SHAPE.validate_python(older)
     assert "slip" not in record

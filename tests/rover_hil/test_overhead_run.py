@@ -35,8 +35,8 @@ def config_with(**roles: object) -> Config:
     return Config.model_validate(table)
 
 
-def errors_and_nees(path: Path) -> tuple[float, float]:
-    """Return the rms of the estimated position's true error in m, and the mean NEES of x, y and yaw."""
+def errors_and_nees(path: Path, key: str = "estimate") -> tuple[float, float]:
+    """Return the rms of a position's true error in m, and the mean NEES of x, y and yaw."""
     truth = np.array(
         [
             [float(str(record[key])) for key in ("t_ns", "x_m", "y_m", "yaw_rad")]
@@ -45,12 +45,13 @@ def errors_and_nees(path: Path) -> tuple[float, float]:
     )
     squares, nees = [], []
     for record in records(path, "/estimate"):
-        estimate = record["estimate"]
+        newest, estimate = record["estimate"], record[key]
         assert isinstance(estimate, dict)
+        assert isinstance(newest, dict)
         # At the start the pose is certain by definition, and the wheels are read a little late.
         if math.hypot(estimate["x_m"], estimate["y_m"]) < FIRST_M:
             continue
-        t_ns = float(estimate["t_ns"])
+        t_ns = float(newest["t_ns"])
         x_m, y_m = (float(np.interp(t_ns, truth[:, 0], truth[:, column])) for column in (1, 2))
         yaw_rad = float(np.interp(t_ns, truth[:, 0], np.unwrap(truth[:, 3])))
         error = np.array(
@@ -66,6 +67,13 @@ def errors_and_nees(path: Path) -> tuple[float, float]:
     return math.sqrt(float(np.mean(squares))), float(np.mean(nees))
 
 
+def largest_jump_m(path: Path, key: str) -> float:
+    """Return the largest change of a position between two cycles."""
+    poses = [record[key] for record in records(path, "/estimate")]
+    places = np.array([(each["x_m"], each["y_m"]) for each in poses])  # type: ignore[index]
+    return float(np.max(np.hypot(*np.diff(places, axis=0).T)))
+
+
 @pytest.mark.slow
 def test_a_fix_every_two_seconds_shrinks_the_true_error_and_the_covariance_is_honest(tmp_path: Path) -> None:
     path, blind_path = tmp_path / "run.mcap", tmp_path / "blind.mcap"
@@ -78,6 +86,13 @@ def test_a_fix_every_two_seconds_shrinks_the_true_error_and_the_covariance_is_ho
     # Three degrees of freedom; the noise of the position allows for worse ground than this.
     assert 0.1 < nees < 3.0
     innovations = [i for record in records(path, "/estimate") for i in record["innovations"]]  # type: ignore[attr-defined]
+    # Dead reckoning is as good as without a camera, says so, and never jumps; the estimate does.
+    reckoned_error_m, reckoned_nees = errors_and_nees(path, "dead_reckoned")
+    assert reckoned_error_m > 2 * error_m
+    assert 0.05 < reckoned_nees < 3.0
+    jump_m = {key: largest_jump_m(path, key) for key in ("estimate", "dead_reckoned")}
+    assert jump_m["dead_reckoned"] < 0.02 * 0.4
+    assert jump_m["estimate"] > 2 * jump_m["dead_reckoned"]
     named = [i for i in innovations if i["name"].startswith("overhead")]
     assert len(named) > 40
     assert all(i["accepted"] for i in named)

@@ -68,7 +68,7 @@ def replay_with(log: JudgedLog, config: Config) -> ReplayedLog:
         with restore_config(reader) as logged:
             # The mission stays: it is what the rover drove.
             controlled = with_controller_of(logged, config).model_copy(update={"mission": logged.mission})
-            fixes = logged.roles.fixes
+            fixes = logged.fix_sources
             is_used = _every(log.withheld_s, fixes) if log.poses is None else lambda _: True
             outputs = list(estimate_again(reader, controlled, is_used))
     if not outputs:

@@ -1,0 +1,155 @@
+"""Latencies over ROS 2 in a run in real time, and what the connection costs the loop's process.
+
+Prints, for the simulated Robotino at 50 Hz: from the time of the wheel positions behind a /odom until a peer
+has it; from a /cmd_vel until its set-points are sent; the time of the connection in a cycle. With ROS2_PEER
+(the program that `make test-ros2` builds) the peer is Fast DDS, else Cyclone DDS.
+
+    python -m benchmarks.ros2.latency [SECONDS]
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from time import thread_time_ns
+
+import numpy as np
+
+from drivers.clock import PacedClock, SystemClock, wall_time_ns
+from rover_hil.app.run import run_virtual
+from rover_hil.config import Config, load_config
+from rover_hil.config.ros2_settings import Ros2Settings
+from rover_hil.connect.ros2.connection import Ros2Connection
+from rover_hil.connect.ros2.messages import Odometry, Twist, Vector3
+from rover_hil.connect.ros2.node import Node
+from rover_hil.run.executive import CycleView, End
+from rover_hil.run.operators import Operators
+
+DOMAIN = 78
+SECONDS = 30.0
+RATE_HZ = 50.0
+PEER = os.environ.get("ROS2_PEER", "")
+MS = 1e-6
+COST_BAR_US = 50.0
+
+
+class Timed:
+    """A connection whose calls are timed.
+
+    Attributes:
+        spent_ns: Processor time of each cycle; on a loaded machine others interrupt it.
+    """
+
+    def __init__(self, connection: Ros2Connection) -> None:
+        self._connection = connection
+        self._wanted_ns = 0
+        self.spent_ns: list[int] = []
+
+    def wanted(self) -> object:
+        """Pass on."""
+        begin_ns = thread_time_ns()
+        wanted = self._connection.wanted()
+        self._wanted_ns = thread_time_ns() - begin_ns
+        return wanted
+
+    def end(self) -> tuple[End, str] | None:
+        """Pass on."""
+        return self._connection.end()
+
+    def show(self, view: CycleView) -> None:
+        """Pass on."""
+        begin_ns = thread_time_ns()
+        self._connection.show(view)
+        self.spent_ns.append(self._wanted_ns + thread_time_ns() - begin_ns)
+
+
+class Commander:
+    """Sends a new velocity 7 ms after a cycle's end and waits for its set-points; a peer in this process."""
+
+    def __init__(self, node: Node) -> None:
+        self._velocity = node.writer("cmd_vel", Twist)
+        self._odometry = node.reader("odom", Odometry, depth=100)
+        self._clock = SystemClock()
+        self._sent_ns: int | None = None
+        self._before: tuple[float, ...] = ()
+        self._speed_m_s = 0.1
+        self._cycles = 0
+        self.reaction_ns: list[int] = []
+        self.odometry_ns: list[int] = []
+
+    def wanted(self) -> None:
+        """Want nothing."""
+
+    def end(self) -> None:
+        """End nothing."""
+
+    def show(self, view: CycleView) -> None:
+        """Look for the set-points of the last command, and send the next one."""
+        self._cycles += 1
+        now_ns = self._clock.now_ns()
+        if self._sent_ns is not None and any(view.sent.speed_rad_s) != any(self._before):
+            self.reaction_ns.append(now_ns - self._sent_ns)
+            self._sent_ns = None
+        elif self._sent_ns is None and view.output.mode.value == "running":
+            self._before = view.sent.speed_rad_s
+            ahead = not any(self._before)
+            self._clock.sleep_until(now_ns + int(np.random.default_rng(self._cycles).integers(0, 12_000_000)))
+            self._sent_ns = self._clock.now_ns()
+            self._velocity(Twist(Vector3(0.1 if ahead else 0.0)))
+        for message, _, _ in self._odometry():
+            self.odometry_ns.append(wall_time_ns() - message.header.stamp.time_ns)
+
+
+def config_of() -> Config:
+    table = load_config("robotino").model_dump(by_alias=True, exclude={"mission", "slip"})
+    return Config.model_validate(
+        {
+            **table,
+            "mission": {"type": "by_hand", "speed_m_s": 0.2, "yaw_rate_limit_rad_s": 1.0},
+            "ros2": {"domain": DOMAIN, "commands": True},
+        }
+    )
+
+
+def quantiles(values_ns: list[int]) -> str:
+    median, most = np.percentile(values_ns, [50, 99]) * MS
+    return f"median {median:.2f} ms, 99 % {most:.2f} ms, of {len(values_ns)}"
+
+
+def main() -> int:
+    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else SECONDS
+    clock = PacedClock()
+    with tempfile.TemporaryDirectory() as folder:
+        read = Path(folder) / "odom.txt"
+        with read.open("w") as output:
+            line = [PEER, "read", str(DOMAIN), "reliable", "volatile", "rt/odom=Odometry"]
+            peer = subprocess.Popen(line, stdin=subprocess.PIPE, stdout=output) if PEER else None
+        commander = Commander(Node(Ros2Settings(domain=DOMAIN)))
+        with Ros2Connection(config_of(), lambda: clock.offset_ns) as connection:
+            timed = Timed(connection)
+            sides = Operators([timed, commander])  # type: ignore[list-item]
+            run_virtual(config_of(), Path(folder) / "run.mcap", seconds, None, clock=clock, operator=sides)
+        odometry_ns = commander.odometry_ns
+        if peer is not None:
+            peer.communicate()
+            rows = [row.split() for row in read.read_text().splitlines()[1:]]
+            odometry_ns = [int(arrival) - int(stamp) for _, _, stamp, arrival in rows]
+    print(f"sample to /odom at {'Fast DDS' if peer else 'a reader once per cycle'}: {quantiles(odometry_ns)}")
+    print(f"/cmd_vel to set-points: {quantiles(commander.reaction_ns)}")
+    cost_us = np.array(timed.spent_ns) / 1e3
+    median_us, most_us = np.percentile(cost_us, [50, 99])
+    print(f"cost in the loop, processor time: median {median_us:.0f} us, 99 % {most_us:.0f} us a cycle")
+    period_ms = 1e3 / RATE_HZ
+    is_good = (
+        np.median(odometry_ns) * MS < period_ms + 2.0
+        and np.percentile(odometry_ns, 99) * MS < 2 * period_ms
+        and np.median(commander.reaction_ns) * MS < period_ms + 2.0
+        and median_us <= COST_BAR_US
+    )
+    print("within the bars" if is_good else "NOT within the bars")
+    return 0 if is_good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

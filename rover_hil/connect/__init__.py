@@ -1,0 +1,1 @@
+"""What connects a run with other programs while the rover drives."""

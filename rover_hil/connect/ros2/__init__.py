@@ -1,0 +1,1 @@
+"""ROS 2 through DDS, without an installation of ROS."""
