@@ -74,6 +74,8 @@ def write_drive(
     messages: Iterable[MessageT],
     make_feed: Callable[[ReplayLinks], Callable[[MessageT], Iterable[TruthRecord]]],
     contents: Contents,
+    *,
+    wall_start_ns: int | None = None,
 ) -> Iterator[None]:
     """Write the log `out`, cycle by cycle; yields after each.
 
@@ -84,10 +86,13 @@ def write_drive(
         messages: In the order of their times.
         make_feed: Returns what feeds a message into links, and gives the true poses that it holds.
         contents: Gets notes of the estimate and the time of the last cycle.
+        wall_start_ns: When the drive was recorded, in ns since 1970; the present where it is not known.
     """
     clock = VirtualClock(START_NS)
     config_json = config.model_dump_json(by_alias=True).encode()
-    with LogWriter(out, START_NS, config_json, collect_data_files(config), origin) as log:
+    with LogWriter(
+        out, START_NS, config_json, collect_data_files(config), origin, wall_start_ns=wall_start_ns
+    ) as log:
         rig, links = build_replay_rig(config, clock, log)
         rig.connect(timeout_s=0.0)
         feed = make_feed(links)
