@@ -12,6 +12,7 @@ from rover_hil.app.json_text import print_json
 from rover_hil.app.steps import show_steps
 from rover_hil.importing.drive import START_NS, Contents
 from rover_hil.pages.atomic_write import check_file, unfinished
+from rover_hil.recording.findings import finding_line
 from rover_hil.terminal import Terminal
 
 WriteDrive: TypeAlias = Callable[[Path, Path], Iterator[Contents]]
@@ -100,4 +101,6 @@ def print_contents(contents: Contents, out: Path, *, what: str) -> None:
         )
     for note in contents.notes:
         console.print(note)
+    for found in contents.findings:
+        console.print(finding_line(found))
     console.print(f"{seconds(contents.end_ns - START_NS):.1f} s: {out}")

@@ -17,6 +17,7 @@ from rover_hil.app.steps import show_progress
 from rover_hil.config import Config, load_config
 from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.recording.data_files import restore_config, with_controller_of
+from rover_hil.recording.findings import finding_line
 from rover_hil.recording.made_with import changes_since, made_with
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.watchdog_note import read_note
@@ -110,6 +111,7 @@ def _record(result: ReplayResult, log: LogReader) -> dict[str, object]:
         "identical": not result.differences,
         "cycles": result.cycles,
         "differences": result.differences,
+        "findings": result.findings,
         "log_is_complete": log.is_complete and result.has_end,
     }
 
@@ -126,6 +128,8 @@ def _print_words(result: ReplayResult, log: LogReader) -> None:
             "everything in the log was replayed",
             soft_wrap=True,
         )
+    for found in result.findings:
+        console.print(finding_line(found), soft_wrap=True)
     if not result.differences:
         console.print(f"{result.cycles} cycles replayed, every output identical")
         return

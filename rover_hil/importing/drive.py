@@ -14,6 +14,7 @@ from rover_hil.config import Config
 from rover_hil.importing.imu_message import imu_bytes
 from rover_hil.importing.wheel_frames import wheel_frame
 from rover_hil.recording.data_files import collect_data_files
+from rover_hil.recording.findings import FindingList, FoundFinding
 from rover_hil.recording.schema import CYCLE, TRUTH, TruthRecord
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import ReplayLinks, build_replay_rig
@@ -52,6 +53,7 @@ class Contents:
         left_out: Number of messages that held no usable numbers, by section.
         outside: Number of messages left out because the clock was not set when they were recorded.
         notes: What a user must know of the joints and of the estimate, one sentence each.
+        findings: What the rules have found wrong with the drive.
         end_ns: Time of the last cycle.
     """
 
@@ -59,6 +61,7 @@ class Contents:
     left_out: dict[str, int] = field(default_factory=dict)
     outside: int = 0
     notes: list[str] = field(default_factory=list)
+    findings: list[FoundFinding] = field(default_factory=list)
     end_ns: int = START_NS
 
     def count(self, section: str, *, is_used: bool) -> None:
@@ -174,12 +177,13 @@ def _by_cycle(messages: Iterable[MessageT], period_ns: int) -> Iterator[tuple[in
 
 
 class _Doubts:
-    """Notes when the estimate loses motion, and when something contradicts the wheels."""
+    """Notes when the estimate loses motion, and what the rules find."""
 
     def __init__(self, contents: Contents) -> None:
         self._contents = contents
         self._rebases = 0
-        self._known: set[str] = set()
+        self._findings = FindingList()
+        contents.findings = self._findings.found
 
     def take(self, output: StepOutput) -> None:
         """Take the output of one cycle."""
@@ -189,9 +193,7 @@ class _Doubts:
             self._note(
                 f"odometry began anew at {t_s:.1f} s: the motion before is unknown, the estimate is wider"
             )
-        if output.suspicion and output.suspicion not in self._known:
-            self._known.add(output.suspicion)
-            self._note(f"at {t_s:.1f} s: {output.suspicion}")
+        self._findings.take(t_s, output.findings or ())
 
     def _note(self, text: str) -> None:
         notes = self._contents.notes

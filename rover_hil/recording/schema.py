@@ -15,6 +15,7 @@ from typing_extensions import TypedDict
 from controllers.control_loop import StepOutput
 from controllers.estimation.pose_filter import PoseEstimate
 from controllers.motion.crab import CrabReport
+from controllers.safety.drive_check import Finding
 from controllers.slip.effort.compensator import SlipReport
 from controllers.slip.effort.excited_slip import RoverSlip
 from controllers.slip.scomp.compensator import ScompReport
@@ -183,6 +184,13 @@ class GroundRecord(TypedDict):
     reason: str
 
 
+class FindingRecord(TypedDict):
+    """What begins to be wrong with a drive that somebody else controls."""
+
+    cause: str
+    text: str
+
+
 class EstimateRecord(TypedDict):
     """All that a cycle computed, on `ESTIMATE`."""
 
@@ -203,6 +211,7 @@ class EstimateRecord(TypedDict):
     crab: NotRequired[CrabRecord | None]
     ground: NotRequired[GroundRecord | None]
     suspicion: NotRequired[str | None]
+    findings: NotRequired[tuple[FindingRecord, ...] | None]
     exact: NotRequired[str]
 
 
@@ -408,7 +417,12 @@ def estimate_record(output: StepOutput) -> EstimateRecord:
         "crab": None if output.crab is None else _crab(output.crab),
         "ground": None if output.ground is None else _ground(output.ground),
         "suspicion": output.suspicion or None,
+        "findings": None if output.findings is None else tuple(map(_finding, output.findings)),
     }
+
+
+def _finding(finding: Finding) -> FindingRecord:
+    return {"cause": finding.cause, "text": finding.text}
 
 
 def _pose_estimate(estimate: PoseEstimate) -> PoseEstimateRecord:

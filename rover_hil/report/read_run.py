@@ -14,6 +14,7 @@ from controllers.motion.rover_geometry import has_four_wheels
 from controllers.motion.settings import LineMission
 from controllers.motion.steering import mean_steering_rad
 from controllers.safety import Mode
+from controllers.safety.drive_check import Finding
 from drivers.clock import seconds
 from drivers.driver import Health
 from drivers.errors import LogError
@@ -22,6 +23,7 @@ from rover_hil.datasets.arrays import Array, in_body_frame
 from rover_hil.datasets.log import HEADING, POSE, LogRows, Readings
 from rover_hil.recording import schema
 from rover_hil.recording.data_files import restore_config
+from rover_hil.recording.findings import FindingList
 from rover_hil.recording.reader import LogMessage, LogReader
 from rover_hil.recording.watchdog_note import read_note
 from rover_hil.report.run_data import (
@@ -83,6 +85,7 @@ class _Collector:
         self._modes: list[Mode] = []
         self._reasons: list[str] = []
         self._suspicions: list[str] = []
+        self._findings = FindingList()
         self._limits: list[Limit] = []
         self._health: list[Health] = []
         self._link_events: list[LinkEvent] = []
@@ -174,6 +177,7 @@ class _Collector:
         self._modes.append(Mode(output["mode"]))
         self._reasons.append(output["reason"])
         self._suspicions.append(output.get("suspicion") or "")
+        self._findings.take(t_s, [Finding(**each) for each in output.get("findings") or ()])
         self._limits.append(Limit(output["limit"]))
         self._rebases = output["odometry_rebases"]
         self._rows["time", ""].append((t_s,))
@@ -269,6 +273,7 @@ class _Collector:
             mode=self._modes,
             reason=self._reasons,
             suspicion=self._suspicions,
+            findings=self._findings.found,
             limit=self._limits,
             late_us=times_us[:, 0],
             work_us=times_us[:, 1],

@@ -119,7 +119,7 @@ RECORD = (
     b'"steering_rad":[0.05,0.0],"crab":{"drift_rad":0.14,"source":"trace"},'
     b'"ground":{"t_ns":4,"velocity_x_m_s":0.1,"velocity_y_m_s":0.0,"slip":0.25,"slip_sd":0.02,'
     b'"drift_rad":null,"reason":""},'
-    b'"suspicion":"rover: may be entrapped"}'
+    b'"suspicion":"rover: may be entrapped","findings":null}'
 )
 
 
