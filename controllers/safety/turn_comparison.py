@@ -33,8 +33,6 @@ NONE_LEFT = 0.3
 MORE = 1.5
 """A gyro that measures this many times the turn of the wheels is not explained by their slip."""
 
-DEGREES = math.degrees(1.0)
-
 
 class TurnComparison(StopRule):
     """Finds turns whose sizes or senses by gyro and by wheels exclude each other.
@@ -112,9 +110,9 @@ def _are_same(one_rad: float, other_rad: float) -> bool:
 
 
 def _explain_size(share: float) -> str:
-    if _are_same(share, DEGREES):
+    if _are_same(math.radians(share), 1.0):
         return "the gyro sends deg/s that are taken for rad/s"
-    if _are_same(share, 1.0 / DEGREES):
+    if _are_same(math.degrees(share), 1.0):
         return "the gyro sends rad/s that are taken for deg/s"
     if abs(share) < NONE_LEFT:
         return (
