@@ -10,6 +10,7 @@ from drivers.clock import seconds
 from drivers.errors import ConfigError
 from rover_hil.app.json_text import print_json
 from rover_hil.app.steps import show_steps
+from rover_hil.datasets.truth_check import truth_findings
 from rover_hil.importing.drive import START_NS, Contents
 from rover_hil.pages.atomic_write import check_file, unfinished
 from rover_hil.recording.findings import finding_line
@@ -55,6 +56,7 @@ def import_files(
                 contents = Contents()
                 for contents in write(file, part):
                     step(f"importing {file.name}, {seconds(contents.end_ns - START_NS):.0f} s are done")
+                add_truth_findings(contents, part)
                 done.append(contents)
     if as_json:
         print_json(
@@ -66,6 +68,11 @@ def import_files(
         return
     for path, contents in zip(outs, done, strict=True):
         print_contents(contents, path, what=what)
+
+
+def add_truth_findings(contents: Contents, log: Path) -> None:
+    """Add what the truth in a log says against its wheels."""
+    contents.findings += truth_findings(log)
 
 
 def _outs(files: Sequence[Path], out: Path) -> list[Path]:

@@ -16,13 +16,13 @@ class FoundFinding:
 
     Attributes:
         name: Of what is wrong, the same each time.
-        t_s: When it was found first, since the start.
+        t_s: When it was found first, since the start; None for what the whole drive shows.
         text: What, where, with the numbers of the first time, and what would explain it.
         count: How often it was found.
     """
 
     name: str
-    t_s: float
+    t_s: float | None
     text: str
     count: int = 1
 
@@ -53,4 +53,5 @@ class FindingList:
 def finding_line(found: FoundFinding) -> str:
     """Return a finding as a line for the user."""
     times = "" if found.count == 1 else f" ({found.count} times)"
-    return f"finding at {found.t_s:.1f} s{times}: {found.text}"
+    when = "in the whole drive" if found.t_s is None else f"at {found.t_s:.1f} s"
+    return f"finding {when}{times}: {found.text}"

@@ -119,7 +119,7 @@ def _doubt_facts(summary: Summary) -> list[Fact]:
     found += [
         Fact(
             "finding",
-            f"at {each.t_s:.1f} s",
+            "whole drive" if each.t_s is None else f"at {each.t_s:.1f} s",
             each.text if each.count == 1 else f"{each.text}; {each.count} times",
         )
         for each in summary.findings
