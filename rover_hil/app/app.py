@@ -767,8 +767,14 @@ def import_table(
         list[Path],
         typer.Argument(help="Tables, one per drive: .csv or other text, .gz, .npy, .npz, .mat, .parquet."),
     ],
-    columns: Annotated[Path, typer.Option(help="TOML file: which column holds what.")],
-    out: Annotated[Path, out_option("The log to write; for several tables the folder of their logs.")],
+    columns: Annotated[Path | None, typer.Option(help="TOML file: which column holds what.")] = None,
+    out: Annotated[
+        Path | None, out_option("The log to write; for several tables the folder of their logs.")
+    ] = None,
+    propose: Annotated[
+        Path | None,
+        typer.Option(help="Write to this file what the columns of the first table may hold, to be edited."),
+    ] = None,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -782,8 +788,15 @@ def import_table(
     docs/how-to/import_a_table.md names the keys.
     """
     with held_signals():
-        from rover_hil.app.import_table import import_tables
+        from rover_hil.app.import_table import import_tables, propose_columns
 
+    if propose is not None:
+        sys.exit(propose_columns(files[0], out=propose, force=force, as_json=json))
+    if columns is None or out is None:
+        raise ConfigError(
+            "--columns and --out are needed: name the file that says which column holds what, and the log; "
+            "--propose columns.toml writes such a file"
+        )
     sys.exit(import_tables(files, columns_path=columns, out=out, force=force, as_json=json))
 
 
