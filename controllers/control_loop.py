@@ -27,6 +27,7 @@ from controllers.motion.whole_turns import WholeTurns
 from controllers.operator import OperatorInput, check_gains, gain_ranges
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
+from controllers.safety.drive_check import DriveCheck, Finding
 from controllers.safety.reasons import Cycle
 from controllers.settings import ControlSettings
 from controllers.slip.effort.compensator import EffortCompensator, SlipReport
@@ -64,6 +65,8 @@ class StepOutput:
         crab: Slip angle against which a rover that crabs turns its wheels; None while it does not crab.
         ground: Motion over the ground by the camera; None without.
         dead_reckoned: Pose without the corrections by pose fixes, which never jumps; None without fixes.
+        findings: What begins to be wrong in this cycle with a drive that somebody else controls; None for
+            nothing.
     """
 
     t_ns: int
@@ -84,6 +87,7 @@ class StepOutput:
     ground: GroundReport | None = None
     suspicion: str = ""
     dead_reckoned: DeadReckoned | None = None
+    findings: tuple[Finding, ...] | None = None
 
 
 class ControlLoop:
@@ -132,9 +136,9 @@ class ControlLoop:
             self._effort or self._scomp,
             None if meter is None or ground is None else GroundTravel(ground, meter),
         )
-        self._supervisor = SafetySupervisor(
-            settings.safety, roles, kinematics.wheel_count, settings.filter.heading_lag_s
-        )
+        watched = (settings.safety, roles, kinematics.wheel_count, settings.filter.heading_lag_s)
+        self._supervisor = SafetySupervisor(*watched)
+        self._check = DriveCheck(*watched) if mission is None else None
         fields, lag_s = settings.filter.motor_fields, settings.filter.heading_lag_s
         self._motor_field = (
             None
@@ -206,14 +210,16 @@ class ControlLoop:
             used = sample if self._motor_field is None else self._motor_field.correct(sample, t_ns)
             if used is None:
                 continue
-            if self._follower is not None:  # without a mission nothing is checked
-                self._supervisor.observe(used, t_ns)
+            (self._check or self._supervisor).observe(used, t_ns)
             if are_stamps_known or not isinstance(used, HeadingSample | PoseFixSample):
                 self._estimator.take(used, t_ns)
         # Without a mission somebody else drives: zero is then no command.
         commanded_rad_s = () if self._follower is None else self._commanded_rad_s
         innovations = self._estimator.advance(now_ns, commanded_rad_s, self._steering_rad)
         estimate = self._estimator.estimate(now_ns)
+        if self._check is not None:
+            is_wider = self._judge(self._check, self._cycle(now_ns, estimate, innovations))
+            estimate = self._estimator.estimate(now_ns) if is_wider else estimate
         guidance = self._guide(now_ns, estimate, innovations)
         speed_rad_s, limit = self._set_points(now_ns, guidance)
         self._commanded_rad_s = speed_rad_s
@@ -246,7 +252,17 @@ class ControlLoop:
             ground=ground,
             suspicion=self._supervisor.suspicion or self._estimator.suspicion,
             dead_reckoned=self._estimator.dead_reckoned(),
+            findings=None if self._check is None else self._check.findings or None,
         )
+
+    def _judge(self, check: DriveCheck, cycle: Cycle) -> bool:
+        """Look for what is wrong with a drive that somebody else controls; return whether it widens."""
+        check.update(cycle, self._estimator.suspicion)
+        for doubt in check.doubts:
+            self._estimator.doubt(doubt.wheel_rad, doubt.yaw_rad, is_unseen=doubt.is_unseen)
+        if check.is_open:
+            self._estimator.leave_open()
+        return check.is_open or bool(check.doubts)
 
     def _mode(self) -> Mode:
         if self._follower is None:
@@ -262,40 +278,44 @@ class ControlLoop:
         excited = None if self._effort is None else self._effort.excited
         return None if excited is None or excited.slip.reason else excited.slip.slip
 
+    def _cycle(self, now_ns: int, estimate: PoseEstimate, innovations: tuple[Innovation, ...]) -> Cycle:
+        """Return what the rules see of this cycle."""
+        odometry, contradiction = self._estimator.odometry, self._estimator.contradiction.report
+        driven_from, self._driven_to = self._driven_to, odometry.pose
+        driven_m = complex(odometry.pose.x_m - driven_from.x_m, odometry.pose.y_m - driven_from.y_m)
+        return Cycle(
+            now_ns=now_ns,
+            estimate_is_finite=estimate.is_finite,
+            motion_ns=self._estimator.motion_ns,
+            innovations=innovations,
+            commanded_rad_s=self._travel_rad_s,
+            measured_rad_s=odometry.wheel_speed_rad_s,
+            distance_m=abs(driven_m),
+            travel_m=driven_m * cmath.rect(1.0, estimate.yaw_rad - odometry.pose.yaw_rad),
+            yaw_rad=estimate.yaw_rad,
+            is_still=self._estimator.is_still,
+            evidence=self._estimator.evidence,
+            gyro_bias_rad_s=estimate.gyro_bias_rad_s,
+            rejected_rate_rad_s=self._estimator.rejected_rate_rad_s,
+            unseen_m=self._estimator.unseen_m,
+            unseen_rad=self._estimator.unseen_rad,
+            ground_pairs=self._estimator.ground_pairs,
+            slip=self._valid_slip(),
+            sees_no_motion=self._scomp is not None and self._scomp.sees_no_motion,
+            set_steering_rad=self._steering_rad,
+            steering_rad=self._estimator.steering.angles_rad,
+            steering_ns=self._estimator.steering.reported_ns,
+            operator_reason=self._operator_reason,
+            contradiction=None if contradiction is None else contradiction.scaled,
+        )
+
     def _guide(
         self, now_ns: int, estimate: PoseEstimate, innovations: tuple[Innovation, ...]
     ) -> Guidance | None:
         if self._follower is None:
             return None
-        supervisor, odometry = self._supervisor, self._estimator.odometry
-        driven_from, self._driven_to = self._driven_to, odometry.pose
-        driven_m = complex(odometry.pose.x_m - driven_from.x_m, odometry.pose.y_m - driven_from.y_m)
-        supervisor.update(
-            Cycle(
-                now_ns=now_ns,
-                estimate_is_finite=estimate.is_finite,
-                motion_ns=self._estimator.motion_ns,
-                innovations=innovations,
-                commanded_rad_s=self._travel_rad_s,
-                measured_rad_s=odometry.wheel_speed_rad_s,
-                distance_m=abs(driven_m),
-                travel_m=driven_m * cmath.rect(1.0, estimate.yaw_rad - odometry.pose.yaw_rad),
-                yaw_rad=estimate.yaw_rad,
-                is_still=self._estimator.is_still,
-                evidence=self._estimator.evidence,
-                gyro_bias_rad_s=estimate.gyro_bias_rad_s,
-                rejected_rate_rad_s=self._estimator.rejected_rate_rad_s,
-                unseen_m=self._estimator.unseen_m,
-                unseen_rad=self._estimator.unseen_rad,
-                ground_pairs=self._estimator.ground_pairs,
-                slip=self._valid_slip(),
-                sees_no_motion=self._scomp is not None and self._scomp.sees_no_motion,
-                set_steering_rad=self._steering_rad,
-                steering_rad=self._estimator.steering.angles_rad,
-                steering_ns=self._estimator.steering.reported_ns,
-                operator_reason=self._operator_reason,
-            )
-        )
+        supervisor = self._supervisor
+        supervisor.update(self._cycle(now_ns, estimate, innovations))
         for doubt in supervisor.doubts:
             self._estimator.doubt(doubt.wheel_rad, doubt.yaw_rad, is_unseen=doubt.is_unseen)
         if supervisor.mode is not Mode.RUNNING or self._is_paused:

@@ -131,6 +131,8 @@ class Estimator:
         self._heading_ns: dict[tuple[str, HeadingReference], int] = {}
         self._wheel_turn_rad = 0.0
         self._wheel_turn = WheelTurn()
+        self._parts_rad = (0.0,) * kinematics.wheel_count
+        self._rolled_m = self._open_m = self._open_rad = 0.0
         self._has_lost_motion = False
         self._compensated_m = (0.0, 0.0)
         self._driven_ns: int | None = None
@@ -239,6 +241,13 @@ class Estimator:
             self._wheel_turn = self._wheel_turn.with_increment(
                 self._effects, increment.turned_rad, increment.duration_s
             )
+            self._parts_rad = tuple(
+                part_rad + effect[2] * turned_rad
+                for part_rad, effect, turned_rad in zip(
+                    self._parts_rad, self._effects, increment.turned_rad, strict=True
+                )
+            )
+            self._rolled_m += math.hypot(*greatest_motion(self._effects, increment.turned_rad)[:2])
             step = self._move(increment, self._turn(increment, now_ns, is_still))
             self._fixes.move(self.motion_ns, step)
             if self._dead_reckoning is not None:
@@ -367,6 +376,16 @@ class Estimator:
             self._widen(greatest)
         else:
             self._filter.widen(*greatest)
+
+    def leave_open(self) -> None:
+        """Widen the estimate to all that is left where a sensor of the motion may be wrong all the time.
+
+        The yaw may be any, and the rover anywhere within the distance that its wheels have turned.
+        """
+        added_m, added_rad = _added(self._rolled_m, self._open_m), _added(math.pi, self._open_rad)
+        self._open_m, self._open_rad = max(self._rolled_m, self._open_m), math.pi
+        if added_m or added_rad:
+            self._filter.widen(math.sqrt(3.0) * added_m, math.sqrt(3.0) * added_m, added_rad)
 
     def _is_still(self, now_ns: int) -> bool:
         """Return whether the wheels have been at rest for a while, as commanded.
@@ -616,6 +635,7 @@ class Estimator:
         angle_rad, covered_s, unseen_rad2 = by_gyro
         self._yaw_source = YawSource.GYRO
         wheels, wheel_turn_rad, has_gap = self._wheel_turn, self._wheel_turn_rad, self._gyro.has_gap
+        parts_rad = self._parts_rad
         has_lost_motion = self._has_lost_motion
         self._begin_turn()
         if has_gap:
@@ -631,12 +651,13 @@ class Estimator:
             )
         if not has_lost_motion:
             bias_rad = self._filter.gyro_bias_rad_s * covered_s
-            self.evidence = TurnEvidence(gyro_rad=angle_rad - bias_rad, wheels=wheels)
+            self.evidence = TurnEvidence(gyro_rad=angle_rad - bias_rad, wheels=wheels, by_wheel_rad=parts_rad)
         return Turn(angle_rad=angle_rad, source=YawSource.GYRO, covered_s=covered_s, unseen_rad2=unseen_rad2)
 
     def _begin_turn(self) -> None:
         self._wheel_turn_rad = 0.0
         self._wheel_turn = WheelTurn()
+        self._parts_rad = (0.0,) * len(self._effects)
         self._has_lost_motion = False
         self._gyro.clear_gap()
 

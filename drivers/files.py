@@ -13,6 +13,8 @@ import re
 import stat
 import tomllib
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
@@ -26,6 +28,14 @@ TABLE_CELLS = 6_000_000
 """Cells of a CSV table; an hour of 16 columns at 100 Hz."""
 TABLE_LINES = 1_000_000
 """Lines of a CSV table."""
+CAN_LOG_BYTES = 4096 * MEGABYTE
+"""Logs of a CAN bus, unpacked; ten hours of 2,000 frames/s as text are 3 GB."""
+CAN_FRAMES = 20_000_000
+"""Frames of a log of a CAN bus; 2.8 hours of 2,000 frames/s."""
+CAN_LINE_CHARACTERS = 65_536
+"""A line of a log of a CAN bus."""
+CAN_CONTAINER_BYTES = 512 * 1024
+"""A packed part of a log of a CAN bus; loggers pack 128 kB into one."""
 IMAGE_BYTES = 64 * MEGABYTE
 """A picture, as it is stored."""
 IMAGE_PIXELS = 2**26
@@ -107,14 +117,30 @@ def read_packed_bytes(path: Path, most_bytes: int) -> bytes:
     Raises:
         OSError: It cannot be read or unpacked, or is larger than `most_bytes`, packed or unpacked.
     """
+    with open_packed(path) as stream:
+        return _read_all(stream, path, most_bytes)
+
+
+@contextmanager
+def open_packed(path: Path) -> Iterator[BinaryIO]:
+    """Give a regular file for reading, unpacked on the way where its name ends in `.gz`.
+
+    Raises:
+        OSError: It cannot be read or unpacked; also while it is being read.
+    """
     with open_file(path) as stream:
         if path.suffix != ".gz":
-            return _read_all(stream, path, most_bytes)
+            yield stream
+            return
         try:
             with gzip.open(stream) as unpacked:
-                return _read_all(unpacked, path, most_bytes)
+                yield io.BufferedReader(unpacked)
         except (EOFError, zlib.error) as error:
-            raise OSError(errno.EINVAL, f"it is not a whole .gz file: {error}", str(path)) from error
+            raise _not_whole(path, error) from error
+
+
+def _not_whole(path: Path, error: Exception) -> OSError:
+    return OSError(errno.EINVAL, f"it is not a whole .gz file: {error}", str(path))
 
 
 def read_text(path: Path, most_bytes: int = SETTINGS_BYTES) -> str:
@@ -177,7 +203,7 @@ def parse_toml(text: str) -> dict[str, object]:
 _TOO_DEEP = f"it is nested deeper than {NESTING} levels"
 
 
-def _read_all(stream: BinaryIO | gzip.GzipFile, path: Path, most_bytes: int) -> bytes:
+def _read_all(stream: BinaryIO, path: Path, most_bytes: int) -> bytes:
     content = io.BytesIO()
     while part := stream.read(min(MEGABYTE, most_bytes + 1 - content.tell())):
         content.write(part)

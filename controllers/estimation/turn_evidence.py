@@ -60,7 +60,9 @@ class TurnEvidence(NamedTuple):
     Attributes:
         gyro_rad: Turn by the gyro, free of its bias.
         wheels: Turn by the wheels.
+        by_wheel_rad: What each wheel adds to it, positive to the left; empty where it is not known.
     """
 
     gyro_rad: float
     wheels: WheelTurn
+    by_wheel_rad: tuple[float, ...] = ()

@@ -122,6 +122,8 @@ class FreshnessRule(StopRule):
     A sample counts when its number is usable: finite, and for a pose fix not too late to be used.
     """
 
+    is_for_drives = False
+
     def __init__(self, roles: DeviceRoles, wheel_count: int) -> None:
         self._devices = frozenset(roles.required)
         self._limits = _freshness_limits(roles, wheel_count)

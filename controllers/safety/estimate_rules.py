@@ -33,6 +33,8 @@ class UnseenMotionRule(StopRule):
     Where no device can, only the user knows: the stop is final.
     """
 
+    is_for_drives = False
+
     def __init__(self, settings: UnseenSettings, roles: DeviceRoles) -> None:
         self._settings = settings
         self._position_severity = Severity.STOP if roles.fixes else Severity.FINAL
@@ -81,6 +83,8 @@ class MotionRule(StopRule):
 
     Positions may be fresh and jump so much that none is a motion: the pose would stay where it is.
     """
+
+    is_for_drives = False
 
     def __init__(self, roles: DeviceRoles) -> None:
         self._limit_ns = nanoseconds(roles.motion_age_s)

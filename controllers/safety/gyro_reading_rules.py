@@ -187,6 +187,7 @@ class GyroRestRule(StopRule):
     change times the time since the last rest, at most.
     """
 
+    is_for_drives = False  # the estimator compares the rests of such drives
     observes = (RateSample,)
 
     def __init__(self, settings: GyroReadingSettings, roles: DeviceRoles) -> None:

@@ -68,7 +68,9 @@ class GyroDifferenceRule(StopRule):
                     f"{self._gyro}: yaw rate contradicts the wheels: {excess.difference_rad:.2f} rad more to "
                     f"the {side}, {limit_rad:g} rad more than slip can explain"
                 )
-                yield StopReason("gyro difference", text, yaw_rad=excess.difference_rad)
+                yield StopReason(
+                    "gyro difference", text, yaw_rad=excess.difference_rad, leaves_motion_open=True
+                )
 
 
 class _Excess:
@@ -152,7 +154,9 @@ class GyroFollowsRule(StopRule):
                 "without grip"
             )
             yaw_rad = self._unproven.error_rad(self._wheels_rad)
-            yield StopReason("gyro follows", text, self._severity(cycle.now_ns), yaw_rad=yaw_rad)
+            severity = self._severity(cycle.now_ns)
+            is_final = severity is Severity.FINAL
+            yield StopReason("gyro follows", text, severity, yaw_rad=yaw_rad, leaves_motion_open=is_final)
 
     def _severity(self, now_ns: int) -> Severity:
         follow_s = self._settings.gyro_follow_s

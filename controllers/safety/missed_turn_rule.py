@@ -60,7 +60,8 @@ class MissedTurnRule(StopRule):
             )
             severity = Severity.FINAL if share < AGAINST else self._fixes.severity(cycle.now_ns)
             yaw_rad = self._unproven.error_rad((1.0 - share) * abs(turn_rad))
-            yield StopReason("missed turn", text, severity, yaw_rad=yaw_rad)
+            is_final = severity is Severity.FINAL
+            yield StopReason("missed turn", text, severity, yaw_rad=yaw_rad, leaves_motion_open=is_final)
         else:
             self._unproven.prove()
 

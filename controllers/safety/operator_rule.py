@@ -10,6 +10,8 @@ class OperatorRule(StopRule):
 
     observes = ()
 
+    is_for_drives = False
+
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Return the reason that the operator's side gives."""
         if cycle.operator_reason:

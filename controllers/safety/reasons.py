@@ -39,6 +39,7 @@ class StopReason(NamedTuple):
         severity: What the reason requires.
         wheel_rad: By how much the angle of each wheel may have been measured wrongly; empty for not at all.
         yaw_rad: By how much the yaw may be wrong.
+        leaves_motion_open: Whether a sensor of the motion itself may be wrong, all the time.
     """
 
     cause: str
@@ -46,6 +47,7 @@ class StopReason(NamedTuple):
     severity: Severity = Severity.STOP
     wheel_rad: tuple[float, ...] = ()
     yaw_rad: float = 0.0
+    leaves_motion_open: bool = False
 
 
 class Cycle(NamedTuple):
@@ -74,6 +76,8 @@ class Cycle(NamedTuple):
         steering_rad: Steering angles, one per wheel; empty where no wheel steers.
         steering_ns: Time of the newest reported steering angle of each wheel that has reported one.
         operator_reason: Why the operator's side must not let the rover move; "" for nothing.
+        contradiction: How far redundant wheels contradict each other, above 1 where they do; None where they
+            are not redundant.
     """
 
     now_ns: int
@@ -98,18 +102,23 @@ class Cycle(NamedTuple):
     steering_rad: tuple[float, ...] = ()
     steering_ns: Mapping[int, int] = MappingProxyType({})
     operator_reason: str = ""
+    contradiction: float | None = None
 
 
 class StopRule(ABC):
     """One rule that may stop the rover.
 
-    With a mission every sample is observed before the cycle is checked, and every cycle is checked, in every
-    mode. Without one nothing is.
+    Every sample is observed before the cycle is checked, and every cycle is checked, in every mode.
 
     Attributes:
         observes: Kinds of samples that `observe` takes.
+        is_for_missions: Whether it stops a mission.
+        is_for_drives: Whether it also judges a drive that somebody else controls: it needs no set-points, and
+            its reason is none to wait for.
     """
 
+    is_for_missions: ClassVar[bool] = True
+    is_for_drives: ClassVar[bool] = True
     observes: ClassVar[tuple[type[Sample], ...]] = (Sample,)
 
     def observe(self, sample: Sample, t_ns: int) -> None:  # noqa: B027 (most rules need no samples)

@@ -32,8 +32,10 @@ from controllers.safety.innovation_monitor import InnovationMonitor, InnovationS
 from controllers.safety.missed_turn_rule import MissedTurnRule
 from controllers.safety.operator_rule import OperatorRule
 from controllers.safety.reasons import StopRule
+from controllers.safety.recorded_rules import StandingWheelsRule, ZeroReadingsRule
 from controllers.safety.stall_monitor import StallMonitor, StallSettings
 from controllers.safety.steering_monitor import SteeringMonitor, SteeringReportRule, SteeringSettings
+from controllers.safety.turn_comparison import TurnComparison
 from controllers.safety.unproven_turn import UnprovenTurn
 
 
@@ -103,4 +105,17 @@ def make_rules(
         EntrapmentRule(settings, roles),
         SteeringMonitor(settings),
         UnseenMotionRule(settings, roles),
+    )
+
+
+def make_drive_rules(
+    settings: SafetySettings, roles: DeviceRoles, wheel_count: int, heading_lag_s: float
+) -> tuple[StopRule, ...]:
+    """Return the rules for a drive that somebody else controls: those of a mission, and some of their own."""
+    shared = make_rules(settings, roles, wheel_count, heading_lag_s)
+    return (
+        *(rule for rule in shared if rule.is_for_drives),
+        StandingWheelsRule(),
+        ZeroReadingsRule(roles),
+        TurnComparison(roles),
     )

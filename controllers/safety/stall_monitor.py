@@ -74,6 +74,8 @@ class StallMonitor(StopRule):
     to rest.
     """
 
+    is_for_drives = False
+
     def __init__(self, settings: StallSettings, wheel_count: int) -> None:
         self._settings = settings
         self._longest_cycle_ns = nanoseconds(0.5 * settings.stall_s)

@@ -31,6 +31,8 @@ class SteeringSettings(Settings):
 class SteeringMonitor(StopRule):
     """Measures for how long each wheel has not come closer to its steering set-point."""
 
+    is_for_drives = False
+
     def __init__(self, settings: SteeringSettings) -> None:
         self._settings = settings
         self._limit_rad = math.radians(settings.steering_error_deg)
@@ -58,6 +60,8 @@ class SteeringMonitor(StopRule):
 
 class SteeringReportRule(StopRule):
     """Stops when a wheel that has reported its steering angle no longer does."""
+
+    is_for_drives = False
 
     def __init__(self, roles: DeviceRoles) -> None:
         self._limit_s = roles.max_age_s(roles.wheels)

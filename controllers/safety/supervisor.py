@@ -1,13 +1,13 @@
 """When the rover may move."""
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import NamedTuple
 
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.safety.reasons import Cycle, Severity, StopReason
+from controllers.safety.rule_set import Doubt, RuleSet, stops_of
 from controllers.safety.settings import SafetySettings, make_rules
 from drivers.clock import nanoseconds
 from drivers.samples import Sample
@@ -32,20 +32,6 @@ class Mode(StrEnum):
     FINISHED = "finished"
     SAFE_STOP = "safe_stop"
     EMERGENCY_STOP = "emergency_stop"
-
-
-class Doubt(NamedTuple):
-    """What a stop adds to the doubt in the estimate.
-
-    Attributes:
-        wheel_rad: Greatest error of the angle of each wheel, signed; empty for none.
-        yaw_rad: Greatest error of the yaw.
-        is_unseen: Whether it may keep the rover stopped, as motion that was not measured.
-    """
-
-    wheel_rad: tuple[float, ...]
-    yaw_rad: float
-    is_unseen: bool
 
 
 MOST_SUSPICIONS = 3
@@ -99,37 +85,25 @@ class SafetySupervisor:
         self, settings: SafetySettings, roles: DeviceRoles, wheel_count: int, heading_lag_s: float = 0.0
     ) -> None:
         self._settings = settings
-        self._rules = make_rules(settings, roles, wheel_count, heading_lag_s)
-        self._observers: dict[type[Sample], list[StopRule]] = {}
+        self._rules = RuleSet(make_rules(settings, roles, wheel_count, heading_lag_s))
         self._stops: dict[str, _Stops] = {}
         self._suspicions = _Suspicions()
         self._is_suspected = False
         self._healthy_since_ns: int | None = None
-        self._doubted_rad: dict[str, float] = {}
         self.mode = Mode.SETTLING
         self.reason = self.suspicion = ""
         self.doubts: list[Doubt] = []
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`."""
-        kind = type(sample)
-        if kind not in self._observers:
-            # Most rules need no samples or only some, and there are many samples.
-            self._observers[kind] = [
-                rule
-                for rule in self._rules
-                if type(rule).observe is not StopRule.observe
-                if issubclass(kind, rule.observes)
-            ]
-        for rule in self._observers[kind]:
-            rule.observe(sample, t_ns)
+        self._rules.observe(sample, t_ns)
 
     def update(self, cycle: Cycle) -> None:
         """Decide the mode of this cycle."""
-        reasons = [reason for rule in self._rules for reason in rule.check(cycle)]
-        stops = [reason for reason in reasons if reason.severity not in (Severity.SIGN, Severity.SUSPICION)]
+        reasons = self._rules.reasons(cycle)
+        stops = stops_of(reasons)
         self.suspicion = next((each.text for each in reasons if each.severity is Severity.SUSPICION), "")
-        self.doubts = list(self._doubts(stops))
+        self.doubts = list(self._rules.doubts(stops))
         if self.mode is Mode.EMERGENCY_STOP:
             return
         if self.mode is Mode.RUNNING:
@@ -138,18 +112,6 @@ class SafetySupervisor:
             self._stop(self._count(_most_severe(stops)))
         else:
             self._resume(cycle)
-
-    def _doubts(self, stops: Sequence[StopReason]) -> Iterator[Doubt]:
-        """Yield the doubt of each stop when it begins, and what is added to the yaw's while it lasts."""
-        before, self._doubted_rad = self._doubted_rad, {}
-        for stop in stops:
-            known = {**before, **self._doubted_rad}
-            before_rad = known.get(stop.cause, 0.0)
-            self._doubted_rad[stop.cause] = max(before_rad, stop.yaw_rad)
-            # Variances add up.
-            added_rad = math.sqrt(max(0.0, stop.yaw_rad**2 - before_rad**2))
-            wheel_rad = () if stop.cause in known else stop.wheel_rad
-            yield Doubt(wheel_rad, added_rad, is_unseen=stop.severity is not Severity.RECOVERABLE)
 
     def finish(self) -> None:
         """End the mission."""

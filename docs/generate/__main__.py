@@ -4,12 +4,16 @@ import sys
 from pathlib import Path
 
 from docs.generate.commands_page import commands_page
-from docs.generate.configuration_page import configuration_page
+from docs.generate.configuration_page import configuration_page, mapping_page
 from docs.generate.man_page import man_page
 from docs.generate.schema_file import schema_text
 from rover_hil.config.loader import SCHEMA_NAME, SHIPPED_CONFIGS
 
-PAGES = {"configuration.md": configuration_page, "commands.md": commands_page}
+PAGES = {
+    "configuration.md": configuration_page,
+    "can_mapping.md": mapping_page,
+    "commands.md": commands_page,
+}
 
 MAN_PAGE = "rover-hil.1"
 

@@ -8,7 +8,15 @@ from drivers.can_wheels.layout import choices_of
 from drivers.can_wheels.mapping import FixedFrame, WheelMapping
 from drivers.can_wheels.mapping_file import BusDescription
 from drivers.can_wheels.messages import MessageReader, MessageWriter, bus_id, raw_values
-from drivers.can_wheels.parts import FaultPart, Part, PowerPart, StatePart, WheelMotion, WheelPart
+from drivers.can_wheels.parts import (
+    FaultPart,
+    Part,
+    PowerPart,
+    StatePart,
+    WheelMotion,
+    WheelPart,
+    YawRatePart,
+)
 from drivers.can_wheels.signals import Scale
 from drivers.driver import Rejection
 from drivers.link import Received
@@ -183,6 +191,9 @@ class CanWheelsCodec:
                 parts.setdefault(wheel.state.message, []).append(part)
         for name in mapping.fault:
             parts.setdefault(name.message, []).append(FaultPart(self._board, bus, None, name))
+        if mapping.yaw_rate is not None:
+            rate = bus.yaw_rate_scale(mapping.yaw_rate)
+            parts.setdefault(rate.message, []).append(YawRatePart(device, rate))
         if mapping.power is not None:
             voltage, current = bus.power_scales(mapping.power)
             parts.setdefault(voltage.message, []).append(PowerPart(device, voltage, current))

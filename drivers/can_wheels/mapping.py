@@ -9,11 +9,13 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from drivers.settings import Settings
 
 Positive = Annotated[float, Field(gt=0)]
+DbcName = Annotated[str, Field(pattern=r"^[^/\\]+$")]
+_METRES_PER_S = {"m/s": 1.0, "mm/s": 1e-3, "km/h": 1.0 / 3.6}
 
 
 class NamesSignals(Settings):
@@ -25,7 +27,12 @@ class NamesSignals(Settings):
 
 
 class SignalName(NamesSignals):
-    """One signal of one message."""
+    """One signal of one message.
+
+    Attributes:
+        message: Name of the message in the DBC file.
+        signal: Name of the signal in it.
+    """
 
     message: str
     signal: str
@@ -36,7 +43,11 @@ class SignalName(NamesSignals):
 
 
 class MeasuredSignal(SignalName):
-    """A signal that carries a physical quantity; its unit is counted after the DBC file's own scaling."""
+    """A signal that carries a physical quantity.
+
+    Attributes:
+        unit: Of the signal, after the DBC file's own scaling.
+    """
 
     @property
     @abstractmethod
@@ -86,14 +97,38 @@ class PositionSource(MeasuredSignal):
 
 
 class SpeedSource(MeasuredSignal):
-    """The signal with the speed of a wheel, as the drive itself measures it."""
+    """The signal with the speed of a wheel, as the drive itself measures it.
 
-    unit: Literal["rad/s", "rev/s", "rpm"]
+    Attributes:
+        unit: Those of a length are at the rim of the wheel, the others at the encoder, before the gear.
+        radius_m: Radius of the wheel; for the units of a length.
+    """
+
+    unit: Literal["rad/s", "deg/s", "rev/s", "rpm", "m/s", "mm/s", "km/h"]
+    radius_m: Positive | None = None
+
+    @property
+    def is_at_rim(self) -> bool:
+        """Whether the unit is one of a length."""
+        return self.unit in _METRES_PER_S
 
     @property
     def si_per_unit(self) -> float:
         """Size of the unit in rad/s."""
-        return {"rad/s": 1.0, "rev/s": 2.0 * math.pi, "rpm": math.pi / 30.0}[self.unit]
+        if self.is_at_rim:
+            return _METRES_PER_S[self.unit] / (self.radius_m or math.nan)
+        return {
+            "rad/s": 1.0,
+            "deg/s": math.pi / 180.0,
+            "rev/s": 2.0 * math.pi,
+            "rpm": math.pi / 30.0,
+        }[self.unit]
+
+    @model_validator(mode="after")
+    def _check_radius(self) -> Self:
+        if self.is_at_rim != (self.radius_m is not None):
+            raise ValueError("give radius_m if, and only if, the unit is m/s, mm/s or km/h")
+        return self
 
 
 class Setpoint(SpeedSource):
@@ -114,19 +149,40 @@ class Setpoint(SpeedSource):
 
 
 class SteeringSource(MeasuredSignal):
-    """The signal with the steering angle of a wheel.
+    """The signal with the steering angle of a wheel, or of the steering wheel that turns it.
 
     Attributes:
+        unit: Of the signal, after the DBC file's own scaling.
         zero: Its value straight ahead, in its unit.
+        ratio: By how much it turns per turn of the wheel, e.g. 15 for the steering wheel of a car.
     """
 
     unit: Literal["rad", "deg"]
     zero: float = 0.0
+    ratio: Positive = 1.0
 
     @property
     def si_per_unit(self) -> float:
-        """Size of the unit in rad."""
-        return {"rad": 1.0, "deg": math.pi / 180.0}[self.unit]
+        """Size of the unit in rad of the wheel."""
+        return {"rad": 1.0, "deg": math.pi / 180.0}[self.unit] / self.ratio
+
+
+class YawRateSource(MeasuredSignal):
+    """The signal with the yaw rate of the rover.
+
+    Attributes:
+        sign: -1 where it counts clockwise.
+        zero: Its value at rest, in its unit.
+    """
+
+    unit: Literal["rad/s", "deg/s"]
+    sign: Literal[1, -1] = 1
+    zero: float = 0.0
+
+    @property
+    def si_per_unit(self) -> float:
+        """Size of the unit in rad/s."""
+        return {"rad/s": 1.0, "deg/s": math.pi / 180.0}[self.unit]
 
 
 class CurrentSource(MeasuredSignal):
@@ -168,12 +224,15 @@ class StateSource(SignalName):
 
 
 class WheelMapping(Settings):
-    """One wheel.
+    """One wheel; it has a position, a speed, or both.
 
     Attributes:
         node: Number or name in place of "{node}".
         sign: -1 where the drive counts backwards when the rover drives forwards.
         gear_ratio: Turns of the encoder and of the commanded motor per turn of the wheel.
+        position: How far its encoder has turned.
+        speed: As the drive itself measures it; positions are finer.
+        current: Of its motor.
         current_is_signed: False where the drive reports only the magnitude of the motor current.
         voltage: Voltage at the motor's terminals, never the supply.
         setpoint: Set-point signal; without it the wheel is only measured.
@@ -208,7 +267,12 @@ class WheelMapping(Settings):
 
 
 class PowerMapping(Settings):
-    """The signals of the rover's supply; the current must be in the same message as the voltage."""
+    """The signals of the rover's supply.
+
+    Attributes:
+        voltage: Of bus or battery.
+        current: In the same message as the voltage.
+    """
 
     voltage: VoltageSource
     current: CurrentSource | None = None
@@ -221,7 +285,12 @@ class PowerMapping(Settings):
 
 
 class FixedFrame(NamesSignals):
-    """A message with fixed content, sent to switch the drives on or off."""
+    """A message with fixed content, sent to switch the drives on or off.
+
+    Attributes:
+        message: Name of the message in the DBC file.
+        signals: Values of signals in it; all others take the DBC file's start value, or 0.
+    """
 
     message: str
     signals: dict[str, float]
@@ -237,9 +306,11 @@ class Protection(NamesSignals):
     """Protection of messages, in both directions.
 
     Attributes:
+        messages: Names of the messages.
         counter: Signal that counts up by one in each message.
         counter_modulus: It counts from 0 to one less; default: its whole range.
         checksum: Signal of one whole byte: the checksum of all other bytes of the message, in order.
+        algorithm: How the checksum is computed.
     """
 
     messages: Annotated[tuple[str, ...], Field(min_length=1)]
@@ -267,21 +338,31 @@ class CanWheelsMapping(Settings):
     """The whole mapping file, after "{node}" and [every_wheel] have been filled in.
 
     Attributes:
-        dbc: Name of the DBC file in the same folder.
+        dbc: Name of the DBC file in the same folder, or a list of several. Of messages with one name, that
+            of the first file is meant.
         wheel: In the rover's order: that of [[rover.wheels]], or front left, front right, rear left, rear
             right.
+        yaw_rate: Yaw rate of a sensor on this bus; name the device in `roles.gyro`, too.
+        power: The rover's supply.
         fault: Error words of the whole rover.
+        protection: Counters and checksums.
         start: Sent in this order before the first set-point.
         stop: Sent in this order after standstill.
     """
 
-    dbc: Annotated[str, Field(pattern=r"^[^/\\]+$")]
+    dbc: Annotated[tuple[DbcName, ...], Field(min_length=1)]
     wheel: Annotated[tuple[WheelMapping, ...], Field(min_length=1)]
     power: PowerMapping | None = None
+    yaw_rate: YawRateSource | None = None
     fault: tuple[SignalName, ...] = ()
     start: tuple[FixedFrame, ...] = ()
     stop: tuple[FixedFrame, ...] = ()
     protection: tuple[Protection, ...] = ()
+
+    @field_validator("dbc", mode="before")
+    @classmethod
+    def _list_one_file(cls, dbc: object) -> object:
+        return (dbc,) if isinstance(dbc, str) else dbc
 
     @model_validator(mode="after")
     def _check_nodes(self) -> Self:

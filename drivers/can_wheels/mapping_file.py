@@ -1,6 +1,8 @@
 """Reads a mapping and its DBC file, and checks that they fit each other."""
 
+import logging
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,8 +18,10 @@ from drivers.can_wheels.mapping import (
     Protection,
     Setpoint,
     SignalName,
+    SpeedSource,
     SteeringSource,
     WheelMapping,
+    YawRateSource,
 )
 from drivers.can_wheels.mapping_check import close_match, find_mistakes
 from drivers.can_wheels.signals import Scale, make_scale
@@ -25,6 +29,8 @@ from drivers.errors import ConfigError
 from drivers.files import SETTINGS_BYTES, is_file, read_bytes
 from drivers.settings import direct_mistakes, read_toml
 
+logging.getLogger("cantools").addHandler(logging.NullHandler())
+"""Of two messages with one identifier, only those that a mapping names matter."""
 SHIPPED_FOLDER = Path(__file__).parent
 MOST_BITS = 512
 MOST_SIGNAL_BITS = 64
@@ -37,10 +43,10 @@ _TURNS = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class BusDescription:
-    """A mapping and the DBC file it refers to; every name in the mapping has been found in it."""
+    """A mapping and the DBC files it refers to; every name in the mapping has been found in them."""
 
     mapping_file: Path
-    dbc_file: Path
+    dbc_files: tuple[Path, ...]
     mapping: CanWheelsMapping
     database: Database
 
@@ -57,7 +63,7 @@ class BusDescription:
         turning = wheel.sign / wheel.gear_ratio
         sources: dict[str, tuple[MeasuredSignal | None, float]] = {
             "position": (wheel.position, turning),
-            "speed": (wheel.speed, turning),
+            "speed": (wheel.speed, _speed_factor(wheel, wheel.speed)),
             "current": (wheel.current, wheel.sign if wheel.current_is_signed else 1.0),
             "voltage": (wheel.voltage, wheel.sign),
         }
@@ -69,7 +75,7 @@ class BusDescription:
 
     def setpoint_scale(self, wheel: WheelMapping, setpoint: Setpoint) -> Scale:
         """Return the conversion of a wheel's speed set-point."""
-        return self._scale(setpoint, wheel.sign / wheel.gear_ratio)
+        return self._scale(setpoint, _speed_factor(wheel, setpoint))
 
     def steering_scale(self, wheel: WheelMapping, source: SteeringSource) -> Scale:
         """Return the conversion of a wheel's steering angle, measured or commanded."""
@@ -81,6 +87,11 @@ class BusDescription:
         """Return the conversions of supply voltage and current."""
         current = None if power.current is None else self._scale(power.current, 1.0)
         return self._scale(power.voltage, 1.0), current
+
+    def yaw_rate_scale(self, source: YawRateSource) -> Scale:
+        """Return the conversion of the yaw rate."""
+        scale = self._scale(source, source.sign)
+        return replace(scale, si_offset=scale.si_offset - source.sign * source.zero * source.si_per_unit)
 
     def position_span(self, wheel: WheelMapping) -> float | None:
         """Return after how many raw steps a wheel's position wraps; None for never."""
@@ -166,12 +177,17 @@ def load_mapping(name_or_path: str) -> BusDescription:
         mapping = CanWheelsMapping.model_validate(_fill_in(path, table))
     except ValidationError as error:
         raise ConfigError(_describe(path, error)) from error
-    dbc_path = path.parent / mapping.dbc
-    database = _load_database(path, dbc_path)
+    dbc_paths = tuple(path.parent / name for name in mapping.dbc)
+    database = _load_databases(path, dbc_paths)
     mistakes = find_mistakes(f"{path}: ", mapping, database)
     if mistakes:
         raise ConfigError("\n".join(mistakes))
-    return BusDescription(path, dbc_path, mapping, database)
+    return BusDescription(path, dbc_paths, mapping, database)
+
+
+def _speed_factor(wheel: WheelMapping, source: SpeedSource | None) -> float:
+    """Return what makes a speed of a source that of the wheel."""
+    return wheel.sign / (1.0 if source is not None and source.is_at_rim else wheel.gear_ratio)
 
 
 def _mapping_path(name_or_path: str) -> Path:
@@ -247,10 +263,27 @@ def _describe(path: Path, error: ValidationError) -> str:
     return "\n".join(lines)
 
 
-def _load_database(mapping_path: Path, path: Path) -> Database:
-    if not is_file(path):
-        raise ConfigError(f"{mapping_path}: dbc: no file {path.name} in the same folder")
-    return read_dbc(path)
+def _load_databases(mapping_path: Path, paths: Sequence[Path]) -> Database:
+    for path in paths:
+        if not is_file(path):
+            raise ConfigError(f"{mapping_path}: dbc: no file {path.name} in the same folder")
+    return read_dbc_files(paths)
+
+
+def read_dbc_files(paths: Sequence[Path]) -> Database:
+    """Read DBC files as one; a message whose name an earlier file has is left out.
+
+    Raises:
+        ConfigError: A file cannot be read, or holds no CAN messages.
+    """
+    first, *others = [read_dbc(path) for path in paths]
+    if not others:
+        return first
+    messages = list(first.messages)
+    for database in others:
+        names = {message.name for message in messages}
+        messages += [message for message in database.messages if message.name not in names]
+    return Database(messages, strict=False)
 
 
 def read_dbc(path: Path) -> Database:

@@ -11,7 +11,7 @@ from drivers.can_wheels.signals import Scale
 from drivers.driver import Rejection
 from drivers.operation_check import OperationCheck
 from drivers.position_counter import PositionCounter, restart_sample
-from drivers.samples import PowerSample, Sample, WheelSample
+from drivers.samples import PowerSample, RateSample, Sample, WheelSample
 from drivers.speed_check import SPEED_CONTRADICTS_POSITION, SpeedCheck
 
 IMPLAUSIBLE_JUMP = Rejection("implausible_jump")
@@ -234,6 +234,23 @@ def _turn_check(bus: BusDescription, wheel: WheelMapping) -> TurnCheck | None:
     return TurnCheck(name, bus.message(source.message).get_signal_by_name(name).length, span)
 
 
+class YawRatePart:
+    """The yaw rate of the rover in one message."""
+
+    def __init__(self, device: str, scale: Scale) -> None:
+        self._device = device
+        self._scale = scale
+        self.signals: Sequence[str] = (scale.signal,)
+
+    def reset(self) -> None:
+        """Forget nothing."""
+
+    def read(self, t_ns: int, values: Mapping[str, float]) -> Results:
+        """Yield the sample."""
+        rate_rad_s = self._scale.to_si(values[self._scale.signal])
+        yield RateSample(device=self._device, t_ns=t_ns, rate_z_rad_s=rate_rad_s)
+
+
 class PowerPart:
     """The signals of the supply in one message."""
 
@@ -315,4 +332,4 @@ class StatePart:
             yield fault
 
 
-Part: TypeAlias = WheelPart | PowerPart | FaultPart | StatePart
+Part: TypeAlias = WheelPart | YawRatePart | PowerPart | FaultPart | StatePart

@@ -23,7 +23,7 @@ class CanWheelsSettings(CanDeviceSettings, DriveSettings):
     mapping: PathText
 
     def data_files(self) -> Mapping[str, tuple[Path, ...]]:
-        """Return the mapping and its DBC file.
+        """Return the mapping and its DBC files.
 
         Raises:
             ConfigError: The mapping is missing or wrong.
@@ -31,7 +31,7 @@ class CanWheelsSettings(CanDeviceSettings, DriveSettings):
         from drivers.can_wheels.mapping_file import load_mapping
 
         bus = load_mapping(self.mapping)
-        return {"mapping": (bus.mapping_file, bus.dbc_file)}
+        return {"mapping": (bus.mapping_file, *bus.dbc_files)}
 
     def make_codec(self, name: str) -> DriveCodec:
         """Build the codec of the bus called `name`.

@@ -237,11 +237,17 @@ def export(
     csv: Annotated[bool, typer.Option("--csv", help="Tables as CSV files.")] = False,
     parquet: Annotated[bool, typer.Option("--parquet", help="Tables as Parquet files.")] = False,
     rosbag2: Annotated[bool, typer.Option("--rosbag2", help="A ROS 2 bag.")] = False,
-    out: Annotated[Path | None, out_option("Folder to write [default: LOG_FORMAT].")] = None,
+    can: Annotated[
+        bool, typer.Option("--can", help="Frames of its CAN buses; --out ends in .log, .asc, .blf or .trc.")
+    ] = False,
+    out: Annotated[
+        Path | None,
+        out_option("Folder to write [default: LOG_FORMAT]; a file with --can."),
+    ] = None,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Write the records of a log as tables with units in the names of their columns, or as a ROS 2 bag.
+    """Write a log for other programs: tables with units in the names of columns, a ROS 2 bag, CAN frames.
 
     Example: `rover-hil export runs/first/run.mcap --csv`
 
@@ -251,7 +257,7 @@ def export(
     with held_signals():
         from rover_hil.app.export import export_log
 
-    wanted = {"csv": csv, "parquet": parquet, "rosbag2": rosbag2}
+    wanted = {"csv": csv, "parquet": parquet, "rosbag2": rosbag2, "can": can}
     formats = [name for name, is_wanted in wanted.items() if is_wanted]
     sys.exit(export_log(log, formats=formats, out=out, force=force, as_json=json))
 
@@ -717,14 +723,72 @@ def import_rosbag(
     sys.exit(import_bag(bag, topics_path=topics, out=out, force=force, as_json=json))
 
 
+@import_app.command("can")
+def import_can(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Logs of a CAN bus, one per drive: .log of candump, .asc, .blf, .trc, .csv, .mf4."
+        ),
+    ],
+    config: Annotated[
+        str | None,
+        typer.Option(help="Configuration of the rover; with --map its [rover] and [limits] are enough."),
+    ] = None,
+    mapping: Annotated[
+        Path | None,
+        typer.Option("--map", help="Mapping of the wheels: which signal is what."),
+    ] = None,
+    dbc: Annotated[
+        list[Path] | None, typer.Option(help="With --list: a DBC file; may be given several times.")
+    ] = None,
+    channel: Annotated[str | None, typer.Option(help="The bus to use, where a log holds several.")] = None,
+    list_only: Annotated[
+        bool, typer.Option("--list", help="Only print identifiers, rates and decoded signals.")
+    ] = False,
+    out: Annotated[
+        Path | None, out_option("The log to write; for several logs the folder of theirs.")
+    ] = None,
+    force: ForceOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Turn logs of a CAN bus into logs of a rover; the drivers decode its frames, and replay bit for bit.
+
+    Example: `rover-hil import can drive.log --config my_rover.toml --out drive.mcap`
+
+    Data: `rover-hil export runs/first/run.mcap --can` writes such a log of a rover on a CAN bus; for yours,
+    docs/how-to/import_a_can_log.md shows mapping and DBC file.
+    """
+    with held_signals():
+        from rover_hil.app.import_can import import_can_logs, list_can_logs
+
+    if list_only:
+        sys.exit(
+            list_can_logs(
+                logs, config_name=config, mapping=mapping, dbc=dbc or (), channel=channel, as_json=json
+            )
+        )
+    sys.exit(
+        import_can_logs(
+            logs, config_name=config, mapping=mapping, channel=channel, out=out, force=force, as_json=json
+        )
+    )
+
+
 @import_app.command("table")
 def import_table(
     files: Annotated[
         list[Path],
         typer.Argument(help="Tables, one per drive: .csv or other text, .gz, .npy, .npz, .mat, .parquet."),
     ],
-    columns: Annotated[Path, typer.Option(help="TOML file: which column holds what.")],
-    out: Annotated[Path, out_option("The log to write; for several tables the folder of their logs.")],
+    columns: Annotated[Path | None, typer.Option(help="TOML file: which column holds what.")] = None,
+    out: Annotated[
+        Path | None, out_option("The log to write; for several tables the folder of their logs.")
+    ] = None,
+    propose: Annotated[
+        Path | None,
+        typer.Option(help="Write to this file what the columns of the first table may hold, to be edited."),
+    ] = None,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -738,8 +802,15 @@ def import_table(
     docs/how-to/import_a_table.md names the keys.
     """
     with held_signals():
-        from rover_hil.app.import_table import import_tables
+        from rover_hil.app.import_table import import_tables, propose_columns
 
+    if propose is not None:
+        sys.exit(propose_columns(files[0], out=propose, force=force, as_json=json))
+    if columns is None or out is None:
+        raise ConfigError(
+            "--columns and --out are needed: name the file that says which column holds what, and the log; "
+            "--propose columns.toml writes such a file"
+        )
     sys.exit(import_tables(files, columns_path=columns, out=out, force=force, as_json=json))
 
 

@@ -7,15 +7,20 @@ from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.json_text import print_json
 from rover_hil.app.options import log_at
 from rover_hil.app.steps import show_progress
+from rover_hil.exporting.can import check_name, write_can
 from rover_hil.exporting.rosbag2 import write_rosbag2
 from rover_hil.exporting.tables import read_tables
 from rover_hil.exporting.write import write_tables
-from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
+from rover_hil.pages.atomic_write import check_file, refuse_overwrite, unfinished
+from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.terminal import Terminal
 
 TABLES = {"csv": ".csv", "parquet": ".parquet"}
 ROSBAG = "rosbag2"
+CAN = "can"
+UNITS = {ROSBAG: "messages", CAN: "frames"}
+"""What is counted, where it is not rows."""
 
 
 def export_log(path: Path, *, formats: list[str], out: Path | None, force: bool, as_json: bool) -> int:
@@ -23,8 +28,9 @@ def export_log(path: Path, *, formats: list[str], out: Path | None, force: bool,
 
     Args:
         path: The log, or the folder of its run.
-        formats: The formats wanted: "csv", "parquet", "rosbag2"; one of them.
-        out: Folder [default: the name of the log with `_` and the format].
+        formats: The formats wanted: "csv", "parquet", "rosbag2", "can"; one of them.
+        out: Folder [default: the name of the log with `_` and the format]; for "can" a file
+            [default: the name of the log with `.log`].
         force: Overwrite an earlier export.
         as_json: Print what was written as JSON.
 
@@ -33,12 +39,17 @@ def export_log(path: Path, *, formats: list[str], out: Path | None, force: bool,
         ConfigError: Not one format is wanted, its library is missing, or the folder cannot be written.
     """
     if len(formats) != 1:
-        raise ConfigError("choose one format: --csv, --parquet or --rosbag2")
+        raise ConfigError("choose one format: --csv, --parquet, --rosbag2 or --can")
     (name,) = formats
     path = log_at(path)
     log = LogReader(path)
-    folder = out or path.with_name(f"{path.stem}_{name}")
-    _check_folder(folder, name, force=force)
+    if name == CAN:
+        folder = out or path.with_suffix(".log")
+        check_name(folder)
+        check_file(folder, force=force)
+    else:
+        folder = out or path.with_name(f"{path.stem}_{name}")
+        _check_folder(folder, name, force=force)
     with show_progress() as progress:
         task = progress.add_task("reading", total=path.stat().st_size)
 
@@ -49,6 +60,10 @@ def export_log(path: Path, *, formats: list[str], out: Path | None, force: bool,
             with unfinished(folder) as part:
                 rows = dict(write_rosbag2(log, part, show))
                 _require_records(log, rows)
+        elif name == CAN:
+            with restore_config(log) as config, unfinished(folder) as part:
+                rows = dict(write_can(log, config, part, show))
+                _require_records(log, rows)
         else:
             tables = read_tables(log, show)
             rows = {table: len(content.rows) for table, content in tables.items()}
@@ -57,9 +72,10 @@ def export_log(path: Path, *, formats: list[str], out: Path | None, force: bool,
             write_tables(tables, folder, TABLES[name], force=force)
     console = Terminal(soft_wrap=True)
     if as_json:
-        print_json({"folder": str(folder), "rows": rows, "log_is_complete": log.is_complete})
+        place = "file" if name == CAN else "folder"
+        print_json({place: str(folder), "rows": rows, "log_is_complete": log.is_complete})
         return EXIT_OK
-    what = "messages" if name == ROSBAG else "rows"
+    what = UNITS.get(name, "rows")
     for table, count in rows.items():
         console.print(f"{table}: {count} {what}")
     console.print(f"written: {folder}")

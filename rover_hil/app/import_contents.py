@@ -1,10 +1,91 @@
-"""What the import commands say of a drive."""
+"""What the import commands share: many drives in one call, and what they say of each."""
 
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
+from typing import TypeAlias
 
 from drivers.clock import seconds
+from drivers.errors import ConfigError
+from rover_hil.app.json_text import print_json
+from rover_hil.app.steps import show_steps
+from rover_hil.datasets.truth_check import truth_findings
 from rover_hil.importing.drive import START_NS, Contents
+from rover_hil.pages.atomic_write import check_file, unfinished
+from rover_hil.recording.findings import finding_line
 from rover_hil.terminal import Terminal
+
+WriteDrive: TypeAlias = Callable[[Path, Path], Iterator[Contents]]
+"""Writes the log of a file, cycle by cycle; yields what was used so far."""
+
+
+def import_files(
+    files: Sequence[Path],
+    out: Path,
+    make_write: Callable[[], WriteDrive],
+    *,
+    what: str,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Turn files into logs, all of them or none, and print what was used of each.
+
+    Args:
+        files: One per drive.
+        out: The log of one file; the folder for the logs of several, each called as its file.
+        make_write: Called once the logs may be written; what it returns writes them.
+        what: A file consists of, in the plural.
+        force: Overwrite earlier logs.
+        as_json: Print JSON.
+
+    Raises:
+        ConfigError: A log exists or cannot be written.
+        LogError: A file cannot be read.
+    """
+    outs = _outs(files, out)
+    for path in outs:
+        check_file(path, force=force)
+    write = make_write()
+    done: list[Contents] = []
+    with ExitStack() as stack:
+        parts = [stack.enter_context(unfinished(path)) for path in outs]
+        with show_steps(f"reading {files[0].name}") as step:
+            for file, part in zip(files, parts, strict=True):
+                step(f"reading {file.name}")
+                contents = Contents()
+                for contents in write(file, part):
+                    step(f"importing {file.name}, {seconds(contents.end_ns - START_NS):.0f} s are done")
+                add_truth_findings(contents, part)
+                done.append(contents)
+    if as_json:
+        print_json(
+            [
+                {"log": str(path), "duration_s": seconds(contents.end_ns - START_NS), **asdict(contents)}
+                for path, contents in zip(outs, done, strict=True)
+            ]
+        )
+        return
+    for path, contents in zip(outs, done, strict=True):
+        print_contents(contents, path, what=what)
+
+
+def add_truth_findings(contents: Contents, log: Path) -> None:
+    """Add what the truth in a log says against its wheels."""
+    contents.findings += truth_findings(log)
+
+
+def _outs(files: Sequence[Path], out: Path) -> list[Path]:
+    if len(files) == 1:
+        return [out]
+    if not out.is_dir():
+        raise ConfigError(
+            f"no folder {out} for the logs of {len(files)} files: make it, or choose another --out"
+        )
+    outs = [out / f"{file.name.removesuffix('.gz').rsplit('.', 1)[0]}.mcap" for file in files]
+    if len(set(outs)) < len(outs):
+        raise ConfigError("two of the files have one name, so would their logs: import them one by one")
+    return outs
 
 
 def print_contents(contents: Contents, out: Path, *, what: str) -> None:
@@ -17,7 +98,7 @@ def print_contents(contents: Contents, out: Path, *, what: str) -> None:
     """
     console = Terminal(soft_wrap=True)
     for section, count in contents.used.items():
-        console.print(f"{section}: {count} {what}")
+        console.print(f"{section}: {count} {what}".removesuffix(f" {section}"))
     for section, count in contents.left_out.items():
         console.print(f"{section}: {count} {what} without usable numbers left out")
     if contents.outside:
@@ -27,4 +108,6 @@ def print_contents(contents: Contents, out: Path, *, what: str) -> None:
         )
     for note in contents.notes:
         console.print(note)
+    for found in contents.findings:
+        console.print(finding_line(found))
     console.print(f"{seconds(contents.end_ns - START_NS):.1f} s: {out}")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from drivers.clock import seconds
 from rover_hil.app.exit_codes import EXIT_OK
-from rover_hil.app.import_contents import print_contents
+from rover_hil.app.import_contents import add_truth_findings, print_contents
 from rover_hil.app.json_text import print_json
 from rover_hil.app.steps import show_steps
 from rover_hil.config import load_config
@@ -30,6 +30,7 @@ def import_bag(path: Path, *, topics_path: Path, out: Path, force: bool, as_json
     with unfinished(out) as part, show_steps("looking at the bag") as step, bounded_memory():
         for contents in write_bag_as_log(path, topics, rover, part):
             step(f"importing, {seconds(contents.end_ns - START_NS):.0f} s of the bag are done")
+        add_truth_findings(contents, part)
     duration_s = seconds(contents.end_ns - START_NS)
     if as_json:
         print_json({"log": str(out), "duration_s": duration_s, **asdict(contents)})

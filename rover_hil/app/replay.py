@@ -15,12 +15,15 @@ from rover_hil.app.options import log_at
 from rover_hil.app.run import live_mirror
 from rover_hil.app.steps import show_progress
 from rover_hil.config import Config, load_config
+from rover_hil.datasets.truth_check import truth_findings
 from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.recording.data_files import restore_config, with_controller_of
+from rover_hil.recording.findings import finding_line
 from rover_hil.recording.made_with import changes_since, made_with
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.watchdog_note import read_note
 from rover_hil.report.write import REPORT_NAME, SUMMARY_NAME, write_report
+from rover_hil.run.recorded_cycles import DRIVEN
 from rover_hil.run.replay import ReplayResult, replay
 from rover_hil.terminal import Terminal
 
@@ -65,6 +68,7 @@ def replay_log(
         result = replay(log, config, lambda: progress.update(task, completed=log.bytes_read))
     if result.cycles == 0:
         raise LogError(f"log {path} holds no complete cycle")
+    result.findings += [] if log.origin in DRIVEN else truth_findings(path)
     if as_json:
         print_json(_record(result, log))
     else:
@@ -110,6 +114,7 @@ def _record(result: ReplayResult, log: LogReader) -> dict[str, object]:
         "identical": not result.differences,
         "cycles": result.cycles,
         "differences": result.differences,
+        "findings": result.findings,
         "log_is_complete": log.is_complete and result.has_end,
     }
 
@@ -126,6 +131,8 @@ def _print_words(result: ReplayResult, log: LogReader) -> None:
             "everything in the log was replayed",
             soft_wrap=True,
         )
+    for found in result.findings:
+        console.print(finding_line(found), soft_wrap=True)
     if not result.differences:
         console.print(f"{result.cycles} cycles replayed, every output identical")
         return

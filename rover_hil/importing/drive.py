@@ -14,6 +14,7 @@ from rover_hil.config import Config
 from rover_hil.importing.imu_message import imu_bytes
 from rover_hil.importing.wheel_frames import wheel_frame
 from rover_hil.recording.data_files import collect_data_files
+from rover_hil.recording.findings import FindingList, FoundFinding
 from rover_hil.recording.schema import CYCLE, TRUTH, TruthRecord
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import ReplayLinks, build_replay_rig
@@ -52,6 +53,7 @@ class Contents:
         left_out: Number of messages that held no usable numbers, by section.
         outside: Number of messages left out because the clock was not set when they were recorded.
         notes: What a user must know of the joints and of the estimate, one sentence each.
+        findings: What the rules have found wrong with the drive.
         end_ns: Time of the last cycle.
     """
 
@@ -59,6 +61,7 @@ class Contents:
     left_out: dict[str, int] = field(default_factory=dict)
     outside: int = 0
     notes: list[str] = field(default_factory=list)
+    findings: list[FoundFinding] = field(default_factory=list)
     end_ns: int = START_NS
 
     def count(self, section: str, *, is_used: bool) -> None:
@@ -74,6 +77,8 @@ def write_drive(
     messages: Iterable[MessageT],
     make_feed: Callable[[ReplayLinks], Callable[[MessageT], Iterable[TruthRecord]]],
     contents: Contents,
+    *,
+    wall_start_ns: int | None = None,
 ) -> Iterator[None]:
     """Write the log `out`, cycle by cycle; yields after each.
 
@@ -84,10 +89,13 @@ def write_drive(
         messages: In the order of their times.
         make_feed: Returns what feeds a message into links, and gives the true poses that it holds.
         contents: Gets notes of the estimate and the time of the last cycle.
+        wall_start_ns: When the drive was recorded, in ns since 1970; the present where it is not known.
     """
     clock = VirtualClock(START_NS)
     config_json = config.model_dump_json(by_alias=True).encode()
-    with LogWriter(out, START_NS, config_json, collect_data_files(config), origin) as log:
+    with LogWriter(
+        out, START_NS, config_json, collect_data_files(config), origin, wall_start_ns=wall_start_ns
+    ) as log:
         rig, links = build_replay_rig(config, clock, log)
         rig.connect(timeout_s=0.0)
         feed = make_feed(links)
@@ -169,12 +177,13 @@ def _by_cycle(messages: Iterable[MessageT], period_ns: int) -> Iterator[tuple[in
 
 
 class _Doubts:
-    """Notes when the estimate loses motion, and when something contradicts the wheels."""
+    """Notes when the estimate loses motion, and what the rules find."""
 
     def __init__(self, contents: Contents) -> None:
         self._contents = contents
         self._rebases = 0
-        self._known: set[str] = set()
+        self._findings = FindingList()
+        contents.findings = self._findings.found
 
     def take(self, output: StepOutput) -> None:
         """Take the output of one cycle."""
@@ -184,9 +193,7 @@ class _Doubts:
             self._note(
                 f"odometry began anew at {t_s:.1f} s: the motion before is unknown, the estimate is wider"
             )
-        if output.suspicion and output.suspicion not in self._known:
-            self._known.add(output.suspicion)
-            self._note(f"at {t_s:.1f} s: {output.suspicion}")
+        self._findings.take(t_s, output.findings or ())
 
     def _note(self, text: str) -> None:
         notes = self._contents.notes

@@ -1,6 +1,6 @@
 """Turn a measured run into a log: its bytes pass through the same codec as those of a live rover."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from drivers.clock import VirtualClock
@@ -14,16 +14,19 @@ from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import build_replay_rig
 
 
-def observing_config(config: Config) -> Config:
-    """Return `config` reduced to its wheels: no mission, no other sensors, no slip map, nothing simulated."""
-    wheels = config.roles.wheels
+def observing_config(config: Config, devices: Collection[str] = ()) -> Config:
+    """Return `config` reduced to its wheels and some devices: no mission, no slip map, nothing simulated."""
+    roles = config.roles
+    kept = {roles.wheels, *devices}
     return config.model_copy(
         update={
-            "roles": RoleSettings(wheels=wheels),
-            "devices": {wheels: config.devices[wheels]},
-            "mission": None,
-            "slip": None,
-            "simulation": None,
+            "roles": RoleSettings(
+                wheels=roles.wheels,
+                gyro=roles.gyro if roles.gyro in kept else None,
+                headings=tuple(name for name in roles.headings if name in kept),
+            ),
+            "devices": {name: device for name, device in config.devices.items() if name in kept},
+            **dict.fromkeys(("mission", "slip", "scomp", "simulation", "tune")),
         }
     )
 

@@ -16,6 +16,7 @@ from controllers.control_loop import StepOutput
 from controllers.estimation.pose_filter import PoseEstimate
 from controllers.motion.crab import CrabReport
 from controllers.operator import OperatorInput
+from controllers.safety.drive_check import Finding
 from controllers.slip.effort.compensator import SlipReport
 from controllers.slip.effort.excited_slip import RoverSlip
 from controllers.slip.scomp.compensator import ScompReport
@@ -193,6 +194,13 @@ class DeadReckonedRecord(TypedDict):
     covariance: Numbers
 
 
+class FindingRecord(TypedDict):
+    """What begins to be wrong with a drive that somebody else controls."""
+
+    cause: str
+    text: str
+
+
 class EstimateRecord(TypedDict):
     """All that a cycle computed, on `ESTIMATE`."""
 
@@ -214,6 +222,7 @@ class EstimateRecord(TypedDict):
     ground: NotRequired[GroundRecord | None]
     suspicion: NotRequired[str | None]
     dead_reckoned: NotRequired[DeadReckonedRecord | None]
+    findings: NotRequired[tuple[FindingRecord, ...] | None]
     exact: NotRequired[str]
 
 
@@ -443,7 +452,12 @@ def estimate_record(output: StepOutput) -> EstimateRecord:
         "ground": None if output.ground is None else _ground(output.ground),
         "suspicion": output.suspicion or None,
         "dead_reckoned": None if output.dead_reckoned is None else _dead_reckoned(output.dead_reckoned),
+        "findings": None if output.findings is None else tuple(map(_finding, output.findings)),
     }
+
+
+def _finding(finding: Finding) -> FindingRecord:
+    return {"cause": finding.cause, "text": finding.text}
 
 
 def _pose_estimate(estimate: PoseEstimate) -> PoseEstimateRecord:

@@ -97,6 +97,7 @@ class LogWriter:
         final_path: Where the file is moved to while it is written, for messages.
         mirror: Gets each record too, in the log's thread: topic, time in ns since 1970, JSON. It must return
             at once.
+        wall_start_ns: Time of the start in ns since 1970; the present by default.
 
     Attributes:
         on_wait: Called again and again while someone who notes a record must wait; it must note none.
@@ -117,6 +118,7 @@ class LogWriter:
         *,
         final_path: Path | None = None,
         mirror: Mirror | None = None,
+        wall_start_ns: int | None = None,
     ) -> None:
         self._path = final_path or path
         _check_attached(self._path, {CONFIG_ATTACHMENT: config_json, **attachments})
@@ -124,7 +126,7 @@ class LogWriter:
         self.on_wait: Callable[[], None] = lambda: None
         self._failure = ""
         self._mirror = mirror
-        self._wall_offset_ns = wall_time_ns() - start_ns
+        self._wall_offset_ns = (wall_time_ns() if wall_start_ns is None else wall_start_ns) - start_ns
         self._channels: dict[str, int] = {}
         self._payloads: list[str] = []
         self._payload_characters = 0

@@ -14,14 +14,17 @@ from controllers.motion.rover_geometry import has_four_wheels
 from controllers.motion.settings import LineMission
 from controllers.motion.steering import mean_steering_rad
 from controllers.safety import Mode
+from controllers.safety.drive_check import Finding
 from drivers.clock import seconds
 from drivers.driver import Health
 from drivers.errors import LogError
 from rover_hil.config import Config
 from rover_hil.datasets.arrays import Array, in_body_frame
 from rover_hil.datasets.log import HEADING, POSE, LogRows, Readings
+from rover_hil.datasets.truth_check import compare_with_truth
 from rover_hil.recording import schema
 from rover_hil.recording.data_files import restore_config
+from rover_hil.recording.findings import FindingList, FoundFinding
 from rover_hil.recording.reader import LogMessage, LogReader
 from rover_hil.recording.watchdog_note import read_note
 from rover_hil.report.run_data import (
@@ -44,6 +47,7 @@ from rover_hil.report.tracks import (
     local_headings,
     speed_from_positions,
 )
+from rover_hil.run.recorded_cycles import DRIVEN
 
 SLOWEST_RIM_M_S, SLOWEST_M_S = 0.03, 0.01
 """Below the first the true slip, below the second the true slip angle is not defined."""
@@ -83,6 +87,7 @@ class _Collector:
         self._modes: list[Mode] = []
         self._reasons: list[str] = []
         self._suspicions: list[str] = []
+        self._findings = FindingList()
         self._limits: list[Limit] = []
         self._health: list[Health] = []
         self._link_events: list[LinkEvent] = []
@@ -143,7 +148,7 @@ class _Collector:
             cut_off_by="" if log.is_complete else read_note(log.path),
             end=self._end,
             duration_s=duration_s,
-            cycles=self._cycles(),
+            cycles=self._cycles(log),
             estimate=Track.of(estimates),
             covariance=estimates[:, 4:],
             encoders=encoders,
@@ -174,6 +179,7 @@ class _Collector:
         self._modes.append(Mode(output["mode"]))
         self._reasons.append(output["reason"])
         self._suspicions.append(output.get("suspicion") or "")
+        self._findings.take(t_s, [Finding(**each) for each in output.get("findings") or ()])
         self._limits.append(Limit(output["limit"]))
         self._rebases = output["odometry_rebases"]
         self._rows["time", ""].append((t_s,))
@@ -262,17 +268,23 @@ class _Collector:
     def _series_computed(self) -> dict[str, Series]:
         return {key: Series.of(np.array(rows).reshape(-1, 2)) for key, rows in self._computed.items()}
 
-    def _cycles(self) -> Cycles:
+    def _cycles(self, log: LogReader) -> Cycles:
         times_us = np.array(self._rows["cycle", ""])
         return Cycles(
             t_s=np.array(self._rows["time", ""])[:, 0],
             mode=self._modes,
             reason=self._reasons,
             suspicion=self._suspicions,
+            findings=[*self._findings.found, *self._truth_findings(log)],
             limit=self._limits,
             late_us=times_us[:, 0],
             work_us=times_us[:, 1],
         )
+
+    def _truth_findings(self, log: LogReader) -> list[FoundFinding]:
+        if log.origin in DRIVEN:
+            return []
+        return compare_with_truth(self._readings, self._config.rover)
 
     def _headings(self, first_motion_s: float) -> dict[str, Series]:
         found = {

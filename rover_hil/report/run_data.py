@@ -9,6 +9,7 @@ from controllers.safety import Mode
 from drivers.driver import Health
 from rover_hil.config import Config
 from rover_hil.datasets.arrays import Array
+from rover_hil.recording.findings import FoundFinding
 from rover_hil.recording.schema import EndRecord
 from rover_hil.report.tracks import Series, Track
 
@@ -21,6 +22,7 @@ class Cycles:
     mode: Sequence[Mode]
     reason: Sequence[str]
     suspicion: Sequence[str]
+    findings: Sequence[FoundFinding]
     limit: Sequence[Limit]
     late_us: Array
     work_us: Array

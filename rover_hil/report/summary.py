@@ -13,6 +13,7 @@ from controllers.safety import Mode
 from controllers.unwatched_yaw import find_unwatched_yaw
 from drivers.driver import Health
 from rover_hil.datasets.arrays import Array, rms, wrap_angles
+from rover_hil.recording.findings import FoundFinding
 from rover_hil.report.drift_summary import CrabSummary, DriftSummary, summarise_crab, summarise_drift
 from rover_hil.report.ground_summary import GroundSummary, summarise_ground
 from rover_hil.report.run_data import Cycles, RunData, WheelData
@@ -145,6 +146,7 @@ class Summary:
             too late, numbers that are not finite.
         stops: Safety stops.
         suspicions: What was suspected and stopped nothing, the most frequent first.
+        findings: What the rules found wrong with a drive that somebody else controlled.
         yaw_unwatched: That nothing would have noticed a wrong yaw, and what would; else empty.
         devices: Health facts at the end of the run.
     """
@@ -182,6 +184,7 @@ class Summary:
     uncompared_measurements: dict[str, int]
     stops: tuple[Stop, ...]
     suspicions: tuple[Suspicion, ...]
+    findings: tuple[FoundFinding, ...]
     yaw_unwatched: str
     devices: tuple[Health, ...]
 
@@ -231,6 +234,7 @@ def summarise(run: RunData) -> Summary:
         uncompared_measurements=dict(run.uncompared),
         stops=_stops(run),
         suspicions=_suspicions(cycles),
+        findings=tuple(cycles.findings),
         yaw_unwatched=str(find_unwatched_yaw(run.config, run.config.device_roles()) or ""),
         devices=tuple(run.health),
     )

@@ -116,6 +116,14 @@ def _doubt_facts(summary: Summary) -> list[Fact]:
         Fact("may be wrong", f"from {each.start_s:.1f} s", f"{each.text}; in {each.cycles} cycles")
         for each in summary.suspicions
     ]
+    found += [
+        Fact(
+            "finding",
+            "whole drive" if each.t_s is None else f"at {each.t_s:.1f} s",
+            each.text if each.count == 1 else f"{each.text}; {each.count} times",
+        )
+        for each in summary.findings
+    ]
     if summary.yaw_unwatched:
         found.append(Fact("yaw", "unwatched", summary.yaw_unwatched.removeprefix("yaw unwatched: ")))
     return found

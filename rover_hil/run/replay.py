@@ -13,11 +13,12 @@ from typing import TypeVar
 from controllers.control_loop import StepOutput
 from controllers.motion.kinematics import make_kinematics
 from controllers.operator import OperatorInput
-from drivers.clock import VirtualClock
+from drivers.clock import VirtualClock, seconds
 from drivers.errors import LogError
 from drivers.link import CameraImage, LinkChange, NoTap, Received
 from drivers.samples import PoseFixSample, Sample, WheelCommand
 from rover_hil.config import Config
+from rover_hil.recording.findings import FindingList, FoundFinding
 from rover_hil.recording.images import decode_image
 from rover_hil.recording.reader import LogMessage, LogReader
 from rover_hil.recording.schema import (
@@ -75,11 +76,13 @@ class ReplayResult:
         cycles: How many were run.
         by_field: The differences by name of the field.
         has_end: Whether the log says how the run ended, or is of a run that was imported.
+        findings: What the rules find wrong with the drive.
     """
 
     cycles: int = 0
     by_field: dict[str, Difference] = field(default_factory=dict)
     has_end: bool = False
+    findings: list[FoundFinding] = field(default_factory=list)
 
     @property
     def differences(self) -> list[Difference]:
@@ -228,6 +231,8 @@ class _Comparer(_Replayer):
         self.result = ReplayResult()
         self._texts: type[Texts] = log.texts
         self._has_commanded = False
+        self._findings = FindingList()
+        self.result.findings = self._findings.found
         self._output: StepOutput | None = None
 
     def _run_cycle(self, t_ns: int) -> None:
@@ -235,6 +240,7 @@ class _Comparer(_Replayer):
         rig.clock.sleep_until(t_ns)
         samples = [*rig.poll(), *self._fixes]
         output = self._output = rig.loop.step(t_ns, samples)
+        self._findings.take(seconds(t_ns - self._log.start_ns), output.findings or ())
         self._compare("samples", t_ns, self._texts.samples(samples))
         self._compare("estimate", t_ns, self._texts.estimate(output))
         command = self._expected.get("command")

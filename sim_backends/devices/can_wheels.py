@@ -49,6 +49,7 @@ class CanNodeSettings(Settings):
         current_noise_a: Standard deviation of each motor current.
         current_step_a: Resolution of the drive's current measurement; 0 for none.
         voltage_noise_v: Standard deviation of each supply voltage.
+        yaw_rate_noise_rad_s: Standard deviation of each yaw rate, where the mapping has one.
         watchdog_s: A wheel stops when it gets no set-point for this long.
     """
 
@@ -60,6 +61,7 @@ class CanNodeSettings(Settings):
     current_noise_a: Annotated[float, Field(ge=0, le=10)] = 0.02
     current_step_a: Annotated[float, Field(ge=0, le=10)] = 0.008
     voltage_noise_v: Annotated[float, Field(ge=0, le=10)] = 0.02
+    yaw_rate_noise_rad_s: Annotated[float, Field(ge=0, le=1)] = 0.002
     watchdog_s: Annotated[float, Field(gt=0, le=60)] = 0.2
 
 
@@ -257,6 +259,9 @@ class CanNodes:
                     settings.wheel_rate_hz,
                     self._raw_turns(index, wheel, turns),
                 )
+        if mapping.yaw_rate is not None:
+            rate = self._bus.yaw_rate_scale(mapping.yaw_rate)
+            yield rate.message, rate.signal, settings.wheel_rate_hz, self._raw_yaw_rate(rate)
         faults = [(index, name) for index, wheel in enumerate(mapping.wheel) for name in wheel.fault]
         for fault_wheel, name in [*faults, *((None, name) for name in mapping.fault)]:
             yield name.message, name.signal, settings.status_rate_hz, self._raw_fault(fault_wheel, name)
@@ -331,6 +336,10 @@ class CanNodes:
     def _raw_speed(self, index: int, scale: Scale) -> RawSignal:
         noise_rad_s = self._settings.speed_noise_rad_s
         return lambda truth: scale.to_raw(truth.wheel_speed_rad_s[index] + noise_rad_s * next(self._noise))
+
+    def _raw_yaw_rate(self, scale: Scale) -> RawSignal:
+        noise_rad_s = self._settings.yaw_rate_noise_rad_s
+        return lambda truth: scale.to_raw(truth.yaw_rate_rad_s + noise_rad_s * next(self._noise))
 
     def _raw_current(self, index: int, scale: Scale, *, is_signed: bool) -> RawSignal:
         noise_a, step_a = self._settings.current_noise_a, self._settings.current_step_a

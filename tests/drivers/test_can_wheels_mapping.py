@@ -94,7 +94,8 @@ TICKS = 'position = { message = "Wheel0_State", signal = "Position", unit = "tic
 WRONG = [
     (SPEED, SPEED.replace("State", "Stat"), "wheel.0.speed: .*'Wheel0_Stat'; did you mean 'Wheel0_State'"),
     (SPEED, SPEED.replace('"Speed"', '"Sped"'), "wheel.0.speed: .*'Sped'; did you mean 'Speed'"),
-    (SPEED, SPEED.replace("rad/s", "km/h"), "wheel.0.speed.unit: .*'rpm'"),
+    (SPEED, SPEED.replace("rad/s", "mph"), "wheel.0.speed.unit: .*'rpm'"),
+    (SPEED, SPEED.replace("rad/s", "km/h"), "wheel.0.speed: give radius_m"),
     (SPEED, SPEED.replace("speed", "current"), "wheel.0.current.unit: .*'mA'"),
     (SPEED, TICKS, "wheel.0.position: give ticks_per_revolution"),
     (SPEED, "", "wheel.0: the wheel has neither position nor speed"),
@@ -114,7 +115,7 @@ WRONG = [
     ("[[wheel]]", "[[wheel", "is not valid TOML"),
     ('dbc = "generic_wheel.dbc"', "", "dbc: this key is missing"),
     ("generic_wheel.dbc", "other.dbc", "dbc: no file other.dbc in the same folder"),
-    ("generic_wheel.dbc", "../generic_wheel.dbc", "dbc: "),
+    ("generic_wheel.dbc", "../generic_wheel.dbc", "dbc.0: "),
     ("generic_wheel.dbc", "rover.toml", "cannot read DBC file"),
 ]
 
@@ -145,7 +146,7 @@ def test_wrong_mapping_is_refused_with_file_key_and_fix(
 @pytest.mark.parametrize(
     ("changes", "keys"),
     [
-        ((('"rad/s"', '"m/s"'), ("node = 0", "node = 0\ngear = 2")), ("wheel.0.speed.unit", "wheel.0.gear")),
+        ((('"rad/s"', '"mph"'), ("node = 0", "node = 0\ngear = 2")), ("wheel.0.speed.unit", "wheel.0.gear")),
         (
             (("_State", "_Stat"), ("_Setpoint", "_Setpont")),
             ("wheel.0.speed", "wheel.0.s"),

@@ -102,6 +102,7 @@ class Bag:
         shake_m_s2: Acceleration of the shaking rover on each axis while it moves; at rest 1 %.
         offset_rad_s: Of the gyro.
         gyro_noise_rad_s: Of each reading.
+        gyro: From number and rate of a reading to what the sensor sends.
         time_ns: From the time of a message in ns to that of its recording.
         gap_s: From when to when the wheels send nothing.
     """
@@ -115,6 +116,7 @@ class Bag:
     offset_rad_s: float = 0.0
     gyro_noise_rad_s: float = 0.002
     acceleration_m_s2: float | None = None
+    gyro: Callable[[int, float], float] = lambda _, rate: rate
     time_ns: Callable[[int], int] = lambda t_ns: START_NS + t_ns
     gap_s: tuple[float, float] = (0.0, 0.0)
 
@@ -210,6 +212,7 @@ def write_bag(path: Path, bag: Bag) -> Track:
         t_s = i / bag.imu_hz
         speed, turn = track.body[track.row(t_s)].tolist()
         rate = turn + bag.offset_rad_s + bag.gyro_noise_rad_s * rng.standard_normal()
+        rate = bag.gyro(i, rate)
         shake = bag.shake_m_s2 * (1.0 if speed or turn else 0.01)
         acceleration = {
             "gyro": None,

@@ -122,7 +122,7 @@ RECORD = (
     b'"ground":{"t_ns":4,"velocity_x_m_s":0.1,"velocity_y_m_s":0.0,"slip":0.25,"slip_sd":0.02,'
     b'"drift_rad":null,"reason":""},'
     b'"suspicion":"rover: may be entrapped",'
-    b'"dead_reckoned":{"x_m":1.5,"y_m":-0.25,"yaw_rad":0.5,"covariance":[0.0001,0.0,0.0,0.0001,0.0,1e-6]}}'
+    b'"dead_reckoned":{"x_m":1.5,"y_m":-0.25,"yaw_rad":0.5,"covariance":[0.0001,0.0,0.0,0.0001,0.0,1e-6]},"findings":null}'
 )
 
 

@@ -149,10 +149,12 @@ class IncrementColumns(Settings):
     Attributes:
         distance: Ahead.
         turn: Counter-clockwise, in rad or deg.
+        turn_by_gyro: Whether the turn is that of a gyro: where the distance shows a rest it is its bias.
     """
 
     distance: LengthColumn
     turn: AngleColumn
+    turn_by_gyro: bool = False
 
 
 class SteeredWheelColumns(Settings):
@@ -252,6 +254,8 @@ class Columns(Settings):
     def _check(self) -> Self:
         if sum((bool(self.wheel), self.increments is not None, self.tricycle is not None)) != 1:
             raise ValueError("give the motion once: [[wheel]] for each wheel, [increments] or [tricycle]")
+        if self.increments is not None and self.increments.turn_by_gyro and self.imu is not None:
+            raise ValueError("[imu] gives a gyro, and increments.turn_by_gyro another one: leave one out")
         if isinstance(self.rover, str) != (self.limits is None):
             raise ValueError("give [limits] with a section [rover], and only then")
         return self

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from controllers.estimation.settings import FilterSettings
 from controllers.motion.rover_geometry import RoverSettings, WheelsRoverSettings
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.errors import LogError
@@ -23,6 +24,7 @@ from rover_hil.importing.table.columns import (
     AngleColumn,
     Column,
     Columns,
+    IncrementColumns,
     SpeedColumn,
     SteeredWheelColumns,
     TimeColumn,
@@ -30,12 +32,17 @@ from rover_hil.importing.table.columns import (
     TurnColumn,
     WheelColumns,
 )
+from rover_hil.importing.table.gyro_rests import GyroRest, learn_bias
 
 FIX = "correct the cell or the file of columns"
 LONGEST_S = 1e6
 """A drive is not longer."""
 LONGEST_GAP_S = 1.0
 """In a longer gap of the table the path of the rover is worth a word."""
+REST_SHARE = 0.005
+"""Speeds below this share of the fast ones are jitter of the encoders."""
+LEAST_REST_S = 0.5
+"""Shorter stands of a drive by increments are no rests: the rover may still swing."""
 MOST_JUMPS = 0.02
 """Share of the rows in which a wheel may turn faster than the limits say: chosen by hand, as for a bag."""
 
@@ -61,11 +68,13 @@ class Drive:
     Attributes:
         rows: In the order of their times.
         quantities: Which the wheels have.
+        filter: Noise of the sensors, where the drive itself shows it; else None.
         notes: What a user must know of it, one sentence each.
     """
 
     rows: list[Row] = field(default_factory=list)
     quantities: tuple[str, ...] = ("Position",)
+    filter: FilterSettings | None = None
     notes: list[str] = field(default_factory=list)
 
 
@@ -102,9 +111,7 @@ class _Reader:
         if columns.wheel:
             self._take_wheels(columns.wheel)
         elif columns.increments is not None:
-            distance, turn = columns.increments.distance, columns.increments.turn
-            forward_m = self._steps(distance, SI_PER_UNIT[distance.unit])
-            self._take_moves(forward_m, np.zeros_like(forward_m), self._steps(turn, _angle_unit(turn)))
+            self._take_increments(columns.increments)
         elif columns.tricycle is not None:
             self._take_tricycle(columns.tricycle)
         if columns.imu is not None:
@@ -282,6 +289,65 @@ class _Reader:
     def _angle_rad(self, column: AngleColumn) -> Array:
         return (self._numbers(column) - column.sign * column.zero) * _angle_unit(column)
 
+    def _take_increments(self, increments: IncrementColumns) -> None:
+        distance, turn = increments.distance, increments.turn
+        forward_m = self._steps(distance, SI_PER_UNIT[distance.unit])
+        turn_rad = self._steps(turn, _angle_unit(turn))
+        if increments.turn_by_gyro:
+            forward_m, turn_rad = self._with_gyro(forward_m, turn_rad)
+        self._take_moves(forward_m, np.zeros_like(forward_m), turn_rad)
+
+    def _with_gyro(self, forward_m: Array, turn_rad: Array) -> tuple[Array, Array]:
+        """Take the turns as readings of a gyro where rests show that it has a bias.
+
+        Returns the increments of the wheels, which then stand in the rests: encoders jitter there, and the
+        gyro has its bias. What they count in a rest goes to the row behind it.
+        """
+        rates = self._rates_rad_s(turn_rad)
+        rests = self._rests(forward_m)
+        if not rests:
+            self._drive.notes.append("no rest of half a second: the bias of the gyro is not known")
+            return forward_m, turn_rad
+        t_s = np.asarray(self._t_ns) / NANOSECONDS_PER_SECOND
+        steps = np.diff(np.unique(rates))
+        learned = learn_bias(
+            [
+                GyroRest(float(t_s[first:after].mean()), float(rates[first:after].mean()), after - first)
+                for first, after in rests
+            ],
+            float(steps.min()) if len(steps) else 0.0,
+            self._rover.filter,
+        )
+        bias = f"bias of the gyro by {len(rests)} rests {learned.bias_rad_s:+.2g} rad/s, standard deviation "
+        bias += f"{learned.sd_rad_s:.2g} rad/s"
+        if not learned.is_significant:
+            self._drive.notes.append(f"{bias}: it may be none, and is not corrected")
+            return forward_m, turn_rad
+        self._drive.notes.append(f"{bias}: it is corrected")
+        self._drive.filter = learned.filter
+        zeros = np.zeros_like(rates)
+        self._add("imu", {"rate": np.column_stack((zeros, zeros, rates)).tolist()})
+        forward_m, turn_rad = forward_m.copy(), turn_rad.copy()
+        for first, after in rests:
+            moved_m = float(forward_m[first:after].sum())
+            forward_m[first:after] = turn_rad[first:after] = 0.0
+            if after < len(forward_m):
+                forward_m[after] += moved_m
+        return forward_m, turn_rad
+
+    def _rests(self, forward_m: Array) -> list[tuple[int, int]]:
+        """Return first row and row behind the last of each rest."""
+        t_s = np.asarray(self._t_ns) / NANOSECONDS_PER_SECOND
+        elapsed_s = np.diff(t_s, prepend=t_s[0])
+        speeds = np.abs(forward_m) / np.where(elapsed_s > 0.0, elapsed_s, math.inf)
+        is_slow = np.concatenate(([False], speeds < REST_SHARE * np.quantile(speeds, 0.95), [False]))
+        edges = np.flatnonzero(np.diff(is_slow.astype(int))).tolist()
+        return [
+            (first, after)
+            for first, after in zip(edges[::2], edges[1::2], strict=True)
+            if elapsed_s[first:after].sum() >= LEAST_REST_S
+        ]
+
     def _take_tricycle(self, tricycle: SteeredWheelColumns) -> None:
         """Take the motion of a rolling wheel that leads or follows an axle: no wheel slips sideways."""
         rolled_m = (
@@ -323,6 +389,12 @@ class _Reader:
             stack = np.column_stack([self._numbers(axis) * SI_PER_UNIT[axis.unit] for axis in axes])
             values["acceleration"] = stack.tolist()
         self._add("imu", values)
+
+    def _rates_rad_s(self, turns_rad: Array) -> Array:
+        """Return the rates at the rows whose integral by the trapezoid rule is that of the turns."""
+        elapsed_s = np.diff(np.asarray(self._t_ns)) / NANOSECONDS_PER_SECOND
+        means = turns_rad[1:] / np.where(elapsed_s > 0.0, elapsed_s, math.inf)
+        return np.concatenate((means[:1], means))
 
     def _take_truth(self, truth: TruthColumns) -> None:
         table, time, t_ns = self._table, truth.time or self._columns.time, self._t_ns

@@ -34,12 +34,20 @@ def write_table_as_log(path: Path, columns: Columns, rover: Config, out: Path) -
     kinematics = make_kinematics(rover.rover)
     drive = read_drive_table(path, columns, rover)
     contents = Contents(notes=drive.notes)
+    if drive.filter is not None:
+        rover = rover.model_copy(update={"filter": drive.filter})
 
     def make_feed(links: ReplayLinks) -> Callable[[Row], Iterator[TruthRecord]]:
         return _Feeder(links, kinematics, contents).feed
 
     with TemporaryDirectory(prefix="rover_hil_") as folder:
-        config = _config(rover, Path(folder), kinematics, drive.quantities, has_imu=columns.imu is not None)
+        config = _config(
+            rover,
+            Path(folder),
+            kinematics,
+            drive.quantities,
+            has_imu=any(row.section == "imu" for row in drive.rows),
+        )
         for _ in write_drive(out, f"imported from {path.name}", config, drive.rows, make_feed, contents):
             yield contents
     if not contents.used.keys() & {"wheels", "increments"}:

@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import StopRule
-from controllers.safety.settings import SafetySettings, make_rules
+from controllers.safety.settings import SafetySettings, make_drive_rules, make_rules
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs/reference/safety.md").read_text(encoding="utf-8")
@@ -44,7 +44,10 @@ def test_every_setting_is_on_the_page_with_its_range_and_default(key: str) -> No
 
 
 def test_every_rule_is_registered() -> None:
-    rules = make_rules(SafetySettings(), DeviceRoles(wheels="wheels", gyro="imu", required={}), 1, 0.0)
+    arguments = (SafetySettings(), DeviceRoles(wheels="wheels", gyro="imu", required={}), 1, 0.0)
+    rules = make_rules(*arguments)
+    drive_rules = [rule for rule in make_drive_rules(*arguments) if not rule.is_for_missions]
     written = [rule for rule in StopRule.__subclasses__() if rule.__module__.startswith("controllers.")]
-    assert {type(rule) for rule in rules} == set(written)  # tests have rules of their own
-    assert len(rules) == len(written)
+    assert {type(rule) for rule in (*rules, *drive_rules)} == set(written)  # tests have rules of their own
+    assert len(rules) + len(drive_rules) == len(written)
+    assert all(rule.is_for_missions for rule in rules)

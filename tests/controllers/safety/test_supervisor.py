@@ -13,8 +13,8 @@ from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.safety.rule_set import Doubt
 from controllers.safety.settings import SafetySettings
-from controllers.safety.supervisor import Doubt
 from drivers.clock import nanoseconds
 from drivers.samples import (
     AttitudeSample,

@@ -9,6 +9,7 @@ from controllers.roles import DeviceRoles
 from controllers.safety import SafetySupervisor
 from controllers.safety.estimate_rules import DisplacedFixRule, UnseenMotionRule, UnseenSettings
 from controllers.safety.reasons import Cycle, Severity, StopReason
+from controllers.safety.rule_set import RuleSet
 from controllers.safety.settings import SafetySettings
 
 NOTHING = DeviceRoles(wheels="wheels", required={})
@@ -46,10 +47,10 @@ def test_a_stop_is_final_where_no_device_can_find_the_rover(
 
 
 def test_a_stop_adds_the_doubt_of_its_wheels_once_and_that_of_the_yaw_as_it_grows() -> None:
-    supervisor = SafetySupervisor(SafetySettings(), NOTHING, 2)
+    rules = RuleSet([])
 
     def doubts(*stops: StopReason) -> list[tuple[tuple[float, ...], float]]:
-        return [(wheel_rad, round(yaw_rad, 9)) for wheel_rad, yaw_rad, _ in supervisor._doubts(stops)]
+        return [(wheel_rad, round(yaw_rad, 9)) for wheel_rad, yaw_rad, _ in rules.doubts(stops)]
 
     first = StopReason("stall", "", wheel_rad=(1.0, 2.0), yaw_rad=0.3)
     assert doubts(first, first) == [((1.0, 2.0), 0.3), ((), 0.0)]

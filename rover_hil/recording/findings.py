@@ -1,0 +1,57 @@
+"""What the rules have found wrong with a drive, each once."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from controllers.safety.drive_check import Finding
+
+MOST_FINDINGS = 20
+_NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
+
+
+@dataclass(slots=True, kw_only=True)
+class FoundFinding:
+    """A finding of a drive.
+
+    Attributes:
+        name: Of what is wrong, the same each time.
+        t_s: When it was found first, since the start; None for what the whole drive shows.
+        text: What, where, with the numbers of the first time, and what would explain it.
+        count: How often it was found.
+    """
+
+    name: str
+    t_s: float | None
+    text: str
+    count: int = 1
+
+
+class FindingList:
+    """The findings of a drive, in the order in which they came first.
+
+    Attributes:
+        found: One for each name and text, whatever the numbers in it; at most `MOST_FINDINGS`.
+    """
+
+    def __init__(self) -> None:
+        self.found: list[FoundFinding] = []
+        self._known: dict[tuple[str, str], FoundFinding] = {}
+
+    def take(self, t_s: float, findings: Iterable[Finding]) -> None:
+        """Take the findings of a cycle."""
+        for finding in findings:
+            key = (finding.cause, _NUMBER.sub("", finding.text))
+            if key in self._known:
+                self._known[key].count += 1
+                continue
+            self._known[key] = FoundFinding(name=finding.cause, t_s=t_s, text=finding.text)
+            if len(self.found) < MOST_FINDINGS:
+                self.found.append(self._known[key])
+
+
+def finding_line(found: FoundFinding) -> str:
+    """Return a finding as a line for the user."""
+    times = "" if found.count == 1 else f" ({found.count} times)"
+    when = "in the whole drive" if found.t_s is None else f"at {found.t_s:.1f} s"
+    return f"finding {when}{times}: {found.text}"

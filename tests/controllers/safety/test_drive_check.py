@@ -1,0 +1,157 @@
+"""The rules on a drive that somebody else controls."""
+
+import pytest
+
+from controllers.roles import DeviceRoles
+from controllers.safety.drive_check import SUSPICION, DriveCheck
+from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.safety.recorded_rules import StandingWheelsRule, ZeroReadingsRule
+from controllers.safety.settings import SafetySettings, make_drive_rules, make_rules
+from drivers.clock import nanoseconds
+from drivers.samples import AttitudeSample, BumperSample, RateSample, Sample
+
+ROLES = DeviceRoles(wheels="wheels", gyro="imu", required={"wheels": 0.1, "imu": 0.1})
+
+
+class Scripted(StopRule):
+    """Gives the reasons that a test puts there."""
+
+    def __init__(self) -> None:
+        self.reasons: list[StopReason] = []
+
+    def check(self, cycle: Cycle) -> list[StopReason]:
+        return self.reasons
+
+
+@pytest.fixture
+def scripted(monkeypatch: pytest.MonkeyPatch) -> tuple[DriveCheck, Scripted]:
+    rule = Scripted()
+    monkeypatch.setattr("controllers.safety.drive_check.make_drive_rules", lambda *_: (rule,))
+    return DriveCheck(SafetySettings(), ROLES, 2, 0.0), rule
+
+
+def causes(check: DriveCheck, rule: Scripted, *reasons: StopReason) -> list[str]:
+    rule.reasons = list(reasons)
+    check.update(Cycle(now_ns=0))
+    return [finding.cause for finding in check.findings]
+
+
+def test_a_finding_is_told_when_it_begins(scripted: tuple[DriveCheck, Scripted]) -> None:
+    check, rule = scripted
+    one, other = StopReason("one", "1", yaw_rad=0.5), StopReason("other", "2", Severity.FINAL)
+    assert causes(check, rule) == []
+    assert causes(check, rule, one) == ["one"]
+    assert [doubt.yaw_rad for doubt in check.doubts] == [0.5]
+    assert causes(check, rule, one, other) == ["other"]
+    assert causes(check, rule) == []
+    assert causes(check, rule, one) == ["one"]
+    assert not check.is_open
+
+
+def test_a_sign_is_no_finding_until_it_is_more(scripted: tuple[DriveCheck, Scripted]) -> None:
+    check, rule = scripted
+    sign = StopReason("gyro", "", Severity.SIGN, leaves_motion_open=True)
+    opened = []
+    for reason in (sign, sign._replace(severity=Severity.FINAL), sign):
+        found = causes(check, rule, reason)
+        opened.append((found, check.is_open))
+    assert opened == [([], False), (["gyro"], True), ([], True)]
+
+
+def test_what_a_healthy_rover_may_show_once_is_told_the_second_time(
+    scripted: tuple[DriveCheck, Scripted],
+) -> None:
+    check, rule = scripted
+    grip = StopReason("grip", "", Severity.RECOVERABLE)
+    assert causes(check, rule, grip) == []
+    assert causes(check, rule, grip) == []
+    assert causes(check, rule) == []
+    assert causes(check, rule, grip) == ["grip"]
+    assert causes(check, rule, grip) == []
+
+
+def test_a_suspicion_of_the_estimator_is_a_finding(scripted: tuple[DriveCheck, Scripted]) -> None:
+    check, _ = scripted
+    told = []
+    for suspicion in ("", "wheels rest", "wheels rest", "", "again"):
+        check.update(Cycle(now_ns=0), suspicion)
+        told += [(finding.cause, finding.text) for finding in check.findings]
+    assert told == [(SUSPICION, "wheels rest"), (SUSPICION, "again")]
+
+
+def test_rules_that_need_set_points_are_left_out_and_all_others_are_shared() -> None:
+    arguments = (SafetySettings(), ROLES, 2, 0.0)
+    missions = {type(rule).__name__ for rule in make_rules(*arguments)}
+    drives = {type(rule).__name__ for rule in make_drive_rules(*arguments)}
+    assert missions - drives == {
+        "FreshnessRule",
+        "GyroRestRule",
+        "MotionRule",
+        "OperatorRule",
+        "StallMonitor",
+        "SteeringMonitor",
+        "SteeringReportRule",
+        "UnseenMotionRule",
+    }
+    assert drives - missions == {"StandingWheelsRule", "TurnComparison", "ZeroReadingsRule"}
+
+
+def test_samples_reach_the_rules() -> None:
+    check = DriveCheck(SafetySettings(), ROLES, 2, 0.0)
+    check.observe(BumperSample(device="wheels", t_ns=0, pressed=True), 0)
+    check.update(Cycle(now_ns=0))
+    assert [finding.cause for finding in check.findings] == ["bumper"]
+
+
+def zeros_found(readings: list[float], device: str = "imu") -> list[str]:
+    rule = ZeroReadingsRule(ROLES)
+    found = []
+    for reading in readings:
+        rule.observe(RateSample(device=device, t_ns=0, rate_z_rad_s=reading), 0)
+        found = [reason.text for reason in rule.check(Cycle(now_ns=0))]
+    return found
+
+
+def test_zeros_between_readings_of_a_turn_are_found() -> None:
+    (text,) = zeros_found([0.5, 0.0] * 6 + [0.5])
+    assert "6 of 6 readings between others of a turn are exactly 0" in text
+    assert zeros_found([0.5, 0.0] * 4 + [0.5]) == []
+    assert zeros_found([0.5, 0.0] * 6, device="other") == []
+    assert zeros_found([0.01, 0.0] * 50) == []  # a gyro of coarse steps at rest
+    assert zeros_found([0.5, 0.0, -0.5, 0.0] * 50) == []  # it swings through zero
+    assert zeros_found([0.5, 0.0] * 5 + [0.5] * 60) == []  # lost messages, seldom
+    assert zeros_found([0.5, 0.0] * 5 + [0.5] * 250) == []
+    rule = ZeroReadingsRule(ROLES)
+    other: Sample = AttitudeSample(device="imu", t_ns=0)
+    rule.observe(other, 0)
+    assert list(rule.check(Cycle(now_ns=0))) == []
+
+
+def standing(
+    speeds_rad_s: tuple[float, ...], contradiction: float | None, times_s: tuple[float, ...]
+) -> list[str]:
+    rule = StandingWheelsRule()
+    found = []
+    for time_s in times_s:
+        cycle = Cycle(now_ns=nanoseconds(time_s), measured_rad_s=speeds_rad_s, contradiction=contradiction)
+        found = [reason.text for reason in rule.check(cycle)]
+    return found
+
+
+def test_wheels_that_stand_while_others_turn_are_found() -> None:
+    (text,) = standing((0.0, 0.0, 5.0, -5.0), 3.0, (0.0, 0.5, 1.0))
+    assert "wheel 0, 1 stands while wheel 2, 3 turns" in text
+    assert standing((0.0, 0.0, 5.0, 5.0), 3.0, (0.0, 0.5, 0.99)) == []
+    assert standing((0.0, 0.0, 5.0, 5.0), 1.0, (0.0, 1.0, 2.0)) == []
+    assert standing((0.0, 5.0), None, (0.0, 1.0, 2.0)) == []  # a turn about one wheel
+    assert standing((0.1, 0.1, 5.0, 5.0), 3.0, (0.0, 1.0, 2.0)) == []
+    assert standing((0.0, 0.0, 0.4, 0.4), 3.0, (0.0, 1.0, 2.0)) == []
+
+
+def test_standing_wheels_are_counted_anew_after_they_have_turned() -> None:
+    rule = StandingWheelsRule()
+    stood = Cycle(now_ns=0, measured_rad_s=(0.0, 5.0, 5.0), contradiction=2.0)
+    assert list(rule.check(stood)) == []
+    assert list(rule.check(stood._replace(now_ns=nanoseconds(0.9), measured_rad_s=(5.0, 5.0, 5.0)))) == []
+    assert list(rule.check(stood._replace(now_ns=nanoseconds(1.1)))) == []
+    assert list(rule.check(stood._replace(now_ns=nanoseconds(2.1))))

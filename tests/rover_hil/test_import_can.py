@@ -1,0 +1,448 @@
+"""`rover-hil import can` and `export --can`: of a simulated rover, of measured buses, and of wrong files."""
+
+import csv
+import functools
+import gzip
+import math
+import shutil
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+from cantools.database.can import Message
+
+from drivers.can_frame import EXTENDED_FLAG
+from drivers.can_wheels.mapping_file import load_mapping, read_dbc
+from drivers.can_wheels.messages import MessageReader
+from drivers.errors import ConfigError, LogError
+from rover_hil.datasets.can_frames import read_can_log, timed_payloads
+from rover_hil.datasets.can_signals import MessageFrames
+from rover_hil.recording.reader import LogReader
+from tests.rover_hil.command import Command, assert_one_sentence
+
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+FORMATS = ("log", "asc", "blf", "trc")
+ROVER = """[rover]
+kinematics = "wheels"
+wheels = [{ x_m = 0.0, y_m = 0.2, radius_m = 0.1 }, { x_m = 0.0, y_m = -0.2, radius_m = 0.1 }]
+[limits]
+wheel_speed_rad_s = 100
+wheel_acceleration_rad_s2 = 500
+"""
+FOUR_WHEELS = """[rover]
+kinematics = "wheels"
+wheels = [
+  { x_m = 2.7, y_m = 0.8, radius_m = 0.33, driven = false, steering = { low_deg = -40, high_deg = 40 } },
+  { x_m = 2.7, y_m = -0.8, radius_m = 0.33, driven = false, steering = { low_deg = -40, high_deg = 40 } },
+  { x_m = 0.0, y_m = 0.8, radius_m = 0.33 },
+  { x_m = 0.0, y_m = -0.8, radius_m = 0.33 },
+]
+[limits]
+wheel_speed_rad_s = 200
+wheel_acceleration_rad_s2 = 500
+"""
+DBC = """VERSION ""
+BU_: Rover Host
+BO_ 256 Wheels: 8 Rover
+ SG_ Left : 0|16@1- (0.01,0) [0|0] "km/h" Host
+ SG_ Right : 23|16@0- (0.01,0) [0|0] "km/h" Host
+ SG_ Count : 32|8@1+ (1,0) [0|0] "" Host
+BO_ 2147484160 Yaw: 3 Rover
+ SG_ YawRate : 4|12@1+ (0.05,-100) [0|0] "deg/s" Host
+BO_ 512 Unused: 8 Rover
+ SG_ One : 0|16@1+ (1,0) [0|0] "" Host
+ SG_ Other : 8|16@1+ (1,0) [0|0] "" Host
+"""
+MAPPING = """dbc = "own.dbc"
+[every_wheel]
+speed = { message = "Wheels", signal = "{node}", unit = "km/h", radius_m = 0.1 }
+[[wheel]]
+node = "Left"
+[[wheel]]
+node = "Right"
+[yaw_rate]
+message = "Yaw"
+signal = "YawRate"
+unit = "deg/s"
+sign = -1
+zero = 1.0
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    Path("own.dbc").write_text(DBC, "utf-8")
+    Path("own.toml").write_text(MAPPING, "utf-8")
+    Path("rover.toml").write_text(ROVER, "utf-8")
+    return tmp_path
+
+
+def frames_of_a_turn() -> Iterator[can.Message]:
+    """Yield frames at 100 Hz of a turn to the left: wheels 1 and 2 m/s, gyro 5 deg/s clockwise positive."""
+    left, right = round(3.6 / 0.01), round(7.2 / 0.01)
+    rate = round((-5.0 + 1.0 + 100.0) / 0.05)
+    for number in range(200):
+        t_s = 1_700_000_000.0 + 0.01 * number
+        data = left.to_bytes(2, "little") + right.to_bytes(2, "big") + bytes((number & 255, 0, 0, 0))
+        yield can.Message(t_s, 0x100, is_extended_id=False, data=data, channel="can0")
+        raw = (rate << 4).to_bytes(3, "little")
+        yield can.Message(t_s + 0.002, 0x200, is_extended_id=True, data=raw, channel="can0")
+        yield can.Message(t_s + 0.003, 0x300, is_extended_id=False, data=b"\1", channel="can0")
+
+
+def write_log(path: Path, messages: Iterator[can.Message]) -> Path:
+    with can.Logger(path) as logger:
+        for message in messages:
+            logger.on_message_received(message)
+    return path
+
+
+def import_it(command: Command, *logs: str, out: str = "drive.mcap") -> int:
+    return command("import", "can", *logs, "--config", "rover.toml", "--map", "own.toml", "--out", out)
+
+
+def records(path: str) -> list[tuple[int, str, bytes]]:
+    """Return samples, estimates and raw bytes of a log."""
+    return [
+        (message.t_ns, message.topic, message.data)
+        for message in LogReader(Path(path)).messages()
+        if message.topic in ("/samples", "/estimate") or message.topic.startswith("/raw/")
+    ]
+
+
+def test_a_virtual_run_comes_back_from_every_format_with_the_same_samples(
+    command: Command, folder: Path
+) -> None:
+    shutil.copytree(EXAMPLES / "can", folder / "docs" / "examples" / "can")
+    shutil.copy(EXAMPLES / "differential.toml", folder)
+    assert command("run", "differential.toml", "--virtual", "--duration", "3", "--out", "run") in (0, 1)
+    assert command("export", "run", "--can", "--out", "run.log") == 0, command.error
+    sent = [message for message in can.LogReader("run.log") if not message.is_rx]
+    assert sent
+    imported = ("--config", "differential.toml", "--out")
+    assert command("import", "can", "run.log", *imported, "first.mcap") == 0, command.error
+    assert command("replay", "first.mcap") == 0
+    assert "every output identical" in command.out
+    for suffix in FORMATS:
+        assert command("export", "first.mcap", "--can", "--out", f"again.{suffix}") == 0, command.error
+        assert command("import", "can", f"again.{suffix}", *imported, f"{suffix}.mcap") == 0, command.error
+        assert records(f"{suffix}.mcap") == records("first.mcap")
+
+
+def test_speed_at_the_rim_and_a_yaw_rate_become_motion(command: Command, folder: Path) -> None:
+    write_log(folder / "turn.log", frames_of_a_turn())
+    assert import_it(command, "turn.log") == 0, command.error
+    assert "200 frames of 1 other identifiers stay out" in command.out
+    samples = [m.json() for m in LogReader(Path("drive.mcap")).messages() if m.topic == "/samples"]
+    wheels = [sample for record in samples if isinstance(record, dict) for sample in record["WheelSample"]]
+    assert {sample["wheel"]: sample["speed_rad_s"] for sample in wheels} == pytest.approx({0: 10.0, 1: 20.0})
+    last = samples[-1]
+    assert isinstance(last, dict)
+    assert last["RateSample"][0]["rate_z_rad_s"] == pytest.approx(math.radians(5.0))
+    assert command("replay", "drive.mcap") == 0
+
+
+def test_several_logs_go_into_a_folder_or_none_is_written(command: Command, folder: Path) -> None:
+    write_log(folder / "one.log", frames_of_a_turn())
+    write_log(folder / "two.asc", frames_of_a_turn())
+    Path("logs").mkdir()
+    assert import_it(command, "one.log", "two.asc", out="logs") == 0, command.error
+    assert sorted(path.name for path in Path("logs").iterdir()) == ["one.mcap", "two.mcap"]
+    Path("three.log").write_text("(1.0) can0 100#00\nnonsense\n", "utf-8")
+    assert import_it(command, "one.log", "three.log", out="logs") == 2
+    assert import_it(command, "three.log", out="logs/three.mcap") == 2
+    assert_one_sentence(command.error, "three.log line 2", "correct or cut the file there")
+    assert len(list(Path("logs").iterdir())) == 2
+
+
+def test_a_log_without_the_wheels_is_refused_with_that_reason(command: Command, folder: Path) -> None:
+    others = (message for message in frames_of_a_turn() if message.arbitration_id == 0x300)
+    write_log(folder / "others.log", others)
+    assert import_it(command, "others.log") == 2
+    assert_one_sentence(command.error, "no wheel, steering or yaw signal is in it", "--list")
+    turning = (message for message in frames_of_a_turn() if message.arbitration_id == 0x200)
+    write_log(folder / "yaw.log", turning)
+    assert import_it(command, "yaw.log") == 2
+    assert_one_sentence(command.error, "no wheel or steering signal is in it")
+    assert not Path("drive.mcap").exists()
+
+
+def test_the_listing_shows_rates_and_ranges_and_what_is_missing(command: Command, folder: Path) -> None:
+    write_log(folder / "turn.log", frames_of_a_turn())
+    assert command("import", "can", "turn.log", "--list", "--dbc", "own.dbc") == 0
+    assert "100  200 frames, 100 /s" in command.out
+    assert "Left: 3.6 to 3.6 km/h  wheel" in command.out
+    assert "00000200  200 frames" in command.out
+    assert "YawRate: -4 to -4 deg/s  yaw" in command.out
+    assert "no steering signal is in it" in command.out
+    assert command("import", "can", "turn.log", "--list") == 0
+    assert "no DBC file" in command.out
+    assert command("import", "can", "turn.log", "--config", "rover.toml") == 2
+    assert_one_sentence(command.error, "--out is missing")
+    assert command("import", "can", "turn.log", "--config", "rover.toml", "--out", "a.mcap") == 2
+    assert_one_sentence(command.error, "rover.toml has no [devices]", "--map")
+    assert command("export", "turn.log", "--can") == 2
+
+
+def test_two_buses_in_a_file_need_a_choice(command: Command, folder: Path) -> None:
+    text = "".join(f"({1.0 + 0.01 * row:.6f}) can{row % 2} 100#6801D00200000000\n" for row in range(200))
+    Path("two.log").write_text(text, "utf-8")
+    assert import_it(command, "two.log") == 2
+    assert_one_sentence(command.error, "several buses, can0, can1", "--channel")
+    chosen = ("--config", "rover.toml", "--map", "own.toml", "--channel", "can1", "--out", "drive.mcap")
+    assert command("import", "can", "two.log", *chosen) == 0, command.error
+    assert "frames: 100" in command.out
+
+
+SAVVYCAN = """Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8
+{rows}"""
+
+
+def test_a_file_of_savvycan_holds_the_same_frames(folder: Path) -> None:
+    messages = list(frames_of_a_turn())
+    rows = "".join(
+        f"{round((message.timestamp - 1.7e9) * 1e6)},{message.arbitration_id:08X},"
+        f"{str(message.is_extended_id).lower()},Rx,0,{message.dlc},"
+        + "".join(f"{byte:02X}," for byte in message.data)
+        + "\n"
+        for message in messages
+    )
+    (folder / "savvy.csv").write_text(SAVVYCAN.format(rows=rows), "utf-8")
+    found = read_can_log(folder / "savvy.csv")
+    expected = read_can_log(write_log(folder / "turn.log", iter(messages)))
+    assert np.array_equal(found.identifiers, expected.identifiers)
+    assert np.array_equal(found.data, expected.data)
+    assert found.t_s == pytest.approx(expected.t_s - 1.7e9, abs=1e-6)
+    (folder / "savvy.csv").write_text(SAVVYCAN.format(rows=rows.replace("0000", "00XX", 1)), "utf-8")
+    with pytest.raises(LogError, match="line 2: not a frame"):
+        read_can_log(folder / "savvy.csv")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("a.log", b"", "holds no CAN frame"),
+        ("a.log", b"\0" * 200_000, "line 0: not a frame of a .log log: a line is longer"),
+        ("a.log", b"(1.0) can0 100#00\n(nan) can0 100#00\n", "frame 2 has no time"),
+        ("a.log", b"(9.0) can0 100#00\n(1.0) can0 100#00\n", "the time runs back by 8.000 s at frame 2"),
+        ("a.log", b"\xff\xfe\x00", "not a frame"),
+        ("a.blf", b"LOGG" + bytes(20), "not a frame of a .blf log"),
+        ("a.trc", b"no trace\n", "holds no CAN frame"),
+        ("a.asc", b"date\n", "holds no CAN frame"),
+        ("a.csv", b"timestamp,id\n1,x\n", "not a frame of a .csv log"),
+        ("a.txt", b"(1.0) can0 100#00\n", "no log of a CAN bus ends in '.txt'"),
+        ("a.log.gz", gzip.compress(b"(1.0) can0 100#00\n" * 99)[:-9], "not a whole .gz file"),
+        ("a.log.gz", b"no gzip", "cannot read"),
+    ],
+)
+def test_a_wrong_file_is_refused_in_one_sentence(
+    command: Command, folder: Path, name: str, content: bytes, words: str
+) -> None:
+    Path(name).write_bytes(content)
+    assert import_it(command, name) == 2
+    assert_one_sentence(command.error, name, words)
+    assert not Path("drive.mcap").exists()
+
+
+def test_a_blf_container_that_unpacks_to_anything_is_refused(folder: Path) -> None:
+    path = write_log(folder / "turn.blf", frames_of_a_turn())
+    raw = bytearray(path.read_bytes())
+    start = raw.index(b"LOBJ")
+    raw[start + 8 : start + 12] = (600 * 1024).to_bytes(4, "little")
+    path.write_bytes(raw)
+    with pytest.raises(LogError, match="a container has 614,400 bytes"):
+        read_can_log(path)
+
+
+def test_mf4_is_read_where_its_library_is_installed(folder: Path) -> None:
+    if find_spec("asammdf") is None:
+        (folder / "turn.mf4").write_bytes(b"MDF")
+        with pytest.raises(ConfigError, match="needs asammdf"):
+            read_can_log(folder / "turn.mf4")
+        pytest.skip("asammdf is not installed")
+    path = write_log(folder / "turn.mf4", frames_of_a_turn())
+    assert len(read_can_log(path)) == 600
+
+
+# What others have recorded.
+
+
+def wheel_logs(shared_data: Path) -> list[tuple[Path, tuple[str, ...]]]:
+    folder = shared_data / "vehicles"
+    toyota, ford = "can_logs/toyota_iQ_2009_can.dbc", "can_wheels/ford_lincoln_base_pt.dbc"
+    logs = {
+        "can_logs/steering.log": (toyota,),
+        "can_logs/accellog.log": (toyota,),
+        "can_logs/noeculog.log": (toyota,),
+        "can_logs/noeculog.trc": (toyota,),
+        "can_wheels/mustang_s550.log.gz": (ford, "can_wheels/ford_fusion_2018_pt.dbc"),
+        "can_wheels/gt350_rear_wheels_only.trc.gz": (ford, "can_wheels/ford_fusion_2018_pt.dbc"),
+        "can_wheels/civic_2019.log.gz": ("can_wheels/honda_civic_cut.dbc",),
+    }
+    return [(folder / log, tuple(str(folder / dbc) for dbc in dbcs)) for log, dbcs in logs.items()]
+
+
+def decoded(message: Message, data: bytes) -> dict[str, float]:
+    try:
+        values = message.decode(data, decode_choices=False)
+    except Exception:  # noqa: BLE001 - too short: cantools and the program decode nothing
+        return {}
+    assert isinstance(values, dict)
+    return {name: float(value) for name, value in values.items() if isinstance(value, int | float)}
+
+
+def test_measured_frames_and_values_equal_python_can_and_cantools_to_the_last_bit(shared_data: Path) -> None:
+    """Every frame of every file; of each message the values of 100 frames over the whole record."""
+    values = 0
+    for path, dbcs in wheel_logs(shared_data):
+        messages, frames = list(can.LogReader(path)), read_can_log(path)
+        assert [message.timestamp for message in messages] == frames.t_s.tolist()
+        assert [message.arbitration_id for message in messages] == (
+            frames.identifiers & ~np.uint32(EXTENDED_FLAG)
+        ).tolist()
+        payloads = [payload for _, payload in timed_payloads(frames, np.arange(len(frames)), 0.0)]
+        assert [bytes(message.data) for message in messages] == [
+            payload[8 : 8 + payload[4]] for payload in payloads
+        ]
+        by_identifier = frames.by_identifier()
+        for dbc in dbcs:
+            for message in read_dbc(Path(dbc)).messages:
+                places = by_identifier.get(message.frame_id)
+                if places is None or message.length > 8:
+                    continue
+                places = places[:: max(1, len(places) // 100)]
+                columns = MessageFrames(message, frames.lengths[places], frames.data[places])
+                rows = [decoded(message, bytes(messages[place].data)) for place in places.tolist()]
+                for signal in message.signals:
+                    expected = [row.get(signal.name, math.nan) for row in rows]
+                    assert np.array_equal(columns.values(signal.name), expected, equal_nan=True)
+                    values += len(expected)
+    assert values > 100_000
+
+
+def test_measured_values_equal_the_reference(shared_data: Path) -> None:
+    folder = shared_data / "vehicles" / "can_wheels"
+    with (folder / "reference.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    read = functools.cache(lambda name: read_can_log(folder / name))
+    database = functools.cache(lambda name: read_dbc(folder / f"{name}.dbc"))
+    for row in rows:
+        found = read(row["file"])
+        message = database(row["dbc"]).get_message_by_name(row["message"])
+        places = found.by_identifier()[int(row["id"], 16)]
+        columns = MessageFrames(message, found.lengths[places], found.data[places])
+        values = columns.values(row["signal"])
+        held = values[~np.isnan(values)]
+        assert len(held) == int(row["count"])
+        for key, number in (("first", held[0]), ("last", held[-1]), ("min", held.min()), ("max", held.max())):
+            assert number == pytest.approx(float(row[key]), rel=1e-6, abs=1e-6)
+        assert held.mean() == pytest.approx(float(row["mean"]), rel=1e-5, abs=1e-5)
+
+
+def codec_raw(message: Message, name: str, data: bytes) -> float | None:
+    values, _ = MessageReader(message, [name], None).read(data)
+    return None if values is None else values.get(name)
+
+
+def test_raw_numbers_of_random_layouts_equal_the_codec(folder: Path) -> None:
+    rng = np.random.default_rng(35)
+    checked = 0
+    for _ in range(60):
+        length = int(rng.integers(1, 65))
+        order, sign = int(rng.integers(0, 2)), "+-"[int(rng.integers(0, 2))]
+        start = int(rng.integers(0, 65 - length))
+        if order == 0:
+            start = 8 * (start // 8) + 7 - start % 8
+        scale = float(rng.choice([1, 2, -3, 0.01, 1e-3]))
+        (folder / "one.dbc").write_text(
+            'VERSION ""\nBU_: A B\nBO_ 16 M: 8 A\n'
+            f' SG_ S : {start}|{length}@{order}{sign} ({scale},5) [0|0] "" B\n',
+            "utf-8",
+        )
+        message = read_dbc(folder / "one.dbc").get_message_by_name("M")
+        data = rng.integers(0, 256, (50, 8), np.uint8)
+        columns = MessageFrames(message, np.full(50, 8, np.uint8), data)
+        raws = [codec_raw(message, "S", bytes(row)) for row in data]
+        assert [int(raw) for raw in columns.raw("S").tolist()] == raws
+        expected = [float(message.decode(bytes(row))["S"]) for row in data]  # type: ignore[arg-type, call-overload]
+        assert columns.values("S").tolist() == expected
+        checked += 1
+    assert checked == 60
+
+
+CARS: dict[str, tuple[str, str]] = {
+    "can_wheels/mustang_s550.log.gz": (
+        "ford",
+        'speed = { message = "WheelSpeed", signal = "Whl{node}_W_Meas", unit = "rad/s" }',
+    ),
+    "can_wheels/civic_2019.log.gz": (
+        "honda",
+        'speed = { message = "WHEEL_SPEEDS", signal = "WHEEL_SPEED_{node}", unit = "km/h", radius_m = 0.33 }',
+    ),
+    "can_logs/steering.log": (
+        "toyota",
+        'speed = { message = "WHEELS_SPEEDS", signal = "{node}_WHEEL_SPEED", unit = "km/h", radius_m = 0.3 }',
+    ),
+}
+NODES = {
+    "ford": ("Fl", "Fr", "Rl", "Rr"),
+    "honda": ("FL", "FR", "RL", "RR"),
+    "toyota": ("FRONT_LEFT", "FRONT_RIGHT", "REAR_LEFT", "REAR_RIGHT"),
+}
+STEERING = {
+    "ford": 'message = "Steering_Wheel_Data_CG1", signal = "SteWhlRelInit_An_Sns"',
+    "honda": 'message = "STEERING_SENSORS", signal = "STEER_ANGLE"',
+}
+DBC_FILES = {
+    "ford": ("ford_lincoln_base_pt.dbc", "ford_fusion_2018_pt.dbc"),
+    "honda": ("honda_civic_cut.dbc",),
+    "toyota": ("toyota_iQ_2009_can.dbc",),
+}
+
+
+@pytest.fixture
+def car(shared_data: Path, folder: Path) -> Callable[[str], str]:
+    """Return what writes rover and mapping for a measured log, and gives the path of the log."""
+
+    def write(name: str) -> str:
+        kind, speed = CARS[name]
+        log = shared_data / "vehicles" / name
+        for dbc in DBC_FILES[kind]:
+            (folder / dbc).write_bytes((log.parent / dbc).read_bytes())
+        lines = [f"dbc = {list(DBC_FILES[kind])}", "[every_wheel]", speed]
+        for place, node in enumerate(NODES[kind]):
+            lines += ["[[wheel]]", f'node = "{node}"']
+            if place < 2 and kind in STEERING:
+                lines.append(f'steering = {{ {STEERING[kind]}, unit = "deg", ratio = 15 }}')
+        Path("own.toml").write_text("\n".join(lines), "utf-8")
+        Path("rover.toml").write_text(FOUR_WHEELS, "utf-8")
+        return str(log)
+
+    return write
+
+
+def test_a_measured_bus_without_wheels_is_refused(command: Command, car: Callable[[str], str]) -> None:
+    log = car("can_logs/steering.log")
+    assert import_it(command, log) == 2
+    assert_one_sentence(command.error, "no wheel, steering or yaw signal is in it")
+    assert command("import", "can", log, "--list", "--dbc", "toyota_iQ_2009_can.dbc") == 0
+    assert "no wheel, steering or yaw signal is in it" in command.out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["can_wheels/mustang_s550.log.gz", "can_wheels/civic_2019.log.gz"])
+def test_a_measured_car_is_imported_and_replays(
+    command: Command, car: Callable[[str], str], name: str
+) -> None:
+    log = car(name)
+    assert import_it(command, log) == 0, command.error
+    if "civic" in name:
+        assert "no frame of the rover for up to 10.0 s" in command.out
+    assert command("replay", "drive.mcap") == 0
+    assert "every output identical" in command.out
+    bus = load_mapping("own.toml")
+    assert bus.mapping.wheel[0].steering is not None

@@ -1,0 +1,128 @@
+"""`import table --propose`, names removed: columns are recognised, no wrong guess is without its mark."""
+
+import gzip
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_hil.importing.table.columns import read_columns
+from rover_hil.importing.table.propose import propose
+from tests.rover_hil.command import Command, assert_one_sentence
+from tests.rover_hil.test_import_table import write
+
+RIGHT = {
+    "optiodom/diff": "time truth.x truth.y truth.yaw wheel.0.step wheel.1.step",
+    "optiodom/omni3": "time truth.x truth.y truth.yaw wheel.0.step wheel.1.step wheel.2.step",
+    "mower/increments": "time increments.distance increments.turn",
+    "mower/truth": "time truth.x truth.y truth.yaw",
+}
+
+
+def without_names(source: Path, target: Path) -> Path:
+    lines = gzip.decompress(source.read_bytes()).decode().splitlines()
+    target.write_text("\n".join(line for line in lines if not re.search("[A-Za-z]{2}", line)) + "\n", "utf-8")
+    return target
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_columns_of_measured_drives_without_names_are_recognised(
+    shared_data: Path, tmp_path: Path, name: str
+) -> None:
+    folder = shared_data / "vehicles"
+    files = sorted((folder / name).glob("circular/*/*_run-*.csv.gz")) or [folder / f"{name}.csv.gz"]
+    expected = dict(enumerate(RIGHT[name].split(), start=1))
+    for file in [file for file in files if "_odo" not in file.name][::5]:
+        guesses = propose(without_names(file, tmp_path / "drive.csv"))
+        right = [guess for guess in guesses if expected.get(guess.column) == guess.key]
+        assert len(right) >= 0.8 * len(expected)
+        assert all(guess.is_doubtful for guess in guesses if guess not in right)
+
+
+def test_the_proposal_of_a_measured_drive_is_imported_after_one_edit(
+    command: Command, shared_data: Path
+) -> None:
+    folder = shared_data / "vehicles" / "optiodom" / "diff" / "circular"
+    drive_csv = str(min(folder.glob("*/*_run-01.csv.gz")))
+    assert command("import", "table", drive_csv, "--propose", "columns.toml") == 0, command.error
+    assert "? column 5: wheel.0.step" in command.out
+    assert "as a right wheel" in command.out
+    text = Path("columns.toml").read_text("utf-8")
+    assert "# ? whole numbers" in text
+    text = text.replace("ticks_per_turn = 1000", "ticks_per_turn = 64, gear_ratio = 43.7")
+    text = text.replace("y_m = 0.2, radius_m = 0.1", "y_m = Y, radius_m = 0.042")
+    text = text.replace("y_m = -0.2, radius_m = 0.1", "y_m = 0.1, radius_m = 0.042").replace("= Y", "= -0.1")
+    Path("columns.toml").write_text(text, "utf-8")
+    arguments = (drive_csv, "--columns", "columns.toml", "--out", "drive.mcap", "--json")
+    assert command("import", "table", *arguments) == 0, command.error
+    assert json.loads(command.out)[0]["findings"] == []
+
+
+def guesses_of(path: Path) -> dict[str, tuple[int, dict[str, str], bool]]:
+    return {guess.key: (guess.column, dict(guess.settings), guess.is_doubtful) for guess in propose(path)}
+
+
+def test_units_wraps_and_a_gyro_are_seen_in_the_numbers(tmp_path: Path) -> None:
+    t_s = 0.0125 * np.arange(400)
+    rate = 0.5 + 0.4 * np.sin(t_s)
+    yaw = np.cumsum(rate) * 0.0125
+    x, y = np.cumsum(0.4 * 0.0125 * np.cos(yaw)), np.cumsum(0.4 * 0.0125 * np.sin(yaw))
+    ticks = np.floor(np.cumsum(0.4 * 0.0125 / 0.05 * np.ones(len(t_s))) * 400) % 4096
+    table = {
+        "a": np.degrees(rate),
+        "b": np.round(1000 * t_s, 1),
+        "c": y,
+        "d": np.degrees(yaw),
+        "e": x,
+        "f": ticks,
+    }
+    found = guesses_of(write(tmp_path / "made.csv", table))
+    assert found["time"] == (2, {"unit": '"ms"'}, False)
+    assert (found["truth.x"][0], found["truth.y"][0]) == (5, 3)
+    assert found["truth.yaw"] == (4, {"unit": '"deg"'}, False)
+    assert found["imu.yaw_rate"] == (1, {"unit": '"deg/s"'}, False)
+    assert found["wheel.0.position"][1]["wrap"] == "4096"
+
+
+def test_names_and_units_of_a_header_are_used(command: Command) -> None:
+    rng = np.random.default_rng(35)
+    rows = 50
+    table = {
+        "stamp [ms]": 20.0 * np.arange(rows),
+        "left_rpm [rpm]": rng.normal(30.0, 1.0, rows),
+        "right_rpm [rpm]": rng.normal(30.0, 1.0, rows),
+        "gyro_z [deg/s]": rng.normal(0.0, 1.0, rows),
+        "x [mm]": rng.normal(0.0, 1.0, rows),
+        "y [mm]": rng.normal(0.0, 1.0, rows),
+        "yaw [deg]": rng.normal(0.0, 1.0, rows),
+    }
+    write(Path("drive.csv"), table)
+    assert command("import", "table", "drive.csv", "--propose", "columns.toml", "--json") == 0, command.error
+    found = {guess["key"]: guess for guess in json.loads(command.out)}
+    assert found["time"]["settings"] == {"unit": '"ms"'}
+    assert found["wheel.0.speed"]["settings"] == {"unit": '"rpm"'}
+    assert found["wheel.1.speed"]["column"] == 3
+    assert found["imu.yaw_rate"]["settings"] == {"unit": '"deg/s"'}
+    assert found["truth.x"]["settings"] == {"unit": '"mm"'}
+    read_columns(Path("columns.toml"))
+    assert command("import", "table", "drive.csv", "--propose", "columns.toml") == 2
+    assert_one_sentence(command.error, "columns.toml exists", "--force")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a,b\n1,2\n", "fewer than three rows"),
+        ("a,b\n3,2\n2,1\n1,0\n0,0\n", "no column grows from row to row"),
+        ("a,b\nx,y\nz,w\nu,v\n", "fewer than three rows"),
+    ],
+)
+def test_a_table_without_a_time_is_refused(command: Command, text: str, words: str) -> None:
+    Path("drive.csv").write_text(text, "utf-8")
+    assert command("import", "table", "drive.csv", "--propose", "columns.toml") == 2
+    assert_one_sentence(command.error, words)
+    assert not Path("columns.toml").exists()
+    assert command("import", "table", "drive.csv") == 2
+    assert_one_sentence(command.error, "--columns and --out are needed", "--propose")

@@ -1,0 +1,121 @@
+"""What the truth of a drive says against its wheels: planted faults in measured drives, and sound drives."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.rover_hil.command import Command
+
+DIFFERENTIAL = """[rover]
+kinematics = "wheels"
+wheels = [{ x_m = 0.0, y_m = -0.1, radius_m = 0.042 }, { x_m = 0.0, y_m = 0.1, radius_m = 0.042 }]
+"""
+OMNI = """[rover]
+kinematics = "omni3"
+wheel_radius_m = 0.051
+base_radius_m = 0.195
+wheel_angles_deg = [60.0, 180.0, 300.0]
+"""
+REST = """[limits]
+wheel_speed_rad_s = 200
+wheel_acceleration_rad_s2 = 500
+[truth]
+x = { column = 2 }
+y = { column = 3 }
+yaw = { column = 4 }
+"""
+UNSURE = "this drive cannot tell which"
+
+
+def columns(kind: str, order: tuple[int, ...], signs: tuple[int, ...], factor: float = 1.0) -> str:
+    """Return a file of columns for the motion capture sets, with faults planted."""
+    ticks, gear = (64 / factor, 43.7) if kind == "diff" else (1024 / factor, 12.0)
+    usual = 1 if kind == "diff" else -1  # the ticks of the omnidirectional robot count the other way round
+    text = "header_lines = 0\ntime = { column = 1 }\n"
+    for place, sign in zip(order, signs, strict=True):
+        text += (
+            f"[[wheel]]\nstep = {{ column = {5 + place}, unit = 'ticks', ticks_per_turn = {ticks!r}, "
+            f"gear_ratio = {gear}, sign = {sign * usual} }}\n"
+        )
+    return text + (DIFFERENTIAL if kind == "diff" else OMNI) + REST
+
+
+def findings_of(command: Command, shared_data: Path, kind: str, run: int, text: str) -> list[str]:
+    folder = shared_data / "vehicles" / "optiodom" / kind / "circular"
+    log = sorted(path for path in folder.glob("*/*_run-*.csv.gz") if not path.name.endswith("_odo.csv.gz"))[
+        run
+    ]
+    Path("columns.toml").write_text(text, "utf-8")
+    arguments = (str(log), "--columns", "columns.toml", "--out", "drive.mcap", "--json", "--force")
+    assert command("import", "table", *arguments) == 0, command.error
+    (drive,) = json.loads(command.out)
+    return [finding["text"] for finding in drive["findings"]]
+
+
+@pytest.mark.parametrize(("kind", "run"), [("diff", 0), ("diff", 3), ("omni3", 1), ("omni3", 20)])
+def test_a_measured_drive_as_it_is_has_no_finding(
+    command: Command, shared_data: Path, kind: str, run: int
+) -> None:
+    count = 2 if kind == "diff" else 3
+    assert (
+        findings_of(command, shared_data, kind, run, columns(kind, tuple(range(count)), (1,) * count)) == []
+    )
+
+
+PLANTED = [
+    ("diff", (1, 0), (1, 1), 1.0, ("left and right exchanged", "all wheels reversed", UNSURE)),
+    ("diff", (0, 1), (-1, -1), 1.0, ("left and right exchanged", "all wheels reversed", UNSURE)),
+    ("diff", (0, 1), (-1, 1), 1.0, ("wheel 0 reversed",)),
+    ("diff", (0, 1), (1, -1), 1.0, ("wheel 1 reversed",)),
+    ("diff", (1, 0), (-1, 1), 1.0, ("wheels and truth contradict each other",)),
+    ("diff", (0, 1), (1, 1), 1.0 / 57.29578, ("deg where rad is meant",)),
+    ("diff", (0, 1), (1, 1), 1.0 / 9.5493, ("rpm where rad/s is meant",)),
+    ("diff", (0, 1), (1, 1), 6.2832, ("revolutions where rad is meant",)),
+    ("diff", (0, 1), (1, 1), 4.0, ("ticks_per_turn, gear_ratio, radius",)),
+    ("omni3", (0, 1, 2), (-1, -1, -1), 1.0, ("all wheels reversed",)),
+    ("omni3", (0, 1, 2), (1, -1, 1), 1.0, ("wheel 1 reversed",)),
+    ("omni3", (0, 1, 2), (1, 1, 1), 1.0 / 57.29578, ("deg where rad is meant",)),
+]
+
+
+@pytest.mark.parametrize(("kind", "order", "signs", "factor", "words"), PLANTED)
+def test_a_fault_planted_in_a_measured_drive_is_named(
+    command: Command,
+    shared_data: Path,
+    kind: str,
+    order: tuple[int, ...],
+    signs: tuple[int, ...],
+    factor: float,
+    words: tuple[str, ...],
+) -> None:
+    found = findings_of(command, shared_data, kind, 1, columns(kind, order, signs, factor))
+    assert len(found) == 1
+    for word in words:
+        assert word in found[0]
+    assert command("replay", "drive.mcap", "--out", "report") == 0
+    assert f"finding in the whole drive: {found[0]}" in command.out
+    assert found[0] in json.loads(Path("report/summary.json").read_text("utf-8"))["findings"][-1]["text"]
+
+
+def test_a_speed_that_is_not_the_change_of_the_angle_is_told(command: Command) -> None:
+    """The angle turns at 3 rad/s and swings; the column of the speed holds rpm, called rad/s."""
+    lines = ["t,l,r,sl,sr"]
+    angle = 0.0
+    for number in range(400):
+        speed = 3.0 + 2.0 * (number // 40 % 2)
+        lines.append(f"{0.05 * number},{angle},{angle},{speed * 9.5493},{-speed}")
+        angle += 0.05 * speed
+    Path("drive.csv").write_text("\n".join(lines) + "\n", "utf-8")
+    text = 'time = { column = "t" }\n' + "".join(
+        f'[[wheel]]\nposition = {{ column = "{side}", unit = "rad" }}\n'
+        f'speed = {{ column = "s{side}", unit = "rad/s" }}\n'
+        for side in "lr"
+    )
+    Path("columns.toml").write_text(text + DIFFERENTIAL + REST.split("[truth]")[0], "utf-8")
+    assert command("import", "table", "drive.csv", "--columns", "columns.toml", "--out", "d.mcap") == 0
+    assert "finding in the whole drive: wheel 0: its speed is 9.5" in command.out
+    assert "rpm where rad/s is meant" in command.out
+    assert "wheel 1: its speed is -0.99" in command.out or "wheel 1: its speed is -1" in command.out
+    assert command("replay", "d.mcap") == 0
+    assert "rpm where rad/s is meant" in command.out
