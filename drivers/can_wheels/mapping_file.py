@@ -197,8 +197,8 @@ def _mapping_path(name_or_path: str) -> Path:
     path = Path(name_or_path)
     if not is_file(path):
         raise ConfigError(
-            f"no mapping '{name_or_path}': give the path of a TOML file, relative to the current directory, "
-            f"or one of {', '.join(shipped)}{close_match(name_or_path, shipped)}"
+            f"no mapping '{name_or_path}': give the path of a TOML file, beside the configuration or from "
+            f"the current folder, or one of {', '.join(shipped)}{close_match(name_or_path, shipped)}"
         )
     return path
 

@@ -14,7 +14,7 @@ class CanWheelsSettings(CanDeviceSettings, DriveSettings):
 
     Attributes:
         mapping: Name of a shipped mapping (generic_wheel, steered_wheel, odrive_0_5,
-            odrive_0_6), or path of a TOML file, relative to the current directory.
+            odrive_0_6), or path of a TOML file from the configuration's folder.
     """
 
     data_file_keys = ("mapping",)

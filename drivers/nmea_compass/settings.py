@@ -18,8 +18,8 @@ class NmeaCompassSettings(SerialDeviceSettings):
         max_age_s: The device counts as silent when its newest sample is older than this. The default fits a
             compass at 10 Hz; one lost sentence already exceeds it.
         require_checksum: Reject sentences without a checksum. A wrong checksum is always rejected.
-        calibration: Path of a deviation table, a TOML file, applied to magnetic headings; relative to the
-            current directory.
+        calibration: Path of a deviation table, a TOML file, applied to magnetic headings; from the
+            configuration's folder.
     """
 
     data_file_keys = ("calibration",)

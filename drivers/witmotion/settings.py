@@ -18,7 +18,7 @@ class WitMotionSettings(InertialSettings):
         baud_rate: Line speed; the device leaves the factory at 9600 bit/s, which is too slow for 50 Hz.
         yaw_zero_deg: Direction of the sensor's x axis, counter-clockwise from magnetic east, when it reports
             yaw 0. The data sheets name an east-north-up frame, hence 0; check it against a known direction.
-        calibration: Path of a TOML file with hard and soft iron, relative to the current directory. With it
+        calibration: Path of a TOML file with hard and soft iron, from the configuration's folder. With it
             the heading is computed from the raw magnetic field (frame 0x54, which the device must be set to
             send) instead of the device's yaw.
     """

@@ -754,10 +754,10 @@ def import_can(
 ) -> None:
     """Turn logs of a CAN bus into logs of a rover; the drivers decode its frames, and replay bit for bit.
 
-    Example: `rover-hil import can drive.log --config my_rover.toml --out drive.mcap`
+    Example: `rover-hil import can drive.log --config el-dorado --out drive.mcap`
 
-    Data: `rover-hil export runs/first/run.mcap --can` writes such a log of a rover on a CAN bus; for yours,
-    docs/how-to/import_a_can_log.md shows mapping and DBC file.
+    Data: `rover-hil sample can` writes such a log; for yours, docs/how-to/import_a_can_log.md shows mapping
+    and DBC file.
     """
     with held_signals():
         from rover_hil.app.import_can import import_can_logs, list_can_logs

@@ -46,6 +46,8 @@ def load_config(name_or_path: str, rules: tuple[Rule, ...] = ()) -> Config:
     """
     table = read_config_table(name_or_path)
     _rename_old_sections(table)
+    if name_or_path not in shipped_configs():
+        _find_beside(table, Path(name_or_path).parent)
     _simulate_the_same_wheels(table)
     unreadable = _inline_files(table)
     try:
@@ -166,6 +168,45 @@ def _simulate_the_same_wheels(table: Table) -> None:
         plant.setdefault("wheels", rover["wheels"])
 
 
+def _find_beside(table: Table, folder: Path) -> None:
+    """Let file names that a configuration holds count from its own folder, where the file is there.
+
+    Any other name stays: it is that of a shipped file, or counts from the current folder as in earlier
+    versions.
+    """
+    simulation, devices = table.get("simulation"), table.get("devices")
+    sections: list[tuple[object, tuple[str, ...]]] = [
+        (table.get(section), tuple(key for name, key, _, _ in INLINED if name == section))
+        for section in dict.fromkeys(name for name, _, _, _ in INLINED)
+    ]
+    sections.append((simulation.get("plant") if isinstance(simulation, dict) else None, ("site",)))
+    if isinstance(devices, dict):
+        sections += [(device, ("mapping", "calibration", "path")) for device in devices.values()]
+    for settings, keys in sections:
+        for key in keys if isinstance(settings, dict) else ():
+            name = settings.get(key) if isinstance(settings, dict) else None
+            if isinstance(name, str) and isinstance(settings, dict) and _is_beside(folder, name, key):
+                settings[key] = str(folder / name)
+
+
+def _is_beside(folder: Path, name: str, key: str) -> bool:
+    try:
+        return is_file(folder / name) or (key == "path" and (folder / name).is_dir())
+    except (OSError, ValueError):
+        return False
+
+
+INLINED = (
+    ("filter", "motor_fields", "motor fields", "motor_fields/{}.toml"),
+    ("slip", "maps", "slip map", "slip_maps/{}.toml"),
+    ("slip", "gyro_response", "gyro response", "gyro_responses/{}.toml"),
+    ("scomp", "parameters", "parameters", "scomp_parameters/{}.toml"),
+    ("scomp", "rig", "rig file", "rigs/{}.json"),
+    ("ground_motion", "rig", "rig file", "rigs/{}.json"),
+)
+"""Section, key, what the file is, and where the shipped ones are."""
+
+
 def _inline_files(table: Table) -> dict[KeyPath, str]:
     """Put the content of files in the place of their names, so that a log holds all it needs.
 
@@ -173,14 +214,7 @@ def _inline_files(table: Table) -> dict[KeyPath, str]:
         Per key of a file that cannot be read the reason.
     """
     unreadable: dict[KeyPath, str] = {}
-    for section, key, what, pattern in (
-        ("filter", "motor_fields", "motor fields", "motor_fields/{}.toml"),
-        ("slip", "maps", "slip map", "slip_maps/{}.toml"),
-        ("slip", "gyro_response", "gyro response", "gyro_responses/{}.toml"),
-        ("scomp", "parameters", "parameters", "scomp_parameters/{}.toml"),
-        ("scomp", "rig", "rig file", "rigs/{}.json"),
-        ("ground_motion", "rig", "rig file", "rigs/{}.json"),
-    ):
+    for section, key, what, pattern in INLINED:
         settings = table.get(section)
         name = settings.get(key) if isinstance(settings, dict) else None
         if not isinstance(settings, dict) or not isinstance(name, str):

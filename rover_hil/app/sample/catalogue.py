@@ -53,6 +53,7 @@ SAMPLES: Mapping[str, Sample] = {
         ("first_rosbag2", "topics.toml"),
         drives.write_bag,
     ),
+    "can": Sample("a drive of `el-dorado` as a log of its CAN bus", ("drive.log",), drives.write_can_log),
     "table": Sample(
         "a drive as a table, and which of its columns hold what",
         ("table.csv", "columns.toml"),

@@ -17,6 +17,7 @@ from rover_hil.config.shipped import rigs
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.log import RecordedDrive, read_drive
 from rover_hil.datasets.robotino_csv import CAMERA_UNITS, MOTORS, RECORD_UNITS
+from rover_hil.exporting.can import write_can
 from rover_hil.exporting.rosbag2 import write_rosbag2
 from rover_hil.ftrace.log_frames import LogFrames
 from rover_hil.ftrace.telemetry import NEEDED, RATES, SPEED
@@ -93,6 +94,15 @@ def write_robotino(folder: Path) -> None:
     lines = [";".join(cells) for cells in header]
     lines += [";".join(f"{value:.6g}" if value % 1.0 else f"{value:.0f}" for value in row) for row in rows]
     (folder / "exp00.csv").write_text("\n".join(lines) + "\n", "utf-8")
+
+
+def write_can_log(folder: Path) -> None:
+    """Write the frames on the CAN bus of a drive of the four-wheel rover as candump does."""
+    config = load_config("el-dorado")
+    with TemporaryDirectory(prefix="rover_hil_") as name:
+        log = Path(name) / "run.mcap"
+        run_virtual(config, log, BAG_S, None)
+        write_can(LogReader(log), config, folder / "drive.log")
 
 
 def write_bag(folder: Path) -> None:
