@@ -30,6 +30,13 @@ CHECKSUM = re.compile(r"check|crc", re.IGNORECASE)
 COUNTER = re.compile(r"counter|alive|seq", re.IGNORECASE)
 SETPOINT = re.compile(r"set|cmd|command|target|ref|input", re.IGNORECASE)
 NUMBERED = re.compile(r"(.*?)(\d+)(.*)")
+PLACED = re.compile(
+    r"(.*?(?:^|_|(?<=[a-z])))"
+    r"((?:[Ff]ront|FRONT|[Mm]id(?:dle)?|MID(?:DLE)?|[Rr]ear|REAR|[Bb]ack|BACK)_?(?:[Ll]eft|LEFT|[Rr]ight|RIGHT)"
+    r"|[FMRB][LR]|[Ll]eft|LEFT|[Rr]ight|RIGHT)"
+    r"((?:_|[A-Z]|\d|$).*)"
+)
+"""A message of the wheel at a place, such as `MCU_FL_Feedback`."""
 POSITION_UNITS = {
     "rad": "rad",
     "rev": "rev",
@@ -46,8 +53,8 @@ ANGLE_UNITS = {"deg": "deg", "rad": "rad"}
 CURRENT_UNITS = {"a": "A", "ma": "mA"}
 ALGORITHMS = (None, "crc8_j1850", "xor8", "sum8")
 MOST_REJECTED = 0.2
-Templates = dict[str, dict[int, Message]]
-"""Messages by name with `{node}` for the number, then by number."""
+Templates = dict[str, dict[int | str, Message]]
+"""Messages by name with `{node}` for number or place of the wheel, then by that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,13 +63,13 @@ class Guess:
 
     Attributes:
         every_wheel: Its keys for all wheels.
-        nodes: Numbers of the wheels.
+        nodes: Numbers of the wheels, or their places, front left first.
         protection: Keys of its protection; empty without one.
         needs_ticks: The position counts ticks of which the number per turn is not known.
     """
 
     every_wheel: dict[str, dict[str, object]]
-    nodes: list[int]
+    nodes: list[int | str]
     protection: dict[str, object]
     needs_ticks: bool
 
@@ -116,8 +123,8 @@ def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:
         frames: What is on the bus: messages that are not there come from the host.
 
     Raises:
-        ConfigError: The file cannot be read, or has no numbered messages with a position or speed and a
-        set-point.
+        ConfigError: The file cannot be read, or has no messages of each wheel with a position or speed and a
+            set-point.
     """
     messages = read_messages(dbc)
     heard = {_number(frame) for frame in frames}
@@ -145,9 +152,8 @@ def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:
     if measured is None or setpoint is None:
         lack = "set-point" if measured is not None else "position or speed on the bus"
         raise ConfigError(
-            f"{dbc}: no numbered messages with a {lack} of each wheel were recognised: write the mapping "
-            f"by hand, "
-            "docs/how-to/drive_your_own_rover.md"
+            f"{dbc}: no messages with a {lack} of each wheel, by number or place, were recognised: write "
+            "the mapping by hand, docs/how-to/drive_your_own_rover.md"
         )
     every_wheel = {
         key: found[1]
@@ -163,7 +169,7 @@ def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:
         every_wheel["steering_setpoint"] = angle_setpoint[1]
         if angle is not None:
             every_wheel["steering"] = angle[1]
-    nodes = sorted(set(sent[measured[0]]) & set(taken[setpoint[0]]))
+    nodes = sorted(set(sent[measured[0]]) & set(taken[setpoint[0]]), key=_place)
     templates = [str(each["message"]) for each in every_wheel.values()]
     return Guess(
         every_wheel=every_wheel,
@@ -267,13 +273,25 @@ def _number(frame: CanFrame) -> int:
 
 
 def _templates(messages: Iterator[Message] | Sequence[Message]) -> Templates:
-    """Return messages by name with "{node}" for the number, then by number."""
-    found: defaultdict[str, dict[int, Message]] = defaultdict(dict)
+    """Return messages by name with "{node}" for number or place of the wheel, then by that."""
+    found: defaultdict[str, dict[int | str, Message]] = defaultdict(dict)
     for message in messages:
+        placed = PLACED.fullmatch(message.name)
         parts = NUMBERED.fullmatch(message.name)
-        if parts is not None:
+        if placed is not None:
+            found[f"{placed[1]}{{node}}{placed[3]}"][placed[2]] = message
+        elif parts is not None:
             found[f"{parts[1]}{{node}}{parts[3]}"][int(parts[2])] = message
     return dict(found)
+
+
+def _place(node: int | str) -> tuple[int, int]:
+    """Return what orders wheels: their number, or from the front to the rear, the left one first."""
+    if isinstance(node, int):
+        return node, 0
+    name = node.lower().replace("_", "")
+    row = 0 if name.startswith("f") or name in ("left", "right") else 1 if name.startswith("m") else 2
+    return row, int(name.endswith(("right", "r")))
 
 
 def _signals(templates: Templates) -> list[tuple[str, Signal]]:

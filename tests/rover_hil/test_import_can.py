@@ -383,6 +383,10 @@ CARS: dict[str, tuple[str, str]] = {
         "honda",
         'speed = { message = "WHEEL_SPEEDS", signal = "WHEEL_SPEED_{node}", unit = "km/h", radius_m = 0.33 }',
     ),
+    "can_wheels/gt350_rear_wheels_only.trc.gz": (
+        "ford",
+        'speed = { message = "WheelSpeed", signal = "Whl{node}_W_Meas", unit = "rad/s" }',
+    ),
     "can_logs/steering.log": (
         "toyota",
         'speed = { message = "WHEELS_SPEEDS", signal = "{node}_WHEEL_SPEED", unit = "km/h", radius_m = 0.3 }',
@@ -431,6 +435,20 @@ def test_a_measured_bus_without_wheels_is_refused(command: Command, car: Callabl
     assert_one_sentence(command.error, "no wheel, steering or yaw signal is in it")
     assert command("import", "can", log, "--list", "--dbc", "toyota_iQ_2009_can.dbc") == 0
     assert "no wheel, steering or yaw signal is in it" in command.out
+
+
+@pytest.mark.slow
+def test_a_measured_car_with_its_driven_axle_off_the_ground_is_told(
+    command: Command, car: Callable[[str], str]
+) -> None:
+    """By its driven wheels it drives 200 m; it stood."""
+    assert import_it(command, car("can_wheels/gt350_rear_wheels_only.trc.gz")) == 0, command.error
+    assert "wheel 0, 1 stands while wheel 2, 3 turns: wheels in the air" in command.out
+    messages = LogReader(Path("drive.mcap")).messages()
+    *_, last = (message.json() for message in messages if message.topic == "/estimate")
+    assert isinstance(last, dict)
+    pose = last["estimate"]
+    assert abs(pose["x_m"]) < 2.45 * math.sqrt(pose["covariance"][0])
 
 
 @pytest.mark.slow

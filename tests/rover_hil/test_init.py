@@ -212,14 +212,40 @@ def test_counter_and_checksum_of_a_dbc_file_are_found(tmp_path: Path) -> None:
     assert found.protection[0].counter == "Counter"
 
 
+@pytest.mark.parametrize(
+    ("places", "name"),
+    [
+        (("FL", "FR", "RL", "RR"), "MCU_{}_Feedback"),
+        (("front_left", "front_right", "rear_left", "rear_right"), "{}_state"),
+        (("FrontLeft", "FrontRight", "RearLeft", "RearRight"), "Wheel{}State"),
+    ],
+)
+def test_drives_that_are_called_by_their_places_are_found_in_their_order(
+    tmp_path: Path, places: tuple[str, ...], name: str
+) -> None:
+    """Messages stand in another order in the file; the wheels come from the front left on."""
+    frames = wheel_frames("el-dorado")
+    text = (SHIPPED_FOLDER / "generic_wheel.dbc").read_text("utf-8")
+    for number, place in enumerate(places):
+        text = text.replace(f"Wheel{number}_State", name.format(place))
+        text = text.replace(f"Wheel{number}_Setpoint", name.format(place) + "_Setpoint")
+    (tmp_path / "mine.dbc").write_text(text, "utf-8")
+    guess = guess_mapping(tmp_path / "mine.dbc", frames)
+    assert guess.nodes == list(places)
+    guess.every_wheel["position"]["ticks_per_revolution"] = 4096
+    write_mapping(tmp_path / "mine.toml", tmp_path / "mine.dbc", guess, frames, gear_ratio=1.0)
+    wheels = load_mapping(str(tmp_path / "mine.toml")).mapping.wheel
+    assert [wheel.position.message for wheel in wheels if wheel.position] == [name.format(p) for p in places]
+
+
 def test_a_dbc_file_without_drives_is_refused(tmp_path: Path) -> None:
     (tmp_path / "mine.dbc").write_text(
         'VERSION ""\n\nBU_: A\n\nBO_ 5 Lamp: 1 A\n SG_ On : 0|1@1+ (1,0) [0|1] "" A\n'
     )
-    with pytest.raises(ConfigError, match="no numbered messages with a position or speed"):
+    with pytest.raises(ConfigError, match="no messages with a position or speed"):
         guess_mapping(tmp_path / "mine.dbc", wheel_frames("el-dorado"))
     (tmp_path / "mine.dbc").write_text("\0")
-    with pytest.raises(ConfigError, match=r"cannot read DBC file|no numbered messages"):
+    with pytest.raises(ConfigError, match=r"cannot read DBC file|no messages"):
         guess_mapping(tmp_path / "mine.dbc", [])
 
 
