@@ -42,7 +42,8 @@ def test_figures_and_differences_stand_next_to_each_other(command: Command, runs
 def test_a_log_that_was_cut_off_is_said_so(command: Command, runs: tuple[Path, Path], tmp_path: Path) -> None:
     whole = runs[0].read_bytes()
     cut = tmp_path / "cut.mcap"
-    cut.write_bytes(whole[: len(whole) * 3 // 4])
+    data_end = b"\x0f" + (4).to_bytes(8, "little")  # opcode and length of the record that ends the data
+    cut.write_bytes(whole[: whole.rindex(data_end)])
     page = str(tmp_path / "page.html")
     assert command("compare", str(runs[0]), str(cut), "--out", page) == 0
     assert command.out.count("was cut off") == 1
