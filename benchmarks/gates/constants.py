@@ -1,7 +1,7 @@
 """Every number of estimators, monitors and stop rules, and what a change by 20 % does to a mission.
 
     python -m benchmarks.gates.constants > numbers.md      # twelve minutes on two cores
-    python -m benchmarks.gates.constants --only slip.effort.parameters.Watch
+    python -m benchmarks.gates.constants --only slip.effort.parameters.GyroInPlace
 
 Prints a row for each number that `numbers` finds, as in docs/results/constants.md: its value, and by how many
 mm the path of the shipped Robotino changes at 0.8 and at 1.2 of it (whole numbers change by 1) on a simulated

@@ -21,8 +21,8 @@ class DeadReckoning:
     """Adds up the steps of the estimate.
 
     The variances are upper bounds. The noise of the steps adds up as variances. What is correlated adds up as
-    standard deviations: the slip that remains (a share of the way), the bias of the gyro (over time), and
-    what a wrong yaw makes of the way.
+    standard deviations: the slip that remains (a share of the travel), the bias of the gyro (over time), and
+    the drift of the position by a wrong yaw.
 
     Attributes:
         pose: The pose.

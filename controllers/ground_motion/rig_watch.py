@@ -66,7 +66,7 @@ class RigWatch:
         self.doubted_m = max(self.doubted_m, doubted_m)
 
     def _wrong_course(self, slack_m: float) -> str:
-        """Return why the ground does not move as under a camera that is mounted as told; "" where it does."""
+        """Return which direction of the ground contradicts the mounting of the camera; "" for none."""
         numbers, along_m, across_m = self._numbers, self._ground_m.real, abs(self._ground_m.imag)
         if along_m < -numbers.backwards * self._wheel_m - slack_m:
             return "ground moves against the wheels: check that the camera is not upside down"

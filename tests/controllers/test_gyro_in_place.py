@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from controllers.slip.effort.gyro_watch import NOT_TURNED, OPPOSITE, TOO_SMALL, GyroInPlace
+from controllers.slip.effort.gyro_in_place import NOT_TURNED, OPPOSITE, TOO_SMALL, GyroInPlace
 from controllers.slip.effort.parameters import EFFORT
 
 ARM_M, CYCLE_S = 0.125, 0.02
@@ -29,12 +29,12 @@ def test_the_turn_is_small_begins_and_ends_at_rest_and_leaves_the_heading_to_the
     settling = [rate for rate in rates if rate == FOLLOWER_RAD_S]
     turning = [rate for rate in rates if rate != FOLLOWER_RAD_S]
     angles = [CYCLE_S * sum(turning[:end]) for end in range(len(turning) + 1)]
-    assert len(settling) * CYCLE_S == pytest.approx(EFFORT.watch.settle_s, abs=2 * CYCLE_S)
+    assert len(settling) * CYCLE_S == pytest.approx(EFFORT.gyro_in_place.settle_s, abs=2 * CYCLE_S)
     assert math.degrees(max(angles)) == pytest.approx(8.5, abs=1.0)
     assert math.degrees(min(angles)) == pytest.approx(-8.5, abs=1.0)
     assert angles[-1] == pytest.approx(0.0, abs=0.002)
     assert abs(turning[0]) + abs(turning[-1]) < 0.01
-    assert max(map(abs, turning)) * ARM_M == pytest.approx(EFFORT.watch.rim_m_s, rel=0.01)
+    assert max(map(abs, turning)) * ARM_M == pytest.approx(EFFORT.gyro_in_place.rim_m_s, rel=0.01)
     assert watch.yaw_rate_rad_s(200.0, FOLLOWER_RAD_S) is None
 
 
@@ -65,3 +65,30 @@ def test_before_and_after_its_turn_it_takes_nothing() -> None:
     done, _ = turn(1.0)
     done.take(100.0, 1.0, 0.1)
     assert (done.is_turning, done.reason) == (False, "")
+
+
+def test_wheels_near_the_centre_turn_slower_so_that_the_angle_stays_small() -> None:
+    watch, angle_rad, now_s = GyroInPlace(0.04), 0.0, 0.0
+    angles = [0.0]
+    while (rate_rad_s := watch.yaw_rate_rad_s(now_s, 0.0)) is not None:
+        angle_rad += rate_rad_s * CYCLE_S
+        angles.append(angle_rad)
+        now_s += CYCLE_S
+    assert max(map(abs, angles)) == pytest.approx(math.radians(10.0), rel=0.01)
+
+
+def test_a_turn_that_a_stop_interrupts_begins_anew() -> None:
+    watch = GyroInPlace(ARM_M)
+    for cycle in range(60):
+        rate_rad_s = watch.yaw_rate_rad_s(100.0 + CYCLE_S * cycle, FOLLOWER_RAD_S)
+        assert rate_rad_s is not None
+        watch.take(CYCLE_S, rate_rad_s, 0.5 * rate_rad_s)
+    now_s = 110.0
+    assert watch.yaw_rate_rad_s(now_s, FOLLOWER_RAD_S) == 0.0
+    while (rate_rad_s := watch.yaw_rate_rad_s(now_s, FOLLOWER_RAD_S)) is not None:
+        watch.take(CYCLE_S, rate_rad_s, rate_rad_s)
+        now_s += CYCLE_S
+    assert now_s == pytest.approx(
+        110.0 + EFFORT.gyro_in_place.period_s + EFFORT.gyro_in_place.settle_s, abs=2 * CYCLE_S
+    )
+    assert watch.reason == ""

@@ -113,7 +113,8 @@ class EffortCompensator:
         self._ground = GroundKnowledge(
             surfaces, are_named=bool(settings.known_surfaces), learns=settings.learn
         )
-        self._fixes = roles.fixes if settings.learn else ()
+        self._learns, self._fixes = settings.learn, roles.fixes
+        self._fix_ns: int | None = None
         self._by_fixes = SlipByFixes()
         self._device = roles.wheels
         self._gyro = roles.gyro
@@ -133,8 +134,6 @@ class EffortCompensator:
             if settings.use == YAW_PROBE
             else None
         )
-        self._all_fixes = roles.fixes
-        self._fix_ns: int | None = None
         correction = settings.torque_correction
         self._correction = None if correction is None else TorqueCorrection(rover, correction)
         self._settings = settings
@@ -213,10 +212,9 @@ class EffortCompensator:
 
     def feed(self, sample: Sample, t_ns: int) -> None:
         """Take the current of one wheel as of `t_ns`, unless it is missing, not finite or not newer."""
-        if isinstance(sample, PoseFixSample) and sample.device in self._all_fixes:
-            self._fix_ns = t_ns
         if isinstance(sample, PoseFixSample) and sample.device in self._fixes:
-            found = self._by_fixes.take(sample)
+            self._fix_ns = t_ns
+            found = self._by_fixes.take(sample) if self._learns else None
             if found is not None:
                 self._ground.learn(found.slip, found.force_n)
         elif isinstance(sample, RateSample) and sample.device == self._gyro and self._is_newer(t_ns):
@@ -258,7 +256,7 @@ class EffortCompensator:
         self.efforts = tuple(self._observe(increment, set_speed_rad_s))
         self._owners.check(self.efforts, increment.duration_s)
         self._ground.move(increment.duration_s, math.hypot(increment.x_m, increment.y_m))
-        if self._fixes:
+        if self._fixes and self._learns:
             self._move_between_fixes(increment, gyro_rate_rad_s)
         correction_m = self._update(increment, gyro_rate_rad_s)
         wheels = [

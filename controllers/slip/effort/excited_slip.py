@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.slip.effort.ground_knowledge import GYRO_WAS_WRONG, KnownSlip, SlipSource
+from controllers.slip.effort.gyro_in_place import GyroInPlace
 from controllers.slip.effort.gyro_response import GyroResponse
-from controllers.slip.effort.gyro_watch import GyroInPlace
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.slip_bracket import (
     BodyResponse,

@@ -128,10 +128,11 @@ class ExcitationParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WatchParameters:
+class GyroInPlaceParameters:
     """Turn to and fro in place, by which scale and sign of the gyro are judged."""
 
     rim_m_s: float = 0.072  # amplitude of the rims' speed: faster than the excitation, as no slip is read
+    greatest_rad: float = math.radians(10.0)  # to each side: wheels near the centre turn slower for it
     period_s: float = 2.5  # 9 degrees to each side with the wheels 0.125 m from the centre
     settle_s: float = 0.7  # after it, in which the path follower turns the rover back to its heading
     least_turn: float = 0.2  # of the amplitude, rms; the commanded turn has 0.47, less was not compared
@@ -199,7 +200,7 @@ class EffortParameters:
     learning: LearningParameters = LearningParameters()
     fixes: FixParameters = FixParameters()
     excitation: ExcitationParameters = ExcitationParameters()
-    watch: WatchParameters = WatchParameters()
+    gyro_in_place: GyroInPlaceParameters = GyroInPlaceParameters()
     bracket: BracketParameters = BracketParameters()
     sharing: SharingParameters = SharingParameters()
     range: RangeParameters = RangeParameters()
