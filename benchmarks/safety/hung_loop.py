@@ -62,9 +62,9 @@ KEPT_BYTES = 1 << 22
 CASE_S = 4.0
 UNWRITTEN_S = 0.6
 """So much of the log's end is lost where a loop is killed (docs/results/benchmarks.md)."""
-STALL_S = 0.1
+STALL_S = 0.15
 """The simulator writes its wheels' speed every 0.01 s."""
-MEMORY_GROUP = Path("/sys/fs/cgroup/memory/rover_hil_hung_loop")
+MEMORY_GROUP = Path(f"/sys/fs/cgroup/memory/rover_hil_hung_loop_{os.getpid()}")
 COST_BAR_US = 10.0
 CLOCK = SystemClock()
 
@@ -92,6 +92,7 @@ def swap_out(program: int, folder: Path) -> None:
     while CLOCK.now_ns() < end_ns:
         with suppress(OSError):  # busy: the rest was in use
             (MEMORY_GROUP / "memory.limit_in_bytes").write_text(str(KEPT_BYTES))
+        CLOCK.sleep_until(CLOCK.now_ns() + nanoseconds(0.05))
 
 
 CASES: dict[str, Callable[[int, Path], None]] = {
