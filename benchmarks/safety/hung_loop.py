@@ -190,6 +190,9 @@ def measure(name: str, case: str) -> tuple[bool, str]:
             group = MEMORY_GROUP
         with driving(name, folder, group) as program:
             before = max(speed for _, speed in speeds(folder)[-5:])
+            if before < 4 * REST_RAD_S or program.poll() is not None:
+                print(f"{name}, {case}: not measured, the rover had stopped by itself", flush=True)
+                return measure(name, case)
             act_ns = CLOCK.now_ns()
             CASES[case](program.pid, folder)
             CLOCK.sleep_until(act_ns + nanoseconds(CASE_S))

@@ -6,6 +6,7 @@ Set-points are judged on the wire, by a third listener; the truth is the simulat
 import math
 import multiprocessing
 import os
+import re
 import signal
 import socket
 import struct
@@ -140,7 +141,8 @@ def test_behind_a_cut_wire_the_wheels_stop_and_begin_with_zero(drive: Drive) -> 
 
 
 def test_the_watchdog_says_that_it_stopped_the_drive(drive: Drive) -> None:
-    assert "1 stop by the watchdog" in drive.said
+    # More than one where the machine is loaded.
+    assert re.search(r"\b[1-9]\d* stops? by the watchdog", drive.said)
 
 
 @pytest.mark.parametrize("fault", DEVICE_FAULTS)
