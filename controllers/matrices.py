@@ -1,8 +1,8 @@
 """Products and inverses of small matrices whose bits are the same on every processor.
 
-numpy gives products to BLAS and inverses to LAPACK, whose kernels differ from processor to processor in the
-last bits: a log would replay exactly only on the kind of computer that made it. Here every product is rounded,
-and the sums have one order. For matrices of up to about twenty rows.
+numpy gives products to BLAS and inverses to LAPACK, whose kernels differ in the last bits from processor to
+processor: a log would replay exactly only on the kind of computer that made it. Here every product is
+rounded, and the sums have one order. For matrices of up to about twenty rows.
 """
 
 import math
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 SWEEPS = 30
 """Far more than rotations of three columns need; each sweep squares what is left."""
@@ -24,6 +25,14 @@ def product(left: Array, right: Array) -> Array:
     terms: Array = left * right if right.ndim == 1 else left[:, :, None] * right
     total: Array = terms.sum(axis=1)
     return total
+
+
+def complex_product(values: ComplexArray, factor: complex) -> ComplexArray:
+    """Return complex numbers times a complex number: numpy's own product is fused on some processors."""
+    result = np.empty_like(values)
+    result.real = values.real * factor.real - values.imag * factor.imag
+    result.imag = values.real * factor.imag + values.imag * factor.real
+    return result
 
 
 def solve(matrix: Array, right: Array) -> Array:

@@ -205,7 +205,7 @@ class GuardedFilter:
 
 
 def _lift(covariance: Array) -> Array:
-    """Return the symmetric matrix that rounding made indefinite, its diagonal raised by what just suffices."""
+    """Return the symmetric matrix that rounding made indefinite, its diagonal raised as needed."""
     variances = np.diag(covariance)
     known = variances > 0.0
     kept = covariance * known[:, None] * known

@@ -15,7 +15,7 @@ from controllers.estimation.pose_fixes import Step, WayBack, displaced
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.slip_states import SlipStates, SlipStep
 from controllers.ground_motion.motion import GroundMotion
-from controllers.matrices import product
+from controllers.matrices import complex_product, product
 from controllers.motion.planar import Pose, move, wrap_angle
 from drivers.record import record
 from drivers.samples import HeadingReference, PoseFixSample
@@ -272,7 +272,7 @@ class PoseFilter:
             state: Changed in place.
         """
         block = self._block
-        slopes_m = toward * step.slopes_m
+        slopes_m = complex_product(step.slopes_m, toward)
         self._transition[X, block], self._transition[Y, block] = slopes_m.real, slopes_m.imag
         self._transition[block, block] = step.transition
         self._noise[block, block] = step.noise

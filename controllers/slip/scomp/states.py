@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.slip_states import SlipStep
-from controllers.matrices import product
+from controllers.matrices import complex_product, product
 from controllers.slip.scomp.motion_model import (
     FIRST,
     RESIDUAL,
@@ -84,7 +84,7 @@ class ScompStates:
         per_m = self._per_m + complex((self._slopes * (values - self._at)).sum())
         return SlipStep(
             travel_m=rolled_m * per_m,
-            slopes_m=rolled_m * self._slopes,
+            slopes_m=complex_product(self._slopes, rolled_m),
             values=product(transition, values),
             transition=transition,
             noise=noise,
