@@ -64,17 +64,18 @@ def inverse(matrix: Array) -> Array:
 
 
 def is_positive_definite(matrix: Array) -> bool:
-    """Return whether a symmetric matrix has a Cholesky factor."""
-    factor: list[list[float]] = []
-    for number, row in enumerate(matrix.tolist()):
-        line: list[float] = []
-        for column, above in enumerate(factor):
-            rest = row[column] - sum(a * b for a, b in zip(line, above, strict=False))
-            line.append(rest / above[column])
-        square = row[number] - sum(value * value for value in line)
-        if not square > 0.0:
+    """Return whether all pivots of a symmetric matrix are greater than zero."""
+    rows = matrix.tolist()
+    for column, row in enumerate(rows):
+        pivot = row[column]
+        if not pivot > 0.0:
             return False
-        factor.append([*line, math.sqrt(square)])
+        for later in rows[column + 1 :]:
+            share = later[column]
+            if share != 0.0:
+                share /= pivot
+                for index in range(column + 1, len(rows)):
+                    later[index] -= share * row[index]
     return True
 
 

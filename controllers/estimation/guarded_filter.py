@@ -59,6 +59,8 @@ class GuardedFilter:
     ) -> None:
         self._x: Array = np.array(state, dtype=float)
         self._p: Array = np.diag(np.array(variances, dtype=float))
+        # Corrections lose digits; the sum of a prediction does not.
+        self._is_corrected = True
         self._angles = tuple(angles)
         self._gate_probability = gate_probability
         # With one degree of freedom the chi-square quantile is that of a normal deviate, squared.
@@ -98,8 +100,9 @@ class GuardedFilter:
             covariance = product(product(transition, self._p), transition.T) + noise
         if not self._take(np.array(state, dtype=float), covariance):
             return False
-        if not is_positive_definite(self._p):
+        if self._is_corrected and not is_positive_definite(self._p):
             self._p = _lift(self._p)
+        self._is_corrected = False
         return True
 
     def update(self, name: str, residual: float, row: Array, variance: float) -> Innovation:
@@ -117,6 +120,7 @@ class GuardedFilter:
         state, covariance, total = step
         nis = residual * residual / total
         accepted = nis <= self._gate and self._take(state, covariance)
+        self._is_corrected |= accepted
         return Innovation(name=name, residual=residual, variance=total, nis=nis, accepted=accepted)
 
     def update_together(
@@ -150,6 +154,7 @@ class GuardedFilter:
             totals.append(alone[2])
         gate = float(chi2.ppf(self._gate_probability, len(names)))
         accepted = nis <= gate and self._take(state, covariance)
+        self._is_corrected |= accepted
         return tuple(
             Innovation(
                 name=name,
