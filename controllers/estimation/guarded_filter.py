@@ -1,17 +1,18 @@
-"""The extended Kalman filter of filterpy behind checks: bad input is rejected instead of spoiling the state.
+"""An extended Kalman filter behind checks: bad input is rejected instead of spoiling the state.
 
-filterpy accepts NaN, wrong shapes and negative time steps silently, and adds K y to an angle without wrapping
-it. This is the only module that uses it.
+Its equations are those of filterpy, with which tests compare every prediction and update. They are written
+out here because filterpy gives its products to BLAS, whose last bits depend on the processor; and because it
+accepts NaN and negative time steps silently, and adds K y to an angle without wrapping it.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from statistics import NormalDist
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from controllers.matrices import is_positive_definite, product
 from controllers.motion.planar import wrap_angle
 from drivers.record import record
 
@@ -37,22 +38,10 @@ class Innovation:
     accepted: bool
 
 
-class _ExtendedKalmanFilter(Protocol):
-    """The interface of `filterpy.kalman.ExtendedKalmanFilter`, which has no type information."""
-
-    x: Array
-    P: Array
-
-    def update(
-        self, z: Array, h_jacobian: Callable[[Array], Array], h: Callable[[Array], Array], r: Array, /
-    ) -> None: ...
-
-
 class GuardedFilter:
     """An extended Kalman filter for measurements with independent errors.
 
-    The update is filterpy's, in Joseph form. The prediction is its equation for the covariance, without the
-    copies that filterpy keeps.
+    Measurements are taken one by one, in Joseph form.
 
     Args:
         state: First estimate.
@@ -68,14 +57,10 @@ class GuardedFilter:
         angles: Sequence[int],
         gate_probability: float,
     ) -> None:
-        # Imported here because it pulls in scipy.stats: about a second that `--help` must not cost.
-        from filterpy.kalman import ExtendedKalmanFilter
-        from scipy.linalg.lapack import dpotrf
-
-        self._factorise: Callable[[Array], tuple[Array, int]] = dpotrf
-        self._filter: _ExtendedKalmanFilter = ExtendedKalmanFilter(dim_x=len(state), dim_z=1)
-        self._filter.x = np.array(state, dtype=float)
-        self._filter.P = np.diag(np.array(variances, dtype=float))
+        self._x: Array = np.array(state, dtype=float)
+        self._p: Array = np.diag(np.array(variances, dtype=float))
+        # Corrections lose digits; the sum of a prediction does not.
+        self._is_corrected = True
         self._angles = tuple(angles)
         self._gate_probability = gate_probability
         # With one degree of freedom the chi-square quantile is that of a normal deviate, squared.
@@ -84,17 +69,17 @@ class GuardedFilter:
     @property
     def state(self) -> list[float]:
         """The estimate, as a copy."""
-        values: list[float] = self._filter.x.tolist()
+        values: list[float] = self._x.tolist()
         return values
 
     def value(self, index: int) -> float:
         """Return one state of the estimate."""
-        return self._filter.x.item(index)
+        return self._x.item(index)
 
     @property
     def covariance(self) -> list[list[float]]:
         """Its covariance, as a copy."""
-        values: list[list[float]] = self._filter.P.tolist()
+        values: list[list[float]] = self._p.tolist()
         return values
 
     def predict(self, dt_s: float, state: Sequence[float], transition: Array, noise: Array) -> bool:
@@ -111,11 +96,14 @@ class GuardedFilter:
         """
         if not 0.0 <= dt_s < math.inf:
             return False
-        before = (self._filter.x, self._filter.P)
-        self._filter.x = np.array(state, dtype=float)
         with np.errstate(all="ignore"):
-            self._filter.P = transition.dot(self._filter.P).dot(transition.T) + noise
-        return self._settle(before)
+            covariance = product(product(transition, self._p), transition.T) + noise
+        if not self._take(np.array(state, dtype=float), covariance):
+            return False
+        if self._is_corrected and not is_positive_definite(self._p):
+            self._p = _lift(self._p)
+        self._is_corrected = False
+        return True
 
     def update(self, name: str, residual: float, row: Array, variance: float) -> Innovation:
         """Correct the estimate by a scalar measurement.
@@ -126,14 +114,13 @@ class GuardedFilter:
             row: Jacobian of the expected measurement, one number per state.
             variance: Variance of the measurement's own error, greater than zero.
         """
-        with np.errstate(all="ignore"):
-            total = float(row @ self._filter.P @ row) + variance
-        if not (math.isfinite(residual) and 0.0 < variance <= total < math.inf):
+        step = self._corrected(self._x, self._p, residual, row, variance)
+        if step is None:
             return Innovation(name=name, residual=None, variance=None, nis=None, accepted=False)
+        state, covariance, total = step
         nis = residual * residual / total
-        accepted = nis <= self._gate and self._correct(
-            np.array([residual]), row.reshape(1, -1), np.array([[variance]])
-        )
+        accepted = nis <= self._gate and self._take(state, covariance)
+        self._is_corrected |= accepted
         return Innovation(name=name, residual=residual, variance=total, nis=nis, accepted=accepted)
 
     def update_together(
@@ -149,16 +136,25 @@ class GuardedFilter:
         """
         from scipy.stats import chi2
 
-        with np.errstate(all="ignore"):
-            totals = rows @ self._filter.P @ rows.T + np.diag(variances)
-        if not (np.isfinite(residuals).all() and np.isfinite(totals).all() and (variances > 0.0).all()):
-            return tuple(
-                Innovation(name=name, residual=None, variance=None, nis=None, accepted=False)
-                for name in names
-            )
-        nis = float(residuals @ np.linalg.solve(totals, residuals))
+        state, covariance = self._x, self._p
+        nis = 0.0
+        totals = []
+        for residual, row, variance in zip(residuals.tolist(), rows, variances.tolist(), strict=True):
+            alone = self._corrected(self._x, self._p, residual, row, variance)
+            # What the measurements before it leave of this one; their sum is the NIS of all together.
+            left = residual - float((row * (state - self._x)).sum())
+            step = self._corrected(state, covariance, left, row, variance)
+            if alone is None or step is None:
+                return tuple(
+                    Innovation(name=name, residual=None, variance=None, nis=None, accepted=False)
+                    for name in names
+                )
+            state, covariance, total = step
+            nis += left * left / total
+            totals.append(alone[2])
         gate = float(chi2.ppf(self._gate_probability, len(names)))
-        accepted = nis <= gate and self._correct(residuals, rows, np.diag(variances))
+        accepted = nis <= gate and self._take(state, covariance)
+        self._is_corrected |= accepted
         return tuple(
             Innovation(
                 name=name,
@@ -167,46 +163,60 @@ class GuardedFilter:
                 nis=residual * residual / total,
                 accepted=accepted,
             )
-            for name, residual, total in zip(names, residuals.tolist(), np.diag(totals).tolist(), strict=True)
+            for name, residual, total in zip(names, residuals.tolist(), totals, strict=True)
         )
 
     def assign(self, index: int, value: float) -> None:
         """Set a state that is unknown so far, so that its first measurement is linearised at its value."""
-        self._filter.x[index] = value
+        self._x[index] = value
 
     def widen(self, index: int, variance: float) -> None:
         """Increase the variance of a state by a number that is not negative."""
-        self._filter.P[index, index] += variance
+        self._p[index, index] += variance
 
     def widen_by(self, noise: Array) -> None:
         """Add a covariance; without effect where a number of it is not finite."""
         if math.isfinite(float(noise.sum())):
-            self._filter.P = self._filter.P + noise
+            self._p = self._p + noise
 
-    def _correct(self, residuals: Array, rows: Array, noise: Array) -> bool:
-        before = (self._filter.x, self._filter.P)
-        self._filter.update(residuals, lambda _: rows, lambda _: np.zeros(len(rows)), noise)
-        return self._settle(before)
+    @staticmethod
+    def _corrected(
+        state: Array, covariance: Array, residual: float, row: Array, variance: float
+    ) -> tuple[Array, Array, float] | None:
+        """Return state and covariance after a scalar measurement, and the variance of its residual.
 
-    def _settle(self, before: tuple[Array, Array]) -> bool:
-        """Wrap angles and make the covariance valid; return to `before` if a number is not finite."""
-        state, covariance = self._filter.x, self._filter.P
+        None where that variance or the residual is not a usable number.
+        """
+        with np.errstate(all="ignore"):
+            cross = product(covariance, row)
+            total = float((row * cross).sum()) + variance
+        if not (math.isfinite(residual) and 0.0 < variance <= total < math.inf):
+            return None
+        with np.errstate(all="ignore"):
+            gain = cross / total
+            left = covariance - gain[:, None] * cross
+            # Joseph form: (I - K h) P (I - K h)^T + K r K^T.
+            joseph = left - product(left, row)[:, None] * gain + variance * gain[:, None] * gain
+            return state + residual * gain, joseph, total
+
+    def _take(self, state: Array, covariance: Array) -> bool:
+        """Take an estimate, its angles wrapped; return False if a number of it is not finite."""
         if not (math.isfinite(sum(state.tolist())) and math.isfinite(float(covariance.sum()))):
-            self._filter.x, self._filter.P = before
             return False
         for index in self._angles:
             state[index] = wrap_angle(float(state[index]))
-        covariance = 0.5 * (covariance + covariance.T)
-        _, failed_at = self._factorise(covariance)
-        self._filter.P = _lift(covariance) if failed_at else covariance
+        self._x, self._p = state, 0.5 * (covariance + covariance.T)
         return True
 
 
 def _lift(covariance: Array) -> Array:
-    """Return the symmetric matrix that rounding made indefinite, its eigenvalues raised above zero."""
-    # As correlations, so that a large variance does not drown a small one.
-    scale = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
-    scales = np.outer(scale, scale)
-    values, vectors = np.linalg.eigh(covariance / scales)
-    lifted: Array = (vectors * np.maximum(values, np.finfo(float).eps)) @ vectors.T * scales
-    return 0.5 * (lifted + lifted.T)
+    """Return the symmetric matrix that rounding made indefinite, its diagonal raised as needed."""
+    variances = np.diag(covariance)
+    known = variances > 0.0
+    kept = covariance * known[:, None] * known
+    variances = np.where(known, variances, np.finfo(float).tiny)
+    share = float(np.finfo(float).eps)
+    while not is_positive_definite(kept + np.diag(share * variances)):
+        share *= 2.0
+    lifted: Array = kept + np.diag(share * variances)
+    return lifted

@@ -15,6 +15,7 @@ from controllers.estimation.pose_fixes import Step, WayBack, displaced
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.slip_states import SlipStates, SlipStep
 from controllers.ground_motion.motion import GroundMotion
+from controllers.matrices import complex_product, product
 from controllers.motion.planar import Pose, move, wrap_angle
 from drivers.record import record
 from drivers.samples import HeadingReference, PoseFixSample
@@ -271,12 +272,12 @@ class PoseFilter:
             state: Changed in place.
         """
         block = self._block
-        slopes_m = toward * step.slopes_m
+        slopes_m = complex_product(step.slopes_m, toward)
         self._transition[X, block], self._transition[Y, block] = slopes_m.real, slopes_m.imag
         self._transition[block, block] = step.transition
         self._noise[block, block] = step.noise
         turned = np.array([[toward.real, -toward.imag], [toward.imag, toward.real]])
-        self._noise[:YAW, :YAW] += turned @ step.travel_noise_m2 @ turned.T
+        self._noise[:YAW, :YAW] += product(product(turned, step.travel_noise_m2), turned.T)
         state[block] = step.values.tolist()
 
     def widen(self, x_m: float, y_m: float, yaw_rad: float) -> None:

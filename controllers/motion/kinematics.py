@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from controllers.matrices import inverse
 from controllers.motion.body_motion import BodyMotion, Residuals, SetPoints
 from controllers.motion.rover_geometry import OmniRoverSettings, RoverSettings, SkidSteerRoverSettings
 from controllers.motion.wheels_kinematics import WheelsKinematics
@@ -114,7 +115,7 @@ class OmniKinematics(_FixedWheels):
         jacobian = np.array([[-math.sin(th), math.cos(th), settings.base_radius_m] for th in angles_rad])
         to_wheels = jacobian / settings.wheel_radius_m
         self._to_wheels: list[list[float]] = to_wheels.tolist()
-        self._to_body: list[list[float]] = np.linalg.inv(to_wheels).tolist()
+        self._to_body: list[list[float]] = inverse(to_wheels).tolist()
 
     def wheel_speeds(
         self, velocity_x_m_s: float, velocity_y_m_s: float, yaw_rate_rad_s: float

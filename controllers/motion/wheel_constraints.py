@@ -26,6 +26,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from controllers.matrices import product, singular_values
 from controllers.motion.wheel_settings import WheelSettings
 
 Matrix = NDArray[np.float64]
@@ -52,14 +53,15 @@ def rolling_row(wheel: WheelSettings, steering_rad: float = 0.0) -> Matrix:
         # A right angle has no cotangent in floats: 6e-17 instead of 0.
         cotangent = 0.0 if abs(wheel.roller_deg) == 90.0 else 1.0 / math.tan(math.radians(wheel.roller_deg))
         cosine, sine = cosine + cotangent * sine, sine - cotangent * cosine
-    row: Matrix = np.array([cosine, sine]) @ contact_rows(wheel)
+    row: Matrix = product(np.array([[cosine, sine]]), contact_rows(wheel))[0]
     return row
 
 
 def side_row(wheel: WheelSettings, steering_rad: float = 0.0) -> Matrix:
     """Return the side slip velocity of an ordinary wheel per body velocity, shape (3,)."""
     direction_rad = math.radians(wheel.angle_deg) + steering_rad
-    row: Matrix = np.array([-math.sin(direction_rad), math.cos(direction_rad)]) @ contact_rows(wheel)
+    across = np.array([[-math.sin(direction_rad), math.cos(direction_rad)]])
+    row: Matrix = product(across, contact_rows(wheel))[0]
     return row
 
 
@@ -71,17 +73,15 @@ def is_fixed(wheel: WheelSettings) -> bool:
 def skids_in_turns(wheels: Sequence[WheelSettings]) -> bool:
     """Return whether the fixed wheels must slip sideways in every turn: their axles are not in one line."""
     rows = [side_row(wheel) for wheel in wheels if is_fixed(wheel)]
-    return len(rows) > 1 and int(np.linalg.matrix_rank(np.array(rows), tol=CLOSEST_M)) > 1
+    return len(rows) > 1 and int((singular_values(np.array(rows))[1] > CLOSEST_M).sum()) > 1
 
 
 def null_space(rows: Matrix) -> Matrix:
     """Return an orthonormal basis, shape (3, n), of the body velocities for which all `rows` are zero."""
     if not len(rows):
         return np.eye(3)
-    _, values, right = np.linalg.svd(rows)
-    rank = int(np.sum(values > SAME_DIRECTION * max(float(values[0]), 1.0)))
-    basis: Matrix = right[rank:].T
-    return basis
+    _, values, right = singular_values(rows)
+    return right[:, values <= SAME_DIRECTION * max(float(values[0]), 1.0)]
 
 
 def allowed_motions(wheels: Sequence[WheelSettings]) -> Matrix:
@@ -134,7 +134,7 @@ def _find_idle_wheels(wheels: Sequence[WheelSettings], motions: Matrix) -> Itera
     for index, wheel in enumerate(wheels):
         if wheel.driven or wheel.steering is not None:
             continue
-        if float(np.max(np.abs(rolling_row(wheel) @ motions), initial=0.0)) < SAME_DIRECTION:
+        if float(np.max(np.abs(product(rolling_row(wheel)[None, :], motions)), initial=0.0)) < SAME_DIRECTION:
             yield (
                 f"wheel {index} is turned by nothing: no motor drives it, and no motion that the other "
                 "wheels allow rolls it: correct its place or angle_deg, or leave it out"
@@ -150,11 +150,11 @@ def _find_missing_control(wheels: Sequence[WheelSettings], motions: Matrix) -> I
         return
     # Orthonormal where the yaw rate counts as the speed of the outermost wheel.
     unit = np.array([1.0, 1.0, 1.0 / size_m(wheels)])
-    orthonormal = np.linalg.qr(motions / unit[:, None])[0]
+    orthonormal = singular_values(motions / unit[:, None])[0]
     for ordinary in TEST_MOTIONS:
-        motion = unit * (orthonormal @ (orthonormal.T @ np.array(ordinary)))
-        rows = _controlled_rows(wheels, motion) @ (unit[:, None] * orthonormal)
-        values = np.linalg.svd(rows, compute_uv=False)
+        motion = unit * product(orthonormal, product(orthonormal.T, np.array(ordinary)))
+        rows = product(_controlled_rows(wheels, motion), unit[:, None] * orthonormal)
+        values = singular_values(rows)[1]
         controlled = int(np.sum(values >= LEAST_CONTROL * values[0]))
         if controlled < motions.shape[1]:
             yield (
@@ -170,7 +170,7 @@ def _controlled_rows(wheels: Sequence[WheelSettings], motion: Matrix) -> Matrix:
     for wheel in wheels:
         steering_rad = 0.0
         if wheel.steering is not None:
-            along, aside = contact_rows(wheel) @ motion
+            along, aside = product(contact_rows(wheel), motion)
             steering_rad = math.atan2(aside, along) - math.radians(wheel.angle_deg)
             rows.append(side_row(wheel, steering_rad))
         if wheel.driven:
@@ -180,6 +180,6 @@ def _controlled_rows(wheels: Sequence[WheelSettings], motion: Matrix) -> Matrix:
 
 def _in_one_direction(rows: Matrix) -> Matrix:
     """Return parallel rows with the same sign."""
-    signs = np.sign(rows[:, :2] @ rows[0, :2])
+    signs = np.sign(product(rows[:, :2], rows[0, :2]))
     turned: Matrix = rows * signs[:, None]
     return turned

@@ -6,6 +6,7 @@ from itertools import takewhile
 
 import numpy as np
 
+from controllers.matrices import product, pseudo_inverse, rank
 from controllers.motion.body_motion import BodyMotion, Residuals, SetPoints
 from controllers.motion.rover_geometry import WheelsRoverSettings
 from controllers.motion.wheel_constraints import (
@@ -30,6 +31,9 @@ LARGEST_CRAB_DEG = 45
 CURVATURE_STEP = 1.02
 FLATTEST = 50.0
 """Largest turn radius that is tried, over the rover's size."""
+
+SMALLEST = 1e-9
+"""A singular value below this share of the greatest is rounding."""
 
 
 class WheelsKinematics:
@@ -116,18 +120,18 @@ class WheelsKinematics:
         Least squares: the rolling of all wheels and the absence of side slip have equal weight. The fixed
         wheels of a rover that skids in turns decide only what rolling leaves open.
         """
-        x, y, turn = self._solution(steering_rad).to_body @ np.asarray(wheel_values)
+        x, y, turn = product(self._solution(steering_rad).to_body, np.asarray(wheel_values))
         return float(x), float(y), float(turn)
 
     def residuals(self, wheel_values: Sequence[float], steering_rad: Sequence[float] = ()) -> Residuals:
         """Return what the least squares of `body_motion` leave; of increments in m, of speeds in m/s."""
         solution = self._solution(steering_rad)
         values = np.asarray(wheel_values)
-        motion = solution.to_body @ values
-        rolling = self._radius_m * values - solution.rolling @ motion
+        motion = product(solution.to_body, values)
+        rolling = self._radius_m * values - product(solution.rolling, motion)
         side = np.zeros(self.wheel_count)
         if len(solution.side_wheels):
-            side[solution.side_wheels] = -solution.side @ motion
+            side[solution.side_wheels] = -product(solution.side, motion)
         rim = self._radius_m * values
         return Residuals(
             tuple(rolling.tolist()), tuple(side.tolist()), tuple(rim.tolist()), solution.redundant
@@ -146,7 +150,7 @@ class WheelsKinematics:
 
     def _speeds(self, motion: BodyMotion, steering_rad: Sequence[float]) -> tuple[float, ...]:
         return tuple(
-            float(rolling_row(wheel, angle) @ np.array(motion)) / wheel.radius_m
+            float((rolling_row(wheel, angle) * np.array(motion)).sum()) / wheel.radius_m
             for wheel, angle in zip(self._wheels, steering_rad, strict=True)
         )
 
@@ -158,7 +162,7 @@ class WheelsKinematics:
 
     @staticmethod
     def _steer(wheel: WheelSettings, motion: BodyMotion, present_rad: float) -> float:
-        along, aside = (contact_rows(wheel) @ np.array(motion)).tolist()
+        along, aside = product(contact_rows(wheel), np.array(motion)).tolist()
         if math.hypot(along, aside) < SLOWEST_CONTACT_M_S:
             return _within_limits(wheel, present_rad)
         angles, beyond = _angles_along(wheel, math.atan2(aside, along))
@@ -169,7 +173,7 @@ class WheelsKinematics:
     def _reaches(self, motion: BodyMotion) -> bool:
         """Return whether the steering of every wheel reaches its angle for this motion."""
         for wheel in self._wheels:
-            along, aside = (contact_rows(wheel) @ np.array(self._possible(motion))).tolist()
+            along, aside = product(contact_rows(wheel), np.array(self._possible(motion))).tolist()
             if wheel.steering is None or math.hypot(along, aside) < SLOWEST_CONTACT_M_S:
                 continue
             if not _angles_along(wheel, math.atan2(aside, along))[0]:
@@ -219,15 +223,16 @@ class _Solution:
         self.side_wheels = [index for index in ordinary if index not in weak]
         self.side: Matrix = _side_rows(pairs, self.side_wheels)
         firm = np.vstack((self.rolling, self.side))
-        inverse = np.linalg.pinv(firm, rcond=1e-9)[:, : len(wheels)]
+        inverse = pseudo_inverse(firm, SMALLEST)[:, : len(wheels)]
         if weak:
             free = null_space(firm)
             rows = _side_rows(pairs, weak)
-            inverse = inverse - free @ np.linalg.pinv(rows @ free, rcond=1e-9) @ rows @ inverse
+            kept_free = product(free, pseudo_inverse(product(rows, free), SMALLEST))
+            inverse = inverse - product(kept_free, product(rows, inverse))
         self.to_body: Matrix = inverse * np.array([wheel.radius_m for wheel in wheels])
         # Constraints that always agree are not redundant: they cannot contradict each other.
-        unexplained = np.eye(len(firm))[:, : len(wheels)] - firm @ inverse
-        self.redundant = int(np.linalg.matrix_rank(unexplained, tol=1e-9))
+        unexplained = np.eye(len(firm))[:, : len(wheels)] - product(firm, inverse)
+        self.redundant = rank(unexplained, SMALLEST)
 
 
 def _side_rows(pairs: Sequence[tuple[WheelSettings, float]], indices: Sequence[int]) -> Matrix:

@@ -11,24 +11,32 @@ from rover_hil.datasets.arrays import Array
 def smooth(steps: Sequence[FilterStep], angles: Sequence[int]) -> list[tuple[Array, Array]]:
     """Return state and covariance of every step, given all measurements; the last one stays as it is.
 
+    filterpy's smoother is linear. It smooths the sum of the filter's corrections, carried on by the
+    transitions: what is predicted for that sum is linear, and the motion model drops out.
+
     Args:
         steps: In order of time.
         angles: Indices of the states that are angles in rad; the results are as continuous as the estimates.
     """
-    state, covariance = steps[-1].estimate
-    smoothed = [(state, covariance)]
-    for after, step in zip(reversed(steps), reversed(steps[:-1]), strict=False):
-        filtered, spread = step.estimate
-        predicted, predicted_spread = after.predicted
-        # Scaled to correlations, so that states with small variances keep their precision.
-        scale = np.sqrt(np.diag(predicted_spread))
-        correlation = predicted_spread / np.outer(scale, scale)
-        gain = np.linalg.solve(correlation, (after.transition @ spread) / scale[:, None]).T / scale
-        off = state - predicted
-        off[list(angles)] = np.remainder(off[list(angles)] + np.pi, 2.0 * np.pi) - np.pi
-        state = filtered + gain @ off
-        covariance = spread + gain @ (covariance - predicted_spread) @ gain.T
-        covariance = 0.5 * (covariance + covariance.T)
-        smoothed.append((state, covariance))
-    smoothed.reverse()
-    return smoothed
+    from filterpy.kalman import rts_smoother  # pulls in scipy.stats, about a second
+
+    states = np.array([step.estimate[0] for step in steps])
+    covariances = np.array([step.estimate[1] for step in steps])
+    corrections = states - np.array([step.predicted[0] for step in steps])
+    turned = corrections[:, list(angles)]
+    corrections[:, list(angles)] = np.remainder(turned + np.pi, 2.0 * np.pi) - np.pi
+    # In units of the greatest deviations, so that states with small variances keep their precision.
+    scale = np.sqrt(covariances.diagonal(axis1=1, axis2=2).max(axis=0))
+    per_scale = np.outer(1.0 / scale, 1.0 / scale)
+    transitions = [step.transition * np.outer(1.0 / scale, scale) for step in steps[1:]]
+    sums = [corrections[0] / scale]
+    for transition, correction in zip(transitions, corrections[1:], strict=True):
+        sums.append(transition @ sums[-1] + correction / scale)
+    noises = [
+        step.predicted[1] * per_scale - transition @ (covariance * per_scale) @ transition.T
+        for step, transition, covariance in zip(steps[1:], transitions, covariances, strict=False)
+    ]
+    found, spreads, *_ = rts_smoother(np.array(sums), covariances * per_scale, transitions, noises)
+    smoothed = states + (found - np.array(sums)) * scale
+    spreads = 0.5 * (spreads + spreads.transpose(0, 2, 1)) / per_scale
+    return list(zip(smoothed, spreads, strict=True))

@@ -156,3 +156,48 @@ def test_a_prediction_spreads_the_covariance_as_filterpy_does() -> None:
         peer.predict()
         assert guarded.predict(0.1, [0.0] * 4, peer.F, peer.Q)
         assert np.array(guarded.covariance) == pytest.approx(peer.P, rel=1e-12, abs=1e-12 * peer.P.max())
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_an_update_is_filterpys(count: int) -> None:
+    generator = np.random.default_rng(5)
+    start = [1e-6, 1.0, 4.0, 0.3]
+    guarded, peer = GuardedFilter([0.0] * 4, start, (), 0.9995), ExtendedKalmanFilter(4, count)
+    peer.P = np.diag(start)
+    for _ in range(20):
+        transition = np.eye(4) + 0.1 * generator.standard_normal((4, 4))
+        guarded.predict(0.1, guarded.state, transition, 0.01 * np.eye(4))
+        peer.P = transition @ peer.P @ transition.T + 0.01 * np.eye(4)
+        rows, variances = generator.standard_normal((count, 4)), generator.uniform(0.1, 1.0, count)
+        totals = rows @ peer.P @ rows.T + np.diag(variances)
+        residuals = 0.3 * generator.standard_normal(count)
+        if count == 1:
+            innovations: tuple[Any, ...] = (
+                guarded.update("one", residuals.item(), rows[0], variances.item()),
+            )
+        else:
+            innovations = guarded.update_together(["one"] * count, residuals, rows, variances)
+        expected = rows @ peer.x.ravel()
+        peer.update(
+            (residuals + expected).reshape(-1, 1),
+            lambda _, rows=rows: rows,
+            lambda x, rows=rows: rows @ x,
+            R=np.diag(variances),
+        )
+        assert all(innovation.accepted for innovation in innovations)
+        assert [innovation.variance for innovation in innovations] == pytest.approx(np.diag(totals))
+        assert guarded.state == pytest.approx(peer.x.ravel(), abs=1e-12)
+        assert np.array(guarded.covariance) == pytest.approx(peer.P, rel=1e-9, abs=1e-12 * peer.P.max())
+
+
+def test_measurements_together_are_gated_by_their_common_nis() -> None:
+    guarded = GuardedFilter([0.0, 0.0], [1.0, 4.0], (), 0.95)
+    rows, variances = np.array([[1.0, 0.5], [0.0, 1.0]]), np.array([0.5, 0.2])
+    totals = rows @ np.diag([1.0, 4.0]) @ rows.T + np.diag(variances)
+    direction = np.array([0.3, -0.4])
+    edge = math.sqrt(float(chi2.ppf(0.95, 2)) / float(direction @ np.linalg.solve(totals, direction)))
+    outside = guarded.update_together(["x", "y"], 1.001 * edge * direction, rows, variances)
+    assert not any(innovation.accepted for innovation in outside)
+    assert guarded.state == [0.0, 0.0]
+    inside = guarded.update_together(["x", "y"], 0.999 * edge * direction, rows, variances)
+    assert all(innovation.accepted for innovation in inside)

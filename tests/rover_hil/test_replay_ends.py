@@ -160,9 +160,7 @@ def test_another_version_is_said_first_and_another_kernel_before_a_difference(
 
 
 @pytest.mark.slow
-def test_a_replay_with_another_kernel_names_both_before_it_says_different(
-    real: RealLog, tmp_path: Path
-) -> None:
+def test_a_replay_with_another_kernel_names_both_and_is_identical(real: RealLog, tmp_path: Path) -> None:
     path = made_elsewhere(real, tmp_path / "run.mcap")
     kernel = next((name for name in runnable_kernels() if name != made_with()[BLAS_KERNEL]), None)
     if kernel is None:
@@ -174,10 +172,9 @@ def test_a_replay_with_another_kernel_names_both_before_it_says_different(
         text=True,
         check=False,
     )
-    assert done.returncode in (0, 1), done.stderr
-    first, last = done.stdout.splitlines()[0], done.stdout.splitlines()[-1]
+    first = done.stdout.splitlines()[0]
     assert first == f"made with BLAS kernel {made_with()[BLAS_KERNEL]}, replayed with {kernel}"
-    assert "50 cycles" in last
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_an_old_log_is_said_to_name_no_version(command: Command) -> None:

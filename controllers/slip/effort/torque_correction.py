@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from controllers.matrices import inverse, product
 from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.slip.effort.settings import TorqueCorrectionSettings
 
@@ -30,7 +31,7 @@ class TorqueCorrection:
         jacobian = np.array([[-math.sin(angle), math.cos(angle), base_m] for angle in angles_rad])
         self._scale = np.array([1.0, 1.0, base_m])
         self._to_force = jacobian.T / radius_m
-        self._to_torque = radius_m * np.linalg.inv(jacobian.T)
+        self._to_torque = radius_m * inverse(jacobian.T)
         self._settings = settings
 
     def set_point_changes(
@@ -42,13 +43,13 @@ class TorqueCorrection:
             wheel_torque_nm: Torque at each wheel, positive where it pushes counter-clockwise.
             commanded_twist: Commanded velocity x, y in m/s and yaw rate in rad/s; at rest nothing is added.
         """
-        force = self._to_force @ np.asarray(wheel_torque_nm) / self._scale
+        force = product(self._to_force, np.asarray(wheel_torque_nm)) / self._scale
         twist = np.asarray(commanded_twist) * self._scale
-        size = float(np.linalg.norm(twist))
+        size = math.hypot(*twist.tolist())
         if size == 0.0:
             return (0.0,) * len(self._to_torque)
         along = twist / size
-        across = (force - float(force @ along) * along) * self._scale
+        across = (force - float((force * along).sum()) * along) * self._scale
         bound = self._settings.bound_rad_s
-        changes = self._settings.gain_rad_s_nm * (self._to_torque @ across)
+        changes = self._settings.gain_rad_s_nm * product(self._to_torque, across)
         return tuple(np.clip(changes, -bound, bound).tolist())

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from controllers.matrices import product, solve
 from controllers.slip.effort.gyro_response import GyroResponse
 from controllers.slip.effort.parameters import EFFORT
 from drivers.settings import Settings
@@ -182,7 +183,7 @@ class YawExcitation:
         # A mean over a time is the rate in the middle of that time, a little smaller than it.
         of_wheels = _fit_sinusoid(frequency_hz, t_s - 0.5 * elapsed_s, wheels)
         of_gyro = _fit_sinusoid(frequency_hz, gyro_s, gyro)
-        wheel_amplitude = of_wheels.amplitude / float(np.sinc(frequency_hz * elapsed_s.mean()))
+        wheel_amplitude = of_wheels.amplitude / _mean_of_wave(frequency_hz * float(elapsed_s.mean()))
         least_rad_s = numbers.least_amplitude * self._amplitude_rad_s
         if abs(of_gyro.amplitude) > max(least_rad_s, numbers.resonance * abs(wheel_amplitude)):
             return NO_SHARE._replace(reason=SPRINGS)
@@ -222,12 +223,20 @@ def _readings(rows: list[tuple[float, float, float, float, float]]) -> int:
     return count
 
 
+def _mean_of_wave(periods: float) -> float:
+    """Return the amplitude that the mean over some periods leaves of a sinusoid."""
+    angle = math.pi * periods
+    return math.sin(angle) / angle if angle else 1.0
+
+
 def _fit_sinusoid(frequency_hz: float, t_s: Array, values: Array) -> _Sinusoid:
     """Return the least-squares fit of a sinusoid with a constant and a trend."""
     phase = math.tau * frequency_hz * t_s
-    columns = np.column_stack((np.cos(phase), np.sin(phase), np.ones(len(t_s)), t_s - t_s.mean()))
-    found, *_ = np.linalg.lstsq(columns, values, rcond=None)
-    square = float(np.mean((values - columns @ found) ** 2))
+    # Not numpy's sine: its last bits depend on the processor.
+    waves = [[math.cos(angle), math.sin(angle)] for angle in phase.tolist()]
+    columns = np.column_stack((np.array(waves), np.ones(len(t_s)), t_s - t_s.mean()))
+    found = solve(product(columns.T, columns), product(columns.T, values)[:, None])[:, 0]
+    square = float(np.mean((values - product(columns, found)) ** 2))
     noise = math.sqrt(2.0 * square / max(1, len(t_s) - columns.shape[1]))
     return _Sinusoid(complex(found[0], -found[1]), noise, float(found[2]), math.sqrt(2.0 * square))
 

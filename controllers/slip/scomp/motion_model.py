@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from controllers.matrices import product
 from controllers.motion.planar import wrap_angle
 from controllers.slip.scomp.parameters import SCOMP, ScompParameters
 from controllers.slip.scomp.slip_laws import SlipLaw, slopes
@@ -161,7 +162,7 @@ class MotionModel:
         moved[X], moved[Y] = state[X] + moved_m.real, state[Y] + moved_m.imag
         moved[YAW] = state[YAW] + turn
         moved[LAGGED] = state[LAGGED] + follow * wrap_angle(middle - state[LAGGED])
-        moved[RESIDUALS] = (residual @ state[RESIDUALS]).tolist()
+        moved[RESIDUALS] = product(residual, np.array(state[RESIDUALS])).tolist()
         moved[TRACE_NOISE] = keep_noise * state[TRACE_NOISE]
 
         transition = np.eye(STATES)
@@ -217,7 +218,7 @@ class MotionModel:
         noise[YAW, YAW] = walk**2 * dt_s
         noise[BIAS, BIAS] = parameters.gyro.bias_walk_rad_s_sqrt_s**2 * dt_s
         spread, residual = np.diag(self.residual_variances()), self._residual_transition(dt_s)
-        noise[RESIDUALS, RESIDUALS] = spread - residual @ spread @ residual.T
+        noise[RESIDUALS, RESIDUALS] = spread - product(product(residual, spread), residual.T)
         trace = parameters.trace
         noise[TRACE_NOISE, TRACE_NOISE] = trace.noise_rad**2 * -math.expm1(-2.0 * dt_s / trace.noise_time_s)
         noise[FIRST, FIRST] = SCOMP.motion.first_walk_sqrt_m**2 * abs(rim_m)

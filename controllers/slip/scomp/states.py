@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.slip_states import SlipStep
+from controllers.matrices import complex_product, product
 from controllers.slip.scomp.motion_model import (
     FIRST,
     RESIDUAL,
@@ -80,11 +81,11 @@ class ScompStates:
             transition, noise = self._linearise(values)
         self._pending_s += increment.duration_s
         self._pending_m += abs(rolled_m)
-        per_m = self._per_m + complex(self._slopes @ (values - self._at))
+        per_m = self._per_m + complex((self._slopes * (values - self._at)).sum())
         return SlipStep(
             travel_m=rolled_m * per_m,
-            slopes_m=rolled_m * self._slopes,
-            values=transition @ values,
+            slopes_m=complex_product(self._slopes, rolled_m),
+            values=product(transition, values),
             transition=transition,
             noise=noise,
             travel_noise_m2=self._travel_noise_m2(rolled_m, increment.duration_s),
@@ -97,8 +98,7 @@ class ScompStates:
             return np.zeros((2, 2))
         toward = rolled_m / distance_m
         turned = np.array([[toward.real, -toward.imag], [toward.imag, toward.real]])
-        noise_m2: Array = turned @ self._spread_m2_s @ turned.T * (distance_m**2 / duration_s)
-        return noise_m2
+        return product(product(turned, self._spread_m2_s), turned.T) * (distance_m**2 / duration_s)
 
     def _linearise(self, values: Array) -> tuple[Array, Array]:
         """Linearise at values; return transition and noise of the time since the last linearisation."""

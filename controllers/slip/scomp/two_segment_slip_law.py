@@ -85,8 +85,8 @@ def _lines(beyond: Array, value: Array, slip_0: float | None) -> tuple[float, fl
     """Return level and slope, not negative, of value = level + slope beyond."""
     spread = beyond if slip_0 is not None else beyond - beyond.mean()
     over = value - slip_0 if slip_0 is not None else value - value.mean()
-    square = float(spread @ spread)
-    slope = min(max(0.0, float(spread @ over) / square), STEEPEST_PER_RAD) if square > 0.0 else 0.0
+    square = float((spread * spread).sum())
+    slope = min(max(0.0, float((spread * over).sum()) / square), STEEPEST_PER_RAD) if square > 0.0 else 0.0
     return (float(value.mean() - slope * beyond.mean()) if slip_0 is None else slip_0), slope
 
 
