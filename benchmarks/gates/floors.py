@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import binomtest
 
 from benchmarks.safety.missions import Driven, Falsify, MakeCamera, drive, ground_camera, with_fixes
+from benchmarks.wilson import interval_percent
 from controllers.motion.mission import corner_points
 from controllers.safety import Mode
 from controllers.slip.effort.gyro_response import GyroResponse
@@ -176,12 +176,12 @@ def _nature(name: str) -> Nature:
 def row_of(ways: Sequence[Way]) -> dict[str, float]:
     """Return the figures of a row: counts, and medians in mm."""
     within, floors = sum(way.is_within for way in ways), len(ways)
-    interval = binomtest(within, floors).proportion_ci(method="wilson")
+    low, high = interval_percent(within, floors)
     return {
         "floors": floors,
         "within": within,
-        "95 % from %": round(100.0 * interval.low),
-        "to %": round(100.0 * interval.high),
+        "95 % from %": round(low),
+        "to %": round(high),
         "finished": sum(way.has_finished for way in ways),
         "path mm": round(1e3 * float(np.median([way.path_m for way in ways])), 1),
         "closure mm": round(1e3 * float(np.median([way.closure_m for way in ways])), 1),

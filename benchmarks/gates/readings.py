@@ -19,7 +19,6 @@ from itertools import pairwise
 import numpy as np
 from rich.console import Console
 from rich.progress import track
-from scipy.stats import binomtest
 
 from benchmarks.cluster_option import add_cluster_option
 from benchmarks.gates.floors import (
@@ -32,6 +31,7 @@ from benchmarks.gates.floors import (
     drive_config,
 )
 from benchmarks.safety.missions import Driven, Falsify, Moment, with_fixes
+from benchmarks.wilson import share_text
 from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.safety import Mode
 from controllers.slip.effort.ground_knowledge import SlipSource
@@ -241,12 +241,12 @@ def row_of(results: Sequence[Result]) -> dict[str, str]:
             f"{sum(result.excited.has_finished for result in results)} "
             f"({sum(result.encoders.has_finished for result in results)})"
         ),
-        "path smaller": _share(smaller, floors),
+        "path smaller": share_text(smaller, floors),
         "path mm (encoders)": (
             f"{_median_mm([result.excited.path_m for result in results])} "
             f"({_median_mm([result.encoders.path_m for result in results])})"
         ),
-        "gyro named": _share(named, floors),
+        "gyro named": share_text(named, floors),
         **_readings([window for result in results for window in result.windows]),
     }
 
@@ -262,7 +262,7 @@ def _readings(windows: Sequence[Window]) -> dict[str, str]:
     return {
         "rms": f"{float(np.sqrt(np.mean(errors**2))):.3f}",
         "bias": f"{errors.mean():+.3f}",
-        "within 2 sd": _share(int(np.sum(np.abs(errors) <= 2.0 * deviations)), len(read)),
+        "within 2 sd": share_text(int(np.sum(np.abs(errors) <= 2.0 * deviations)), len(read)),
         "valid time": f"{sum(window.duration_s for window in read) / total_s:.2f}",
         "median sd": f"{np.median(deviations):.3f}",
     }
@@ -274,11 +274,6 @@ def _within(results: Sequence[Result]) -> int:
 
 def _median_mm(values_m: Sequence[float]) -> str:
     return f"{1e3 * float(np.median(values_m)):.1f}"
-
-
-def _share(count: int, total: int) -> str:
-    interval = binomtest(count, total).proportion_ci(method="wilson")
-    return f"{100.0 * count / total:.0f} % ({100.0 * interval.low:.0f} to {100.0 * interval.high:.0f})"
 
 
 def main() -> None:

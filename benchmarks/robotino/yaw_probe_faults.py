@@ -1,12 +1,12 @@
 """The yaw probe with faults of the gyro and other contacts: is wrong slip marked valid?
 
-    python -m benchmarks.robotino.yaw_probe_faults [--sites 12] [--first 3000] [--out FILE]
+    python -m benchmarks.robotino.yaw_probe_faults [--sites 12] [--first 3000] [--only CASE ...] [--out FILE]
 
-Every site is driven once with encoders and gyro alone, once with the yaw probe without calibration and,
-for faults of the gyro, once after calibration (`rover-hil calibrate imu` on firm ground with the same
-fault). The faults act on what the gyro senses, in a wrapper of the simulated rover that shares no code
-with the program: low-pass of first order at 10 and 20 Hz, delay of 40 ms. Other contacts: patchworks of
-surfaces with random constants, and `tests/nature/omni_contact.py` with a relaxation length of 5 and 15 mm.
+Every site is driven once with encoders and gyro alone, once with the yaw probe without calibration, and once
+after calibration (`rover-hil calibrate imu` on firm ground with the same fault). The faults act on what the
+gyro senses, in a wrapper of the simulated rover that shares no code with the program: low-pass of first
+order at 10 and 20 Hz, delay of 40 ms. Other contacts: patchworks of surfaces with random constants, and
+`tests/nature/omni_contact.py` with a relaxation length of 5 and 15 mm.
 Slip is judged every cycle of a run against the true slip of the half second before: wrong is more than 0.1
 and more than 3 reported standard deviations off.
 """
@@ -24,7 +24,11 @@ from tempfile import TemporaryDirectory
 from typing import cast
 
 import numpy as np
+from rich.console import Console
+from rich.progress import track
 
+from benchmarks.cluster_option import add_cluster_option
+from benchmarks.wilson import share_text
 from controllers.motion.mission import corner_points
 from controllers.safety import Mode
 from controllers.slip.effort.gyro_response import GyroResponse
@@ -34,6 +38,7 @@ from rover_hil.app.calibrate.imu import on_firm_floor, turning_config
 from rover_hil.config import Config, load_config
 from rover_hil.identify.gyro.response_fit import fit_response
 from rover_hil.identify.gyro.turns import read_turns
+from rover_hil.parallel.executor import open_executor
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
 from rover_hil.report.tracks import Track
@@ -163,8 +168,13 @@ def random_constants(seed: int) -> Site:
     return random_site(rng).model_copy(update={"surfaces": surfaces})
 
 
+def any_site(seed: int) -> Site:
+    """Return a patchwork of the measured surfaces."""
+    return random_site(np.random.default_rng(seed))
+
+
 GROUNDS = (
-    Ground("sites", site=lambda seed: random_site(np.random.default_rng(seed))),
+    Ground("sites", site=any_site),
     Ground("random constants", site=random_constants),
     Ground("relaxation 5 mm", relaxation_m=0.005),
     Ground("relaxation 15 mm", relaxation_m=0.015),
@@ -315,44 +325,80 @@ def calibrate(fault: Fault) -> GyroResponse:
     )
 
 
-def summarise(runs: Sequence[Run]) -> dict[str, float]:
+@dataclass(frozen=True)
+class Case:
+    """A row of the table.
+
+    Attributes:
+        ground: What is driven on.
+        gyro: Name of its fault, one of `FAULTS`.
+        slip: How slip is known, one of `ENCODERS`, `NOT_CALIBRATED` and `CALIBRATED`.
+    """
+
+    ground: Ground
+    gyro: str
+    slip: str
+
+    @property
+    def title(self) -> str:
+        """Name of the row."""
+        if self.slip == ENCODERS:
+            return f"{self.ground.name}, {ENCODERS}"
+        return f"{self.ground.name}, {self.gyro}, {self.slip}"
+
+
+ENCODERS, NOT_CALIBRATED, CALIBRATED = "encoders", "not calibrated", "calibrated"
+CASES = (
+    *(
+        Case(ground, "fast gyro", slip)
+        for ground in GROUNDS
+        for slip in (ENCODERS, NOT_CALIBRATED, CALIBRATED)
+    ),
+    *(Case(GROUNDS[0], gyro, slip) for gyro in list(FAULTS)[1:] for slip in (NOT_CALIBRATED, CALIBRATED)),
+)
+
+
+def wrong_percent(runs: Sequence[Run]) -> float:
+    """Return the share of the time with wrong slip marked valid."""
+    return 100.0 * float(np.mean([run.wrong for run in runs]))
+
+
+def row_of(runs: Sequence[Run]) -> dict[str, str]:
     """Return the figures of a table's row."""
     squares = [run.square for run in runs if run.square is not None]
     biases = [abs(run.bias) for run in runs if run.bias is not None]
     within = [r.finished and r.path_m <= BAR_PATH_M and r.closure_m <= BAR_CLOSURE_M for r in runs]
     return {
-        "valid_percent": 100.0 * float(np.mean([run.valid for run in runs])),
-        "wrong_percent": 100.0 * float(np.mean([run.wrong for run in runs])),
-        "slip_rms": math.sqrt(float(np.mean(squares))) if squares else math.nan,
-        "bias_of_a_site": float(np.mean(biases)) if biases else math.nan,
-        "path_mm": 1e3 * float(np.median([run.path_m for run in runs])),
-        "closure_mm": 1e3 * float(np.median([run.closure_m for run in runs])),
-        "finished_percent": 100.0 * float(np.mean([run.finished for run in runs])),
-        "within_bars_percent": 100.0 * float(np.mean(within)),
+        "valid, % of the time": f"{100.0 * float(np.mean([run.valid for run in runs])):.0f}",
+        "wrong and valid, %": f"{wrong_percent(runs):.1f}",
+        "slip rms": f"{math.sqrt(float(np.mean(squares))):.3f}" if squares else "",
+        "bias of a site": f"{float(np.mean(biases)):.3f}" if biases else "",
+        "path, mm": f"{1e3 * float(np.median([run.path_m for run in runs])):.0f}",
+        "closure, mm": f"{1e3 * float(np.median([run.closure_m for run in runs])):.0f}",
+        "finished": share_text(sum(run.finished for run in runs), len(runs)),
+        "within 45 and 100 mm": share_text(sum(within), len(runs)),
     }
 
 
-def experiment(sites: int, first: int) -> dict[str, list[Run]]:
-    """Return the runs of every case, by name."""
-    found: dict[str, list[Run]] = {}
-    seeds = range(first, first + sites)
+def drive_case(case: Case, seed: int, gyro: GyroResponse | None) -> Run:
+    """Drive one case on the ground of a seed; `gyro` are the constants where it is calibrated."""
+    return drive(case.ground, seed, FAULTS[case.gyro], probe=case.slip != ENCODERS, gyro=gyro)
 
-    def add(name: str, ground: Ground, fault: Fault, *, probe: bool, gyro: GyroResponse | None) -> None:
-        found[name] = [drive(ground, seed, fault, probe=probe, gyro=gyro) for seed in seeds]
-        figures = " ".join(f"{key} {value:.3g}" for key, value in summarise(found[name]).items())
-        ends = sorted({run.end for run in found[name] if run.end})
-        print(f"{name}: {figures}", *ends, sep="\n    ", flush=True)
 
-    for ground in GROUNDS:
-        add(f"{ground.name}, encoders", ground, Fault(), probe=False, gyro=None)
-        add(f"{ground.name}, fast gyro", ground, Fault(), probe=True, gyro=None)
-    for name, fault in FAULTS.items():
-        gyro = calibrate(fault)
-        print(name, gyro.model_dump(exclude={"source", "identified_on"}), flush=True)
-        if fault != Fault():
-            add(f"sites, {name}, not calibrated", GROUNDS[0], fault, probe=True, gyro=None)
-        add(f"sites, {name}, calibrated", GROUNDS[0], fault, probe=True, gyro=gyro)
-    return found
+def experiment(cases: Sequence[Case], seeds: range, cluster: str | None) -> dict[Case, list[Run]]:
+    """Return the runs of every case."""
+    gyros = {case.gyro for case in cases if case.slip == CALIBRATED}
+    known = {name: calibrate(fault) for name, fault in FAULTS.items() if name in gyros}
+    jobs = [
+        (case, seed, known[case.gyro] if case.slip == CALIBRATED else None)
+        for case in cases
+        for seed in seeds
+    ]
+    with open_executor(cluster) as pool:
+        found = pool.map(drive_case, *zip(*jobs, strict=True))
+        runs = list(track(found, "drives", total=len(jobs), console=Console(stderr=True)))
+    starts = range(0, len(jobs), len(seeds))
+    return {case: runs[start : start + len(seeds)] for case, start in zip(cases, starts, strict=True)}
 
 
 def main() -> int:
@@ -361,14 +407,33 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--sites", type=int, default=12)
-    parser.add_argument("--first", type=int, default=3000, help="first seed; 0 to 19: development")
+    parser.add_argument(
+        "--first",
+        type=int,
+        default=3000,
+        help="first seed; 0 to 19: development, 9100 to 9159: in docs/results",
+    )
+    titles = [case.title for case in CASES]
+    parser.add_argument("--only", nargs="+", choices=titles, default=titles, metavar="CASE")
     parser.add_argument("--out", type=Path)
+    add_cluster_option(parser)
     arguments = parser.parse_args()
-    found = experiment(arguments.sites, arguments.first)
+    cases = [case for case in CASES if case.title in arguments.only]
+    seeds = range(arguments.first, arguments.first + arguments.sites)
+    found = experiment(cases, seeds, arguments.cluster)
     if arguments.out is not None:
-        rows = {name: [asdict(run) for run in runs] for name, runs in found.items()}
+        rows = {case.title: [asdict(run) for run in runs] for case, runs in found.items()}
         arguments.out.write_text(json.dumps(rows, indent=1), encoding="utf-8")
-    return int(any(summarise(runs)["wrong_percent"] > 2.0 for runs in found.values()))
+    columns = ["ground, gyro", *row_of(next(iter(found.values())))]
+    print("|", " | ".join(columns), "|")
+    print("|---" * len(columns), "|", sep="")
+    for case, runs in found.items():
+        print("|", " | ".join((case.title, *row_of(runs).values())), "|")
+    for case, runs in found.items():
+        for seed, run in zip(seeds, runs, strict=True):
+            if run.end:
+                print(f"{case.title}, {seed}: {run.end}")
+    return int(any(wrong_percent(runs) > 2.0 for runs in found.values()))
 
 
 if __name__ == "__main__":
