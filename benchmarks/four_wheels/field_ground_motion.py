@@ -6,9 +6,9 @@ The drives of `benchmarks.four_wheels.field_tests`, same seeds. The control loop
 observes them without slip law and trace: encoders, gyro, compass, and the motion over the ground in the
 rendered frames. Prints for each seed and test how far the estimate ends off the truth, in m: `camera` by the
 rig as it is told, `calibrated` with the scale of test 1, a fix at either end of it; `ours` by sComp with the
-trace, whose parameters are identified on test 1 too. And the slip's rms error, the share of the cycles with a
-valid motion, and the deviation that the loop told at the end, of `calibrated`. Exit code 1 where it does not
-end better.
+trace, whose parameters are identified on test 1 too. And of `calibrated`: the error at the end along the way
+and across it, that of the yaw, the slip's rms error, the share of the cycles with a valid motion, and the
+deviation that the loop told at the end. Exit code 1 where it does not end better.
 """
 
 import argparse
@@ -104,8 +104,13 @@ def observe(recorded: FieldDrive, tolerance: RigTolerance) -> dict[str, float]:
     moved_m *= complex(math.cos(start_rad), -math.sin(start_rad))
     xx, _, _, yy, _, _ = estimate.covariance
     measured_m = complex(estimate.x_m, estimate.y_m)
+    turned_rad = float(truth["psi_rad"][-1]) - start_rad
+    off_m = (measured_m - moved_m) * moved_m.conjugate() / abs(moved_m)
     return {
-        "end_m": abs(measured_m - moved_m),
+        "end_m": abs(off_m),
+        "along_m": off_m.real,
+        "across_m": off_m.imag,
+        "yaw_deg": math.degrees(math.remainder(estimate.yaw_rad - turned_rad, math.tau)),
         "scale": abs(moved_m) ** 2 / (measured_m * moved_m.conjugate()).real,
         "told_sd_m": math.sqrt(xx + yy),
         "slip_rms": float(np.sqrt(np.mean(np.square(slips)))),

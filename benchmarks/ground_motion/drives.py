@@ -48,7 +48,7 @@ def main() -> int:
     cv2.setNumThreads(1)
     tolerance = RigTolerance(sinkage_m=given.sinkage_mm / 1000)
     for look in given.looks.split(","):
-        drives = [measure(folder, LOOKS[look], given.every, tolerance) for folder in _drives(given.folders)]
+        drives = [measure(folder, LOOKS[look], given.every, tolerance) for folder in drives_in(given.folders)]
         _write(f"\n## {look}\n\n| drive | {COLUMNS} |\n" + "|---" * 13 + "|\n")
         for pairs in drives:
             name = f"{pairs.name} ({pairs.look})" if pairs.look else pairs.name
@@ -61,7 +61,8 @@ def main() -> int:
     return 0
 
 
-def _drives(folders: Sequence[Path]) -> Iterator[Path]:
+def drives_in(folders: Sequence[Path]) -> Iterator[Path]:
+    """Yield the drives that folders are or hold."""
     for folder in folders:
         if (folder / "rig.json").exists():
             yield folder

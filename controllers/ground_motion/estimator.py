@@ -282,7 +282,10 @@ class GroundMotionEstimator:
         numbers = self._parameters.validity
         moving, fixed = followed.moving, followed.fixed
         if moving is not None and moving.moved_pixels > numbers.still_pixels:
-            if moving.points >= numbers.least_moving and moving.moved_sd_pixels < numbers.most_sd_pixels:
+            most_sd_pixels = min(
+                numbers.least_sd_pixels + numbers.sd_share * moving.moved_pixels, numbers.most_sd_pixels
+            )
+            if moving.points >= numbers.least_moving and moving.moved_sd_pixels < most_sd_pixels:
                 return moving, ""
             reason = "too few points move alike"
         else:
@@ -292,9 +295,12 @@ class GroundMotionEstimator:
             return None, reason
         if apart_pixels > 1.0:
             return None, "what is fixed in the picture hides the ground"
+        # One that creeps is neither at rest nor clearly moving: it must be sharp, and of nearly all points.
+        creeps = still.moved_pixels > numbers.creeping_pixels
         sharp = still.moved_sd_pixels < numbers.clear_still_sd_pixels
-        least_share = numbers.clear_still_share if sharp else numbers.least_still_share
-        if still.share < least_share or still.moved_sd_pixels > numbers.most_still_sd_pixels:
+        least_share = numbers.clear_still_share if sharp and not creeps else numbers.least_still_share
+        most_sd_pixels = numbers.creeping_sd_pixels if creeps else numbers.most_still_sd_pixels
+        if still.share < least_share or still.moved_sd_pixels > most_sd_pixels:
             return None, "ground that stands cannot be told from what is fixed in the picture"
         return still, ""
 

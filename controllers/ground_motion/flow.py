@@ -163,16 +163,16 @@ class GroundFlow:
         """Return the points of the ground that are followed, behind and left of the patch's origin."""
         return np.asarray((self._points + self._reference) * (-1.0, 1.0), np.float64)
 
-    def fitted_forward_m(self, moved_m: Floats, turn_sd_rad: Angles) -> float:
-        """Return the motion forward that fits displacements of the points (ahead, left), without any turn.
+    def fitted(self, moved_m: Floats, turn_sd_rad: Angles) -> Floats:
+        """Return the motions that fit displacements of the points (ahead, left), as `follow` fits them.
 
-        The other motions are fitted with it, as in `follow`: a part of a displacement may pass for them.
+        Forward, left, turn, roll and pitch: a part of a displacement may pass for any of them.
         """
         sd_m = self._parameters.point_sd_pixels * self._pixel_m
         design = self._linearised(0.0)[1].reshape(-1, 5)
         normal = design.T @ design / sd_m**2
         normal[2:, 2:] += np.diag(1 / np.array([turn_sd_rad[2], *turn_sd_rad[:2]]) ** 2)
-        return float(np.linalg.solve(normal, design.T @ moved_m.reshape(-1) / sd_m**2)[0])
+        return np.asarray(np.linalg.solve(normal, design.T @ moved_m.reshape(-1) / sd_m**2), np.float64)
 
     def _moved(self, before: Image, after: Image, turned: Floats, starts_m: Floats) -> tuple[Floats, Mask]:
         """Return how the points moved ahead and left (points x starts x 2), and which could be followed."""
