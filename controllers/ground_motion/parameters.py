@@ -60,8 +60,8 @@ class FlowParameters:
 class ValidityParameters:
     """What a pair of frames must show to measure the motion.
 
-    The number of the moving group was chosen on 14 drives of two renderers, and held on 8 others. The limits of
-    the deviations were chosen on `tests/nature/sinking_drives`, seeds 1, 2 and 4.
+    The number of the moving group was chosen on 14 drives of two renderers, and held on 8 others. The limits
+    of the deviations were chosen on `tests/nature/sinking_drives`, seeds 1, 2 and 4.
     """
 
     least_moving: int = 18  # points that move in the picture, for any motion
