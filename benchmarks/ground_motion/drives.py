@@ -30,7 +30,10 @@ from benchmarks.ground_motion.scores import (
 )
 from controllers.ground_motion.rig_tolerance import RigTolerance
 
-COLUMNS = "windows | valid % | slip rms | bias | p95 | max | distance % | sideways mm | pairs % | ms | p95 ms"
+COLUMNS = (
+    "windows | valid % | slip rms | bias | p95 | max | distance % | sideways mm | pairs % | above 0.1 | "
+    "ms | p95 ms"
+)
 LENGTHS_M = (0.1, 0.5, 2.0)
 
 
@@ -45,8 +48,8 @@ def main() -> int:
     cv2.setNumThreads(1)
     tolerance = RigTolerance(sinkage_m=given.sinkage_mm / 1000)
     for look in given.looks.split(","):
-        drives = [measure(folder, LOOKS[look], given.every, tolerance) for folder in _drives(given.folders)]
-        _write(f"\n## {look}\n\n| drive | {COLUMNS} |\n" + "|---" * 12 + "|\n")
+        drives = [measure(folder, LOOKS[look], given.every, tolerance) for folder in drives_in(given.folders)]
+        _write(f"\n## {look}\n\n| drive | {COLUMNS} |\n" + "|---" * 13 + "|\n")
         for pairs in drives:
             name = f"{pairs.name} ({pairs.look})" if pairs.look else pairs.name
             _write(f"| {name} | {_row([pairs])} |\n")
@@ -58,7 +61,8 @@ def main() -> int:
     return 0
 
 
-def _drives(folders: Sequence[Path]) -> Iterator[Path]:
+def drives_in(folders: Sequence[Path]) -> Iterator[Path]:
+    """Yield the drives that folders are or hold."""
     for folder in folders:
         if (folder / "rig.json").exists():
             yield folder
@@ -87,6 +91,7 @@ def _row(drives: Sequence[Pairs]) -> str:
         _number(100 * _rms(distance), ".1f"),
         _number(1000 * _rms(sideways), ".1f"),
         f"{100 * measured.mean():.1f}",
+        f"{int((error > WRONG_SLIP).sum())}",
         f"{np.median(spent_ms):.1f}",
         f"{np.percentile(spent_ms, 95):.1f}",
     ]

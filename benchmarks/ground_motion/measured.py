@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.ground_patch import GroundPatch
+from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.motion import GroundMotion
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
@@ -73,7 +74,7 @@ def measure(
     truth = _columns(folder / "truth.csv")
     paths = sorted((folder / "frames").iterdir())
     ground = GroundPatch(rig.geometry())
-    estimator = GroundMotionEstimator(ground, tolerance)
+    estimator = GroundMotionEstimator(GroundView(ground), tolerance)
     poses = _poses(truth, ground.rig.point_m)
     used = range(0, len(paths), every)
     motions: list[GroundMotion] = []

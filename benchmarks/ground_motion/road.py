@@ -20,6 +20,7 @@ import numpy as np
 from benchmarks.ground_motion.measured import Floats
 from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.ground_patch import GroundPatch
+from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
 from controllers.ground_motion.rig import SCHEMA, RigFile
@@ -89,7 +90,7 @@ def _ours(
     ground: GroundPatch, tolerance: RigTolerance, images: list[Image], every: int
 ) -> tuple[Floats, Floats, float, float]:
     """Return motion (forward, left, turn), its deviations, that of the scale, and ms of a step."""
-    estimator = GroundMotionEstimator(ground, tolerance)
+    estimator = GroundMotionEstimator(GroundView(ground), tolerance)
     turn, turn_sd = turned(None, None, every / RATE_HZ, DEFAULTS.turn)
     prior = MotionPrior(forward_m=None, left_m=0.0, turn_rad=turn, turn_sd_rad=turn_sd)
     rows, spent_ms, scale_sd = [], [], 0.0

@@ -38,7 +38,7 @@ class Windows:
 def windows(pairs: Pairs, length_m: float = WINDOW_M) -> Windows:
     """Return the windows of a drive, by wheel travel."""
     rows = []
-    for part in _parts(np.abs(pairs.wheel_m), length_m):
+    for part in parts(np.abs(pairs.wheel_m), length_m):
         wheel, valid = np.abs(pairs.wheel_m[part]), pairs.valid[part]
         way = np.sign(pairs.wheel_m[part])
         slip = float(pairs.slip[part] @ wheel / wheel.sum())
@@ -54,7 +54,7 @@ def windows(pairs: Pairs, length_m: float = WINDOW_M) -> Windows:
 def distance_errors(pairs: Pairs) -> list[float]:
     """Return errors of the distance over 2 m of true travel, or over the drive, as shares."""
     errors = []
-    for part in _parts(np.abs(pairs.true[:, 0]), DISTANCE_M, LEAST_DISTANCE_M):
+    for part in parts(np.abs(pairs.true[:, 0]), DISTANCE_M, LEAST_DISTANCE_M):
         valid = pairs.valid[part]
         true_m = float(pairs.true[part, 0][valid].sum())
         if valid.mean() >= LEAST_MEASURED and abs(true_m) > LEAST_DISTANCE_M / 2:
@@ -66,7 +66,7 @@ def sideways_errors(pairs: Pairs) -> list[float]:
     """Return errors of the travel to the left over 0.5 m of true travel, m."""
     return [
         float((pairs.found[part, 1] - pairs.true[part, 1])[pairs.valid[part]].sum())
-        for part in _parts(np.abs(pairs.true[:, 0]), WINDOW_M)
+        for part in parts(np.abs(pairs.true[:, 0]), WINDOW_M)
         if pairs.valid[part].mean() >= LEAST_MEASURED
     ]
 
@@ -74,7 +74,7 @@ def sideways_errors(pairs: Pairs) -> list[float]:
 def normalised_errors(pairs: Pairs, length_m: float) -> list[float]:
     """Return errors forward over windows of wheel travel, over the deviation that is told for them."""
     errors = []
-    for part in _parts(np.abs(pairs.wheel_m), length_m):
+    for part in parts(np.abs(pairs.wheel_m), length_m):
         valid = pairs.valid[part]
         if valid.mean() < LEAST_MEASURED:
             continue
@@ -108,7 +108,7 @@ def band_shares(parts: Sequence[Windows]) -> list[tuple[int, float]]:
     return rows
 
 
-def _parts(travel_m: Floats, length_m: float, least_m: float | None = None) -> Iterator[slice]:
+def parts(travel_m: Floats, length_m: float, least_m: float | None = None) -> Iterator[slice]:
     """Yield pairs that together travel a length, and the rest from `least_m` on."""
     start, total = 0, 0.0
     for place, step_m in enumerate(travel_m.tolist()):

@@ -10,6 +10,7 @@ from controllers.ftrace.hough.tracker import HoughTracker
 from controllers.ftrace.parameters import DEFAULTS, FTraceParameters
 from controllers.ftrace.rut.tracker import RutTracker
 from controllers.ground_motion.ground_patch import Floats, GroundPatch
+from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.prior import turned
 from controllers.ground_motion.rig import RigGeometry
 from drivers.clock import seconds
@@ -67,21 +68,27 @@ class TraceEstimator:
         method: `fused`: cross-sections of the rut, the path travelled, and the optical flow of the ground;
             `hough`: the paper's method, Hough lines and fuzzy reasoning.
         parameters: Tuned numbers.
+        view: The ground in the frames of the rig, for others that look at it too; None for one of its own.
 
     Raises:
         ConfigError: The rig watches no wheel, or the camera does not see the ground behind it.
     """
 
     def __init__(
-        self, rig: RigGeometry, method: Method = "fused", parameters: FTraceParameters = DEFAULTS
+        self,
+        rig: RigGeometry,
+        method: Method = "fused",
+        parameters: FTraceParameters = DEFAULTS,
+        view: GroundView | None = None,
     ) -> None:
         if not rig.watches_wheel:
             raise ConfigError("the rig watches no wheel, so there is no trace: describe `wheel` in the rig")
         self._rig = rig
         self._parameters = parameters
-        self._ground = GroundPatch(rig)
+        self._view = view or GroundView(GroundPatch(rig), parameters.ground_motion.structure)
+        self._ground = self._view.ground
         make = HoughTracker if method == "hough" else RutTracker
-        self._tracker: HoughTracker | RutTracker = make(self._ground, parameters)
+        self._tracker: HoughTracker | RutTracker = make(self._view, parameters)
         self._misses = self._unmeasured = parameters.most_misses + 1
         self._confidence = 0.0
         self._t_ns: int | None = None
@@ -99,7 +106,7 @@ class TraceEstimator:
 
         Args:
             t_ns: Time of exposure.
-            image: Grey pixels, of the rig's size.
+            image: Grey or BGR pixels, of the rig's size.
             wheel_speed_m_s: Speed of the wheel's rim; None for the rig's nominal speed.
             rates_rad_s: Turn rates of the body about x, y, z, or None.
 
@@ -146,19 +153,14 @@ class TraceEstimator:
             raise ModelError(
                 f"frame time {t_ns} ns is not after the one before, {self._t_ns} ns: give frames in order"
             )
-        size = (self._rig.height, self._rig.width)
-        if image.shape != size:
-            raise ModelError(
-                f"frame of shape {image.shape}, the rig's is {size} grey pixels: use frames of this rig"
-            )
+        ground = self._view.look(image)
         dt_s = 0.0 if self._t_ns is None else seconds(t_ns - self._t_ns)
         speed = self._rig.nominal_speed_m_s if speed_m_s is None else speed_m_s
         turn, turn_sd = turned(rates, self._rates, dt_s, self._parameters.ground_motion.turn)
-        patch = self._ground.rectify(image)
         frame = Frame(
             t_ns=t_ns,
-            patch=patch,
-            usable=is_usable(patch, self._ground.visible, self._parameters.frame),
+            ground=ground,
+            usable=is_usable(ground.patch, self._ground.visible, self._parameters.frame),
             travel_m=speed * dt_s,
             turn_rad=turn,
             turn_sd_rad=turn_sd,

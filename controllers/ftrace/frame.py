@@ -7,6 +7,7 @@ import numpy as np
 
 from controllers.ftrace.parameters import FrameParameters
 from controllers.ground_motion.ground_patch import Floats, Mask
+from controllers.ground_motion.ground_view import SeenGround
 from drivers.samples import Image
 
 
@@ -16,7 +17,7 @@ class Frame:
 
     Attributes:
         t_ns: Time of exposure.
-        patch: Grey ground behind the wheel.
+        ground: The ground behind the wheel.
         usable: False for black, burnt or empty frames.
         travel_m: Travel by the wheel's speed, or by the rig's nominal one, negative backwards; 0 for the
             first frame.
@@ -26,7 +27,7 @@ class Frame:
     """
 
     t_ns: int
-    patch: Image
+    ground: SeenGround
     usable: bool
     travel_m: float
     turn_rad: tuple[float, float, float]

@@ -2,17 +2,18 @@
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from controllers.ground_motion.flow import Followed, GroundFlow, PatchMotion
-from controllers.ground_motion.ground_patch import Floats, GroundPatch, Mask, Patch
+from controllers.ground_motion.ground_patch import Floats, Mask, Patch
+from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.motion import GroundMotion
 from controllers.ground_motion.parameters import DEFAULTS, GroundMotionParameters
 from controllers.ground_motion.prior import MotionPrior
 from controllers.ground_motion.rig_tolerance import RigTolerance
 from controllers.ground_motion.rig_watch import RigWatch
 from controllers.ground_motion.static_pattern import StaticPattern
-from controllers.ground_motion.structure import FineStructure
 from controllers.ground_motion.tolerance import scale_of
 from drivers.errors import ModelError
 from drivers.samples import Image
@@ -57,7 +58,7 @@ class GroundMotionEstimator:
     motion is then as certain as fast, and what is fixed in the picture is not taken for ground that stands.
 
     Args:
-        ground: The rectified ground of the rig.
+        view: The ground in the frames of the rig; others may look at it too.
         tolerance: What is not known about the rig.
         parameters: Tuned numbers.
 
@@ -68,14 +69,16 @@ class GroundMotionEstimator:
 
     def __init__(
         self,
-        ground: GroundPatch,
+        view: GroundView,
         tolerance: RigTolerance | None = None,
         parameters: GroundMotionParameters = DEFAULTS,
     ) -> None:
-        self._ground, self._parameters = ground, parameters
-        self._structure = FineStructure(ground, parameters.structure)
+        ground = view.ground
+        self._view, self._ground, self._parameters = view, ground, parameters
+        self._structure = view.structure
         self._flow = GroundFlow(ground, parameters.flow)
         self._factor, self._scale_sd = scale_of(ground, self._flow, tolerance or RigTolerance())
+        self._visible = ground.visible.astype(np.uint8)
         self._pattern = StaticPattern(ground.shape, parameters.pattern)
         self._watch = RigWatch(self._scale_sd, parameters.rig_watch)
         self._most_travel_m = parameters.validity.most_travel_share * ground.shape[0] * ground.pixel_m
@@ -110,20 +113,14 @@ class GroundMotionEstimator:
 
         Args:
             t_ns: Time of the frame, middle of its exposure.
-            image: Grey pixels, of the rig's size.
+            image: Grey or BGR pixels, of the rig's size.
             prior: Motion since the frame before by other sensors.
 
         Raises:
             ModelError: Time goes backwards, or the frame has another size than the rig's.
         """
-        size = (self._ground.rig.height, self._ground.rig.width)
-        if image.shape != size:
-            raise ModelError(
-                f"frame of shape {image.shape}, the rig's is {size} grey pixels: use frames of this rig"
-            )
-        patch = self._ground.rectify(image)
-        structure = self._structure.of(self._structure.log_grey(patch))
-        return self.step_patch(t_ns, patch, structure, prior)
+        seen = self._view.look(image)
+        return self.step_patch(t_ns, seen.patch, seen.structure, prior)
 
     def step_patch(
         self, t_ns: int, patch: Image, structure: Patch, prior: MotionPrior
@@ -183,8 +180,8 @@ class GroundMotionEstimator:
             return True
         if grey is None:
             return False
-        apart = np.abs(patch.astype(np.int16) - grey)[self._ground.visible]
-        return bool(apart.mean() < self._parameters.validity.repeated_grey)
+        apart = cv2.mean(cv2.absdiff(patch, grey), self._visible)[0]
+        return bool(apart < self._parameters.validity.repeated_grey)
 
     def _measure(self, picture: Image) -> tuple[PatchMotion | None, str]:
         """Return the motion of the pair, and why there is none."""
@@ -285,7 +282,10 @@ class GroundMotionEstimator:
         numbers = self._parameters.validity
         moving, fixed = followed.moving, followed.fixed
         if moving is not None and moving.moved_pixels > numbers.still_pixels:
-            if moving.points >= numbers.least_moving and moving.moved_sd_pixels < numbers.most_sd_pixels:
+            most_sd_pixels = min(
+                numbers.least_sd_pixels + numbers.sd_share * moving.moved_pixels, numbers.most_sd_pixels
+            )
+            if moving.points >= numbers.least_moving and moving.moved_sd_pixels < most_sd_pixels:
                 return moving, ""
             reason = "too few points move alike"
         else:
@@ -295,9 +295,12 @@ class GroundMotionEstimator:
             return None, reason
         if apart_pixels > 1.0:
             return None, "what is fixed in the picture hides the ground"
+        # One that creeps is neither at rest nor clearly moving: it must be sharp, and of nearly all points.
+        creeps = still.moved_pixels > numbers.creeping_pixels
         sharp = still.moved_sd_pixels < numbers.clear_still_sd_pixels
-        least_share = numbers.clear_still_share if sharp else numbers.least_still_share
-        if still.share < least_share or still.moved_sd_pixels > numbers.most_still_sd_pixels:
+        least_share = numbers.clear_still_share if sharp and not creeps else numbers.least_still_share
+        most_sd_pixels = numbers.creeping_sd_pixels if creeps else numbers.most_still_sd_pixels
+        if still.share < least_share or still.moved_sd_pixels > most_sd_pixels:
             return None, "ground that stands cannot be told from what is fixed in the picture"
         return still, ""
 

@@ -163,16 +163,16 @@ class GroundFlow:
         """Return the points of the ground that are followed, behind and left of the patch's origin."""
         return np.asarray((self._points + self._reference) * (-1.0, 1.0), np.float64)
 
-    def fitted_forward_m(self, moved_m: Floats, turn_sd_rad: Angles) -> float:
-        """Return the motion forward that fits displacements of the points (ahead, left), without any turn.
+    def fitted(self, moved_m: Floats, turn_sd_rad: Angles) -> Floats:
+        """Return the motions that fit displacements of the points (ahead, left), as `follow` fits them.
 
-        The other motions are fitted with it, as in `follow`: a part of a displacement may pass for them.
+        Forward, left, turn, roll and pitch: a part of a displacement may pass for any of them.
         """
         sd_m = self._parameters.point_sd_pixels * self._pixel_m
         design = self._linearised(0.0)[1].reshape(-1, 5)
         normal = design.T @ design / sd_m**2
         normal[2:, 2:] += np.diag(1 / np.array([turn_sd_rad[2], *turn_sd_rad[:2]]) ** 2)
-        return float(np.linalg.solve(normal, design.T @ moved_m.reshape(-1) / sd_m**2)[0])
+        return np.asarray(np.linalg.solve(normal, design.T @ moved_m.reshape(-1) / sd_m**2), np.float64)
 
     def _moved(self, before: Image, after: Image, turned: Floats, starts_m: Floats) -> tuple[Floats, Mask]:
         """Return how the points moved ahead and left (points x starts x 2), and which could be followed."""
@@ -224,10 +224,9 @@ class GroundFlow:
         rows, columns = cell.max(axis=0) + 2
         if rows * columns > MOST_CELLS:
             return 0.0, np.zeros(2)
-        votes = np.zeros((rows, columns), np.float32)
         single = np.unique((point * rows + cell[:, 0]) * columns + cell[:, 1])
-        np.add.at(votes.reshape(-1), single % (rows * columns), 1.0)
-        votes = np.asarray(cv2.boxFilter(votes, -1, (3, 3), normalize=False))
+        count = np.bincount(single % (rows * columns), minlength=rows * columns).astype(np.float32)
+        votes = np.asarray(cv2.boxFilter(count.reshape(rows, columns), -1, (3, 3), normalize=False))
         row, column = np.unravel_index(int(votes.argmax()), votes.shape)
         near = (np.abs(cell - (row, column)) <= 1).all(axis=1)
         return float(votes[row, column]), np.asarray(shifts[near].mean(axis=0), np.float64)
@@ -238,22 +237,23 @@ class GroundFlow:
         moved, usable, base, design = samples.moved, samples.usable, samples.base, samples.design
         x, scale = start, numbers.group_pixels * self._pixel_m
         least, most = numbers.point_sd_pixels * self._pixel_m, numbers.most_scale_pixels * self._pixel_m
-        flat = design.reshape(-1, 5)
+        flat, place = design.reshape(-1, 5), np.arange(len(base))
+        far: Floats = np.where(usable, 0.0, np.inf)
         normal: Floats = np.zeros((5, 5))
         weight: Floats = np.zeros(len(base))
         for _ in range(numbers.rounds):
             model = base + (flat @ x).reshape(-1, 2)
             apart = moved - model[:, None]
-            off = np.where(usable, np.hypot(apart[..., 0], apart[..., 1]), np.inf)
-            nearest = off.argmin(axis=1)
-            error = off[np.arange(len(off)), nearest]
-            group = error[error < numbers.cut * scale]
+            squares = np.einsum("ijk,ijk->ij", apart, apart) + far
+            nearest = squares.argmin(axis=1)
+            error = np.sqrt(squares[place, nearest])
+            group = np.sort(error[error < numbers.cut * scale])
             if len(group) < numbers.least_points:
                 return None
-            scale = max(least, 1.2 * float(np.median(group)))
+            scale = max(least, 0.6 * float(group[len(group) // 2] + group[(len(group) - 1) // 2]))
             weight = np.clip(1 - (error / (numbers.cut * scale)) ** 2, 0.0, 1.0) ** 2
             both = np.repeat(weight / scale**2, 2)
-            target = (moved[np.arange(len(off)), nearest] - base).reshape(-1)
+            target = (moved[place, nearest] - base).reshape(-1)
             target = np.where(both > 0, target, 0.0)
             normal = flat.T @ (both[:, None] * flat)
             normal[2:, 2:] += samples.information

@@ -42,9 +42,9 @@ def travel_factor(true: RigGeometry, ground: GroundPatch, flow: GroundFlow) -> f
     """Return measured over true travel forward, where the camera is mounted otherwise than the rig says."""
     points = ground.to_vehicle(*flow.points_m().T)
     before, after = (
-        _seen_at(true, ground, points + np.array([shift_m, 0.0, 0.0])) for shift_m in (STEP_M, 0.0)
+        seen_at(true, ground, points + np.array([shift_m, 0.0, 0.0])) for shift_m in (STEP_M, 0.0)
     )
-    return flow.fitted_forward_m((after - before) * (-1.0, 1.0), TILT_SD_RAD) / STEP_M
+    return float(flow.fitted((after - before) * (-1.0, 1.0), TILT_SD_RAD)[0]) / STEP_M
 
 
 def pitched(angle_rad: float) -> Floats:
@@ -53,7 +53,7 @@ def pitched(angle_rad: float) -> Floats:
     return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
 
 
-def _seen_at(true: RigGeometry, ground: GroundPatch, points: Floats) -> Floats:
+def seen_at(true: RigGeometry, ground: GroundPatch, points: Floats) -> Floats:
     """Return where points of the ground (vehicle frame) seem to be, behind and left of the patch's origin."""
     told = ground.rig
     pixels, _ = project(true, points)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.estimation.ground_travel import GroundMeter
@@ -20,6 +21,9 @@ from rover_hil.run.replay_link import ReplayLink
 from sim_backends.build import build_world
 from sim_backends.world.loopback import LoopbackLink
 from sim_backends.world.world import World
+
+if TYPE_CHECKING:
+    from controllers.ground_motion.ground_view import GroundView
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,24 +146,36 @@ def find_wheel_count_conflict(rover: RoverSettings, drive: str, drive_wheel_coun
     )
 
 
-def _make_finder(config: Config) -> TraceFinder | None:
+def _shared_view(config: Config) -> "GroundView | None":
+    """Return the ground in the frames where the trace and the motion over the ground look at the same."""
+    scomp, ground = config.scomp, config.ground_motion
+    if scomp is None or scomp.rig is None or ground is None or scomp.rig != ground.rig:
+        return None
+    # Imported here because they bring OpenCV, which a rover without a camera must not wait for.
+    from controllers.ground_motion.ground_patch import GroundPatch
+    from controllers.ground_motion.ground_view import GroundView
+
+    return GroundView(GroundPatch(scomp.rig.geometry()))
+
+
+def _make_finder(config: Config, view: "GroundView | None") -> TraceFinder | None:
     camera = None if config.roles.camera is None else config.devices[config.roles.camera]
     if config.scomp is None or config.scomp.rig is None or not isinstance(camera, CameraSettings):
         return None
     # Imported here because it brings OpenCV, which a rover without a camera must not wait for.
     from rover_hil.run.live_trace import LiveTraceFinder
 
-    return LiveTraceFinder(config.scomp.rig, camera)
+    return LiveTraceFinder(config.scomp.rig, camera, view)
 
 
-def _make_meter(config: Config) -> GroundMeter | None:
+def _make_meter(config: Config, view: "GroundView | None") -> GroundMeter | None:
     camera = None if config.roles.camera is None else config.devices[config.roles.camera]
     if config.ground_motion is None or not isinstance(camera, CameraSettings):
         return None
     # Imported here because it brings OpenCV, which a rover without a camera must not wait for.
     from rover_hil.run.live_ground_motion import LiveGroundMotion
 
-    return LiveGroundMotion(config.ground_motion, camera)
+    return LiveGroundMotion(config.ground_motion, camera, view)
 
 
 def _assemble(config: Config, clock: Clock, drivers: dict[str, AnyDriver]) -> Rig:
@@ -170,5 +186,6 @@ def _assemble(config: Config, clock: Clock, drivers: dict[str, AnyDriver]) -> Ri
     if conflict:
         raise ConfigError(conflict)
     roles = replace(config.device_roles(), wheel_wraps_rad=drive.wheel_wraps_rad)
-    loop = ControlLoop(config, roles, _make_finder(config), _make_meter(config))
+    view = _shared_view(config)
+    loop = ControlLoop(config, roles, _make_finder(config, view), _make_meter(config, view))
     return Rig(clock, drivers, drive, loop, frozenset(config.roles.names()))

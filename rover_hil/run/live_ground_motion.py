@@ -1,12 +1,10 @@
 """The motion over the ground in the frames of a running rover."""
 
-import cv2
-import numpy as np
-
 from controllers.estimation.ground_settings import GroundMotionSettings
 from controllers.estimation.ground_travel import Rates, WheelPrior
 from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.ground_patch import GroundPatch
+from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.motion import GroundMotion
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
@@ -22,18 +20,21 @@ class LiveGroundMotion:
     Args:
         settings: Calibration of the camera and what is not known about it.
         camera: The camera of the rig.
+        view: The ground in its frames, for others that look at it too; None for one of its own.
 
     Raises:
         ConfigError: The camera does not see the ground, or its frames have another size.
     """
 
-    def __init__(self, settings: GroundMotionSettings, camera: CameraSettings) -> None:
+    def __init__(
+        self, settings: GroundMotionSettings, camera: CameraSettings, view: GroundView | None = None
+    ) -> None:
         rig = settings.rig
         conflict = rig.size_conflict(camera.width, camera.height)
         if conflict:
             raise ConfigError(conflict)
         geometry = rig.geometry()
-        self._estimator = GroundMotionEstimator(GroundPatch(geometry), settings.tolerance)
+        self._estimator = GroundMotionEstimator(view or GroundView(GroundPatch(geometry)), settings.tolerance)
         self._shape = (rig.image.height, rig.image.width)
         self._before_ns: int | None = None
         self._rates_rad_s: Rates | None = None
@@ -58,11 +59,9 @@ class LiveGroundMotion:
         dt_s = 0.0 if before_ns is None else seconds(t_ns - before_ns)
         angles, deviations = turned(prior.rates_rad_s, self._rates_rad_s, dt_s, DEFAULTS.turn)
         self._before_ns, self._rates_rad_s = t_ns, prior.rates_rad_s
-        image = frame.image
-        grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
         return self._estimator.step(
             t_ns,
-            grey,
+            frame.image,
             MotionPrior(
                 forward_m=prior.forward_m, left_m=prior.left_m, turn_rad=angles, turn_sd_rad=deviations
             ),

@@ -1,9 +1,7 @@
 """The trace estimator on the frames of a running rover."""
 
-import cv2
-import numpy as np
-
 from controllers.ftrace.estimator import TraceEstimator
+from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.rig import RigFile
 from controllers.slip.scomp.compensator import Rates, TraceReading
 from drivers.camera.settings import CameraSettings
@@ -17,16 +15,17 @@ class LiveTraceFinder:
     Args:
         rig: Calibration of the camera.
         camera: The camera of the rig.
+        view: The ground in its frames, for others that look at it too; None for one of its own.
 
     Raises:
         ConfigError: The camera does not see the ground behind the wheel, or its frames have another size.
     """
 
-    def __init__(self, rig: RigFile, camera: CameraSettings) -> None:
+    def __init__(self, rig: RigFile, camera: CameraSettings, view: GroundView | None = None) -> None:
         conflict = rig.size_conflict(camera.width, camera.height)
         if conflict:
             raise ConfigError(conflict)
-        self._estimator = TraceEstimator(rig.geometry())
+        self._estimator = TraceEstimator(rig.geometry(), view=view)
         self._shape = (rig.image.height, rig.image.width)
         self._before_ns: int | None = None
 
@@ -38,9 +37,9 @@ class LiveTraceFinder:
         if frame.image.shape[:2] != self._shape or (self._before_ns is not None and t_ns <= self._before_ns):
             return None
         self._before_ns = t_ns
-        image = frame.image
-        grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
-        found = self._estimator.step(t_ns, grey, wheel_speed_m_s=wheel_speed_m_s, rates_rad_s=rates_rad_s)
+        found = self._estimator.step(
+            t_ns, frame.image, wheel_speed_m_s=wheel_speed_m_s, rates_rad_s=rates_rad_s
+        )
         return TraceReading(
             t_ns=t_ns,
             detected=found.detected,

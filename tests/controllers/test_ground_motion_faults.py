@@ -10,6 +10,7 @@ from benchmarks.safety.missions import drive as run_mission
 from benchmarks.safety.missions import el_dorado
 from controllers.estimation.ground_travel import WheelPrior
 from controllers.ground_motion.estimator import GroundMotionEstimator
+from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.motion import GroundMotion
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
@@ -81,7 +82,7 @@ class Pictures(GroundCamera):
     def __init__(self, *arguments: object) -> None:
         super().__init__(*arguments)  # type: ignore[arg-type]
         self.point_m = GROUND.rig.point_m
-        self._meter = GroundMotionEstimator(GROUND, RigTolerance())
+        self._meter = GroundMotionEstimator(GroundView(GROUND), RigTolerance())
         self._structure = FineStructure(GROUND, DEFAULTS.structure)
         self._wide = wide_ground(length=2600)
         self._told_ns: int | None = None

@@ -16,16 +16,36 @@ import numpy as np
 
 from controllers.ground_motion.motion import GroundMotion
 from drivers.samples import FrameSample
-from sim_backends.world.plant import Truth
 
 DEVICE = "ground camera"
+RESTS_M = 0.0003
+"""A rover that moves less between two frames rests."""
 NO_PICTURE = np.zeros((1, 1), np.uint8)
+
+
+class Place(Protocol):
+    """Where a rover is."""
+
+    @property
+    def x_m(self) -> float:
+        """World frame."""
+        ...
+
+    @property
+    def y_m(self) -> float:
+        """World frame."""
+        ...
+
+    @property
+    def yaw_rad(self) -> float:
+        """Counter-clockwise, not wrapped."""
+        ...
 
 
 class Rover(Protocol):
     """What the camera is mounted on."""
 
-    def truth(self) -> Truth:
+    def truth(self) -> Place:
         """Return the state at the time reached."""
         ...
 
@@ -35,7 +55,8 @@ class CameraErrors:
     """How the camera errs, and what it tells of it.
 
     Attributes:
-        place_sd_m: Of the place of a frame, forward; to the left it is half as much again.
+        place_sd_m: Of the place of a frame while the rover rests, forward; to the left half as much again.
+        moving_sd_m: Of it, beside that, while the rover moves: frames in a row are compared with others.
         share_sd: Of the travel of a pair, over itself, in any direction.
         told_sd_m: What it tells of a pair, forward; to the left half as much again.
         turn_sd_rad: Of the turn of a pair, and what it tells of it.
@@ -49,8 +70,9 @@ class CameraErrors:
     """
 
     place_sd_m: float = 7e-5
+    moving_sd_m: float = 2e-4
     share_sd: float = 0.015
-    told_sd_m: float = 1.7e-4
+    told_sd_m: float = 2.2e-4
     turn_sd_rad: float = 5e-4
     scale_sd: float = 0.015
     drift_sd: float = 0.005
@@ -143,7 +165,9 @@ class GroundCamera:
         self._drift = kept * self._drift + math.sqrt(1.0 - kept**2) * errors.drift_sd * float(noise[3])
         measured_m = travel_m * (self._scale + self._drift)
         measured_m += errors.share_sd * abs(travel_m) * complex(noise[0], noise[1])
-        before_m, self._place_m = self._place_m, errors.place_sd_m * complex(noise[4], 1.5 * noise[5])
+        moves = abs(travel_m) > RESTS_M
+        place_sd_m = math.hypot(errors.place_sd_m, errors.moving_sd_m) if moves else errors.place_sd_m
+        before_m, self._place_m = self._place_m, place_sd_m * complex(noise[4], 1.5 * noise[5])
         measured_m += self._place_m - before_m
         reason = self._invalid_because(now)
         return GroundMotion(

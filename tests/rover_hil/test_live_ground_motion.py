@@ -1,14 +1,20 @@
 """Frames of a running rover become motions over the ground; odd frames never raise."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
 from controllers.estimation.ground_settings import GroundMotionSettings
 from controllers.estimation.ground_travel import WheelPrior
+from controllers.ground_motion.ground_patch import GroundPatch
 from drivers.camera.settings import CameraSettings
+from drivers.clock import VirtualClock
 from drivers.errors import ConfigError
-from drivers.samples import FrameSample
-from rover_hil.config import load_config
+from drivers.link import NoTap
+from drivers.samples import FrameSample, Image, Sample, WheelSample
+from rover_hil.config import Config, load_config
+from rover_hil.run.composition import build_virtual_rig
 from rover_hil.run.live_ground_motion import LiveGroundMotion
 
 MS = 1_000_000
@@ -60,3 +66,38 @@ def test_frames_of_another_size_and_old_ones_are_left_out(shape: tuple[int, ...]
 def test_a_rig_of_another_camera_is_a_mistake() -> None:
     with pytest.raises(ConfigError, match="640"):
         meter(width=320, height=240)
+
+
+def test_trace_and_ground_motion_of_one_camera_make_a_frame_ready_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    table = load_config("el-dorado").model_dump(by_alias=True)
+    table["ground_motion"] = {"rig": table["scomp"]["rig"]}
+    loop = build_virtual_rig(Config.model_validate(table), VirtualClock(), NoTap())[0].loop
+    rectify, rectified = GroundPatch.rectify, Counter[str]()
+
+    def counted(ground: GroundPatch, image: Image) -> Image:
+        rectified["frames"] += 1
+        return rectify(ground, image)
+
+    monkeypatch.setattr(GroundPatch, "rectify", counted)
+    sand, count = np.random.default_rng(0).integers(40, 200, (500, 640, 3), np.uint8), 4
+    traces = 0
+    for cycle in range(10 * count):
+        t_ns = (1000 + 20 * cycle) * MS
+        samples: list[Sample] = [
+            WheelSample(device="wheels", t_ns=t_ns, wheel=wheel, position_rad=0.002 * cycle)
+            for wheel in range(4)
+        ]
+        if cycle % 10 == 5:
+            row = cycle // 10
+            image = np.ascontiguousarray(sand[row : row + 480])
+            samples.append(
+                FrameSample(device="camera", t_ns=t_ns, t_capture_ns=t_ns - 5 * MS, index=row, image=image)
+            )
+        output = loop.step(t_ns, samples)
+        traces += output.scomp is not None and output.scomp.trace is not None
+    assert traces == count
+    assert output.ground is not None
+    assert output.ground.t_ns > 0
+    assert rectified["frames"] == count

@@ -8,7 +8,8 @@ import numpy as np
 from controllers.ftrace.frame import Frame, Reading
 from controllers.ftrace.hough.fuzzy import Candidate, confidence
 from controllers.ftrace.parameters import FTraceParameters
-from controllers.ground_motion.ground_patch import RESOLUTION_M, Floats, GroundPatch
+from controllers.ground_motion.ground_patch import RESOLUTION_M, Floats
+from controllers.ground_motion.ground_view import GroundView
 from drivers.samples import Image
 
 Line = tuple[float, float, float]
@@ -19,11 +20,12 @@ class HoughTracker:
     """Straight lines in the rectified ground, from frame to frame.
 
     Args:
-        ground: The rectified ground.
+        view: The ground in the frames.
         parameters: Tuned numbers.
     """
 
-    def __init__(self, ground: GroundPatch, parameters: FTraceParameters) -> None:
+    def __init__(self, view: GroundView, parameters: FTraceParameters) -> None:
+        ground = view.ground
         self._ground = ground
         self._parameters, self._fuzzy = parameters.hough, parameters.fuzzy
         self._inner: Image = np.asarray(
@@ -38,7 +40,7 @@ class HoughTracker:
         self._travelled_m += abs(frame.travel_m)
         best, match = None, 0.0
         if frame.usable:
-            best, match = self._select(self._candidates(self._edges(frame.patch)))
+            best, match = self._select(self._candidates(self._edges(frame.ground.patch)))
         numbers = self._parameters
         is_start = self._travelled_m <= numbers.start_m
         accepted = numbers.accepted_at_start if is_start else numbers.accepted

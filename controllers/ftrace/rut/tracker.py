@@ -17,9 +17,9 @@ from controllers.ftrace.rut.strips import TraceStrips
 from controllers.ftrace.static_shading import StaticShading
 from controllers.ground_motion.estimator import GroundMotionEstimator, rotated
 from controllers.ground_motion.flow import GroundFlow, PatchMotion
-from controllers.ground_motion.ground_patch import RESOLUTION_M, Floats, GroundPatch, Mask, Patch
+from controllers.ground_motion.ground_patch import RESOLUTION_M, Floats, Mask, Patch
+from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.prior import MotionPrior
-from controllers.ground_motion.structure import FineStructure
 from drivers.samples import Image
 
 LEAST_SCORE = -1e6
@@ -30,19 +30,20 @@ class RutTracker:
     """Follows the rut of one rig's wheel.
 
     Args:
-        ground: The rectified ground.
+        view: The ground in the frames.
         parameters: Tuned numbers.
     """
 
-    def __init__(self, ground: GroundPatch, parameters: FTraceParameters) -> None:
+    def __init__(self, view: GroundView, parameters: FTraceParameters) -> None:
+        ground = view.ground
         self._ground = ground
         self._numbers, self._search = parameters, parameters.search
         sections, shading = parameters.sections, parameters.shading
         visible = ground.visible.astype(np.float32)
         self._finder = RutFinder(ground, sections)
-        self._structure = FineStructure(ground, parameters.ground_motion.structure)
+        self._structure = view.structure
         self._flow = GroundFlow(ground, parameters.ground_motion.flow)
-        self._ground_motion = GroundMotionEstimator(ground, parameters=parameters.ground_motion)
+        self._ground_motion = GroundMotionEstimator(view, parameters=parameters.ground_motion)
         self._match = GroundMatch(ground, parameters.matching)
         self._light = StaticShading(visible, ground.centre, shading.lit_share, shading)
         self._front = FrontWheelTrace(ground.rig, self._finder.block_m, self._search.touching_widths)
@@ -58,8 +59,7 @@ class RutTracker:
 
     def track(self, frame: Frame) -> Reading:
         """Return the trace in the next frame."""
-        log_grey = self._structure.log_grey(frame.patch)
-        structure = self._structure.of(log_grey)
+        log_grey, structure = frame.ground.log_grey, frame.ground.structure
         motion = self._motion(frame, structure)
         moved_m, goes_back = self._advance(frame, motion)
         found, self._confidence = False, 0.0
@@ -124,7 +124,7 @@ class RutTracker:
             turn_rad=frame.turn_rad,
             turn_sd_rad=frame.turn_sd_rad,
         )
-        self._ground_motion.step_patch(frame.t_ns, frame.patch, structure, prior)
+        self._ground_motion.step_patch(frame.t_ns, frame.ground.patch, structure, prior)
         previous = self._previous
         self._previous = self._structure.picture(structure) if frame.usable else None
         if abs(frame.travel_m) <= self._numbers.direction.reach_m:

@@ -17,7 +17,8 @@ from rover_hil.terminal import Terminal
 
 KEYS = {
     "heading": "filter.heading_lag_s",
-    "ground": "ground_motion.camera_delay_s = {:.4f}, with a global shutter",
+    "ground": "ground_motion.camera_delay_s = {:.4f}, with a global shutter; turns do not show a rolling "
+    "one: then subtract {:.2f} of its readout, at most {:.4f}",
 }
 """Where the offset of a kind of device is entered."""
 
@@ -53,6 +54,7 @@ def calibrate_time(log: Path, *, out: Path | None, as_json: bool, force: bool) -
                 each.track.name: {
                     "offset_s": each.offset_s,
                     "sd_s": each.sd_s,
+                    "readout_share": each.track.readout_share,
                     "problem": each.problem,
                 }
                 for each in offsets
@@ -78,9 +80,15 @@ def _facts(reference: YawTrack, offsets: Sequence[Offset]) -> tuple[tuple[str, s
         side = "late" if each.offset_s >= 0.0 else "early"
         value = f"{abs(each.offset_s):.3f} s {side}, +- {each.sd_s:.3f} s (one standard deviation)"
         if each.track.kind in KEYS:
-            value += f"; in the configuration: {KEYS[each.track.kind].format(each.offset_s)}"
+            value += f"; in the configuration: {KEYS[each.track.kind].format(*_numbers(each))}"
         facts.append((each.track.name, value))
     return tuple(facts)
+
+
+def _numbers(offset: Offset) -> tuple[float, float, float]:
+    """Return the offset, the share of a readout in it, and the most that this may be."""
+    share = offset.track.readout_share
+    return offset.offset_s, share, share * offset.track.longest_readout_s
 
 
 def _table(log: Path, reference: YawTrack, known: Sequence[Offset]) -> str:
@@ -90,6 +98,7 @@ def _table(log: Path, reference: YawTrack, known: Sequence[Offset]) -> str:
             "of": each.track.kind,
             "offset_s": round(each.offset_s, 4),
             "sd_s": round(each.sd_s, 4),
+            "readout_share": round(each.track.readout_share, 2),
         }
         for each in known
     ]

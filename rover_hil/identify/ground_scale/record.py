@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from controllers.estimation.ground_settings import GroundMotionSettings
 from controllers.estimation.ground_travel import Rates
 from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.ground_patch import GroundPatch
+from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.motion import GroundMotion
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
@@ -176,7 +176,7 @@ def _pairs(
         wheels: Where the search begins.
         turn_sd_rad: Standard deviation of the turn by the wheels, which is then used instead of the gyro's.
     """
-    meter = GroundMotionEstimator(GroundPatch(settings.rig.geometry()), settings.tolerance)
+    meter = GroundMotionEstimator(GroundView(GroundPatch(settings.rig.geometry())), settings.tolerance)
     point_m = complex(*settings.rig.geometry().point_m)
     before: tuple[int, Rates | None] | None = None
     for t_ns, image in _frames(log, config, settings):
@@ -230,7 +230,7 @@ class _Wheels:
 
 
 def _frames(log: LogReader, config: Config, settings: GroundMotionSettings) -> Iterator[tuple[int, Image]]:
-    """Yield the frames with the middle of their exposure, grey."""
+    """Yield the frames with the middle of their exposure."""
     topic = f"{RAW}{config.roles.camera}"
     size = (settings.rig.image.height, settings.rig.image.width)
     count = 0
@@ -243,8 +243,7 @@ def _frames(log: LogReader, config: Config, settings: GroundMotionSettings) -> I
             continue
         count += 1
         t_ns = message.t_ns if stamp_ns is None else min(stamp_ns, message.t_ns)
-        grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
-        yield t_ns - nanoseconds(settings.camera_delay_s), grey
+        yield t_ns - nanoseconds(settings.camera_delay_s), image
     if not count:
         raise NothingToCompareError(f"log {log.path} holds no frames of '{config.roles.camera}'")
 

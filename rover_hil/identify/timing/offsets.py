@@ -5,18 +5,21 @@ ground by the turns between its frames, compasses and overhead cameras directly.
 without their constant and trend, the yaw of a device is that of the reference a little later; the offset
 minimises the squares of the difference. Turns at a constant rate show no offset: turns that begin and end do.
 Standard deviations are those of a jackknife over groups of blocks. A rolling shutter shears the ground while
-the rover turns: by such frames turns seem later in time, by about 0.8 of the readout.
+the rover turns: turns seem later by a share of the readout that follows from the rig. Which shutter a camera
+has, its turns do not tell; the readout is no longer than the time between two frames.
 """
 
 import math
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from controllers.ground_motion.ground_patch import GroundPatch
+from controllers.ground_motion.rolling_shutter import rolling_shutter
 from controllers.motion.kinematics import make_kinematics
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import Array, Flags
@@ -38,6 +41,8 @@ class YawTrack:
         device: Name of the device.
         t_s: Time stamps, (n,).
         yaw_rad: Not wrapped, from any start, (n,).
+        readout_share: By how much later turns are shown by a rolling shutter, over its readout.
+        longest_readout_s: The time between two frames.
     """
 
     name: str
@@ -45,6 +50,8 @@ class YawTrack:
     device: str
     t_s: Array
     yaw_rad: Array
+    readout_share: float = 0.0
+    longest_readout_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,9 +115,16 @@ def read_tracks(path: Path) -> list[YawTrack]:
         )
     tracks += [_track(kind, device, readings, log.start_ns) for (kind, device), readings in yaws.items()]
     ground = read_ground_yaw(log, config, rows)
-    if ground is not None and config.roles.camera is not None:
+    if ground is not None and config.roles.camera is not None and config.ground_motion is not None:
+        shutter = rolling_shutter(GroundPatch(config.ground_motion.rig.geometry()))
         seen = list(zip(ground[0].tolist(), ground[1].tolist(), strict=True))
-        tracks.append(_track("ground", config.roles.camera, seen, log.start_ns))
+        tracks.append(
+            replace(
+                _track("ground", config.roles.camera, seen, log.start_ns),
+                readout_share=shutter.turn_delay,
+                longest_readout_s=float(np.diff(ground[0]).min()) / 1e9 if len(seen) > 1 else 0.0,
+            )
+        )
     tracks = [track for track in tracks if len(track.t_s) > TIMING.least_readings]
     if len(tracks) < 2:
         raise LogError(

@@ -8,6 +8,7 @@ import pytest
 
 from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.ground_patch import GroundPatch
+from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.motion import GroundMotion
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
@@ -45,7 +46,7 @@ class Drive:
     """
 
     def __init__(self, tolerance: RigTolerance = EXACT) -> None:
-        self.estimator = GroundMotionEstimator(GROUND, tolerance)
+        self.estimator = GroundMotionEstimator(GroundView(GROUND), tolerance)
         self._structure = FineStructure(GROUND, DEFAULTS.structure)
         self._rng = np.random.default_rng(7)
         self._t_ns = 0
@@ -278,7 +279,7 @@ def test_deviations_cover_the_errors() -> None:
 
 
 def test_wrong_frames_are_refused() -> None:
-    estimator = GroundMotionEstimator(GROUND)
+    estimator = GroundMotionEstimator(GroundView(GROUND))
     prior = MotionPrior(forward_m=0.0, left_m=0.0, turn_rad=(0.0,) * 3, turn_sd_rad=(0.01,) * 3)
     image = np.zeros((GROUND.rig.height, GROUND.rig.width), np.uint8)
     assert estimator.step(STEP_NS, image, prior) is None

@@ -13,6 +13,7 @@ from controllers.ftrace.estimator import TraceEstimator
 from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.flow import GroundFlow
 from controllers.ground_motion.ground_patch import GroundPatch
+from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
 from controllers.ground_motion.rig import RigFile
@@ -66,7 +67,7 @@ def view(ground: GroundPatch, forward_m: float) -> Image:
 def test_camera_without_a_wheel_measures(height_m: float, down_deg: float, *, ahead: bool) -> None:
     """Travel is that of the vehicle's origin; it scales with the height."""
     ground = GroundPatch(file_of(height_m, down_deg, ahead=ahead).geometry())
-    estimator = GroundMotionEstimator(ground)
+    estimator = GroundMotionEstimator(GroundView(ground))
     turn, turn_sd = turned(None, None, 0.1, DEFAULTS.turn)
     step_m = 0.03 * height_m
     total_m, valid = 0.0, 0

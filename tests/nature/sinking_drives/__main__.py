@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -20,10 +21,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--only", nargs="*", help="names, or beginnings of names, of drives")
+    parser.add_argument("--longer", type=int, default=1, help="so many times as many frames")
     choice = parser.parse_args()
     cv2.setNumThreads(1)
     chosen = [
-        (i, d)
+        (i, replace(d, frames=choice.longer * d.frames))
         for i, d in enumerate(DRIVES)
         if not choice.only or any(d.name.startswith(n) for n in choice.only)
     ]

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from drivers.samples import HeadingReference, HeadingSample, PoseFixSample, RateSample, Sample, WheelSample
+from rover_hil.app.calibrate import time
 from rover_hil.config import Config
-from rover_hil.identify.timing.offsets import find_offsets, read_tracks
+from rover_hil.identify.timing.offsets import YawTrack, find_offsets, read_tracks
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
 from tests.cases import first_often
@@ -116,3 +117,19 @@ def test_turns_that_show_no_offset_give_none(
     assert command("calibrate", "time", "turns.mcap", "--out", "times.toml") == 1
     assert command.out.count(words) == 3
     assert not (tmp_path / "times.toml").exists()
+
+
+def test_a_camera_says_what_a_rolling_shutter_would_add(
+    command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    late_s = 0.05
+    t_s = np.arange(1.0, 44.0, 0.1)
+    yaws = [np.array([yaw_at(t, 0.0) for t in times.tolist()]) for times in (t_s, t_s - late_s)]
+    gyro = YawTrack("gyro 'imu'", "gyro", "imu", t_s, yaws[0])
+    camera = YawTrack("ground camera 'eye'", "ground", "eye", t_s, yaws[1], 0.7, 0.1)
+    monkeypatch.setattr(time, "read_tracks", lambda path: [gyro, camera])
+    assert command("calibrate", "time", "turns.mcap") == 0
+    words = " ".join(command.out.split())
+    assert "with a global shutter" in words
+    assert "then subtract 0.70 of its readout, at most 0.0700" in words
+    assert find_offsets([gyro, camera])[0].offset_s == pytest.approx(late_s, abs=0.005)
