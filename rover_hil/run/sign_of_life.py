@@ -45,6 +45,9 @@ class LifeWatch:
         sign: The sign.
         limit_s: Longest time in s without a new one.
         reason: What is wrong when there is none for longer.
+
+    Attributes:
+        silent_ns: Time without a new one at the last check.
     """
 
     def __init__(self, sign: Counted, limit_s: float, reason: str) -> None:
@@ -53,6 +56,7 @@ class LifeWatch:
         self._reason = reason
         self._count: int | None = None
         self._changed_ns = 0
+        self.silent_ns = 0
 
     def check(self, now_ns: int) -> str:
         """Return the reason to stop at `now_ns` of the watcher's clock; "" for none.
@@ -63,4 +67,5 @@ class LifeWatch:
         if count != self._count:
             self._count = count
             self._changed_ns = now_ns
-        return self._reason if now_ns - self._changed_ns > self._limit_ns else ""
+        self.silent_ns = now_ns - self._changed_ns
+        return self._reason if self.silent_ns > self._limit_ns else ""
