@@ -117,13 +117,13 @@ def reactions_ns(changes: list[tuple[int, bool]], sent: list[str]) -> list[int]:
     return found
 
 
-def config_of() -> Config:
+def config_of(domain: int = DOMAIN) -> Config:
     table = load_config("robotino").model_dump(by_alias=True, exclude={"mission", "slip"})
     return Config.model_validate(
         {
             **table,
             "mission": {"type": "by_hand", "speed_m_s": 0.2, "yaw_rate_limit_rad_s": 1.0},
-            "ros2": {"domain": DOMAIN, "commands": True},
+            "ros2": {"domain": domain, "commands": True},
         }
     )
 

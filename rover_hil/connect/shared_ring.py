@@ -5,14 +5,14 @@ import struct
 import zlib
 from multiprocessing.sharedctypes import RawArray
 
-_HEADER = struct.Struct("<QII")
-"""Number of a message from 1 on, its size, its checksum."""
-_TAKEN = struct.Struct("<Q")
-"""At the beginning: the number of the last message that was taken."""
+_NUMBER, _HEADER = struct.Struct("<Q"), struct.Struct("<QII")
+"""Number of a message from 1 on, size, checksum, which begins with the number: zeros are no message."""
 
 
 class SharedRing:
     """A queue with one writer and one reader, of a fixed number of places.
+
+    In front of the places is the number of the last message that was taken.
 
     A call of the system costs tens of microseconds where other programs have used the caches since the last
     one. It reaches another process as an argument of `multiprocessing.Process`.
@@ -25,7 +25,7 @@ class SharedRing:
     def __init__(self, places: int, place_bytes: int) -> None:
         self.places = places
         self.place_bytes = place_bytes
-        self._memory = RawArray(ctypes.c_char, _TAKEN.size + places * (_HEADER.size + place_bytes))
+        self._memory = RawArray(ctypes.c_char, _NUMBER.size + places * (_HEADER.size + place_bytes))
 
     def view(self) -> memoryview:
         """Return the memory."""
@@ -33,7 +33,7 @@ class SharedRing:
 
     def begin_of(self, number: int) -> int:
         """Return where the place of a message begins."""
-        return _TAKEN.size + (number % self.places) * (_HEADER.size + self.place_bytes)
+        return _NUMBER.size + (number % self.places) * (_HEADER.size + self.place_bytes)
 
 
 class RingWriter:
@@ -47,13 +47,14 @@ class RingWriter:
     def put(self, data: bytes) -> bool:
         """Add a message; return whether there was room for it."""
         number, ring = self._next, self._ring
-        (taken,) = _TAKEN.unpack_from(self._view)
+        (taken,) = _NUMBER.unpack_from(self._view)
         if number - taken > ring.places or len(data) > ring.place_bytes:
             return False
         begin = ring.begin_of(number)
         content = begin + _HEADER.size
         self._view[content : content + len(data)] = data
-        _HEADER.pack_into(self._view, begin, number, len(data), zlib.crc32(data))
+        _HEADER.pack_into(self._view, begin, 0, len(data), zlib.crc32(data, number))
+        _NUMBER.pack_into(self._view, begin, number)  # last: it makes the message a new one
         self._next = number + 1
         return True
 
@@ -78,9 +79,9 @@ class RingReader:
             return None
         content = self._begin + _HEADER.size
         data = bytes(self._view[content : content + size])
-        if zlib.crc32(data) != checksum:
+        if zlib.crc32(data, number) != checksum:
             return None
-        _TAKEN.pack_into(self._view, 0, number)
+        _NUMBER.pack_into(self._view, 0, number)
         self._next = number + 1
         self._begin = self._ring.begin_of(self._next)
         return data

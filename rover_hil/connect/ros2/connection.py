@@ -64,7 +64,7 @@ class Ros2Connection:
         self._life = SignOfLife()
         self._clock: Clock = SystemClock()
         self._gate = CommandGate(settings.command_timeout_s, is_listening=settings.commands)
-        self._watch = LifeWatch(self._life, SILENT_S, SILENT)
+        self._watch = LifeWatch(self._life, SILENT_S, SILENT, forgives_pauses=True)
         cycles, arrivals = SharedRing(CYCLES, CYCLE_BYTES), SharedRing(ARRIVALS, ARRIVAL_BYTES)
         self._cycles, self._arrivals = RingWriter(cycles), RingReader(arrivals)
         context = multiprocessing.get_context("spawn")

@@ -56,10 +56,9 @@ def serve(
     outgoing = RingWriter(arrivals)
     _silence_errors()
     try:
-        server = _Server(config, RingReader(cycles), outgoing)
+        server = _Server(config, RingReader(cycles), outgoing, life)
         # The lifeline carries nothing: it can be read when it has been closed.
         while not lifeline.poll(POLL_S):
-            life.give()
             server.turn()
     except ConfigError as error:
         _tell_failure(outgoing, str(error))
@@ -72,7 +71,7 @@ def _tell_failure(outgoing: RingWriter, words: str) -> None:
 
 
 class _Server:
-    def __init__(self, config: Config, cycles: RingReader, outgoing: RingWriter) -> None:
+    def __init__(self, config: Config, cycles: RingReader, outgoing: RingWriter, life: SignOfLife) -> None:
         try:
             from rover_hil.connect.ros2.node import Node
             from rover_hil.connect.ros2.publishing import Publisher
@@ -82,6 +81,7 @@ class _Server:
         if settings is None:
             raise ConfigError("ros2: this section is missing")
         self._cycles, self._outgoing = cycles, outgoing
+        self._life = life
         self._clock: Clock = SystemClock()
         self._recorder = CycleRecorder(config, WallOffset())
         node = Node(settings)
@@ -100,12 +100,15 @@ class _Server:
 
     def turn(self) -> None:
         """Hand over what has arrived, and send what the loop has."""
+        self._life.give()
         self._waiting += self._arrived()
         self._hand_over()
         for _ in range(MOST_RECORDS):
             data = self._cycles.take()
             if data is None:
                 return
+            # On a loaded machine several of them can take longer than a silence may last.
+            self._life.give()
             self._publisher.send(self._recorder.record(unpacked(data), self._clock.now_ns()))
 
     def _arrived(self) -> Iterator[dict[str, Any]]:
