@@ -31,7 +31,7 @@ DRIVE_S, WATCHED_S = 2.0, 1.0
 LIMIT_S = 60.0
 CYCLE_S = 0.02
 COMMANDER = f"""
-import math, signal, sys, time
+import itertools, math, signal, sys, time
 from rover_hil.config.ros2_settings import Ros2Settings
 from rover_hil.connect.ros2.messages import Header, Time, Twist, TwistStamped, Vector3
 from rover_hil.connect.ros2.node import Node
@@ -44,14 +44,17 @@ def send_stamped(speed_m_s, offset_s=0.0):
     stamp = Time.of(time.time_ns() + round(1e9 * offset_s))
     send(TwistStamped(Header(stamp), Twist(Vector3(speed_m_s))))
 
-while True:
+for sent in itertools.count():
     if kind == "plain":
         send(Twist(Vector3(math.nan if is_struck else speed_m_s)))
     elif kind == "late":
         send_stamped(speed_m_s, -1.0 if is_struck else 0.0)
     elif kind == "disordered":
+        # Apart, because a reader keeps the newest one only.
         send_stamped(speed_m_s)
-        send_stamped(-speed_m_s, -0.1)
+        time.sleep(0.025)
+        if sent > 3:
+            send_stamped(-speed_m_s, -0.4)
     else:
         send_stamped(speed_m_s, float(kind) if is_struck else 0.0)
     time.sleep(0.05)
