@@ -1,9 +1,10 @@
-"""How soon a rover that is driven over ROS 2 rests when something fails, and its stops without need.
+"""How soon a rover that is driven over ROS 2 rests when something fails, its stops without need, its motion.
 
-The simulated Robotino in real time, with a commander in a process of its own. Prints the greatest time from
-the event until set-points are zero, and the false stops of all runs: cycles at rest before the event.
+The simulated Robotino in real time, with a commander in a process of its own that drives it ahead. Prints the
+greatest time from the event until set-points are zero; false stops: cycles at rest before the event, or after
+one that is none; and motion that nobody commands: set-points against the command, or after the rest.
 
-    python -m benchmarks.ros2.stops [RUNS]
+    python -m benchmarks.ros2.stops [RUNS_OF_EACH] [CASE]...
 """
 
 import os
@@ -12,31 +13,70 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from benchmarks.ros2.latency import DOMAIN, config_of
 from drivers.clock import PacedClock, SystemClock, nanoseconds, seconds
 from rover_hil.app.run import run_virtual
 from rover_hil.connect.ros2.connection import Ros2Connection
-from rover_hil.run.executive import CycleView, End
+from rover_hil.run.executive import CycleView, End, Operator
 from rover_hil.run.operators import Operators
 
-RUNS = 5
-DRIVE_S = 2.0
+RUNS = 10
+DRIVE_S, WATCHED_S = 2.0, 1.0
 LIMIT_S = 60.0
 CYCLE_S = 0.02
 COMMANDER = f"""
-import time
+import itertools, math, signal, sys, time
 from rover_hil.config.ros2_settings import Ros2Settings
-from rover_hil.connect.ros2.messages import Twist, Vector3
+from rover_hil.connect.ros2.messages import Header, Time, Twist, TwistStamped, Vector3
 from rover_hil.connect.ros2.node import Node
 
-send = Node(Ros2Settings(domain={DOMAIN})).writer("cmd_vel", Twist)
-while True:
-    send(Twist(Vector3(0.1)))
+kind, speed_m_s, node, is_struck = sys.argv[1], float(sys.argv[2]), Node(Ros2Settings(domain={DOMAIN})), []
+signal.signal(signal.SIGUSR1, lambda *_: is_struck.append(True))
+send = node.writer("cmd_vel", Twist if kind == "plain" else TwistStamped)
+
+def send_stamped(speed_m_s, offset_s=0.0):
+    stamp = Time.of(time.time_ns() + round(1e9 * offset_s))
+    send(TwistStamped(Header(stamp), Twist(Vector3(speed_m_s))))
+
+for sent in itertools.count():
+    if kind == "plain":
+        send(Twist(Vector3(math.nan if is_struck else speed_m_s)))
+    elif kind == "late":
+        send_stamped(speed_m_s, -1.0 if is_struck else 0.0)
+    elif kind == "disordered":
+        # Apart, because a reader keeps the newest one only.
+        send_stamped(speed_m_s)
+        time.sleep(0.025)
+        if sent > 3:
+            send_stamped(-speed_m_s, -0.4)
+    else:
+        send_stamped(speed_m_s, float(kind) if is_struck else 0.0)
     time.sleep(0.05)
 """
-Strike = Callable[[subprocess.Popen[bytes], Ros2Connection], None]
+Commander = subprocess.Popen[bytes]
+Strike = Callable[[Commander, Ros2Connection], None]
+
+
+class Case(NamedTuple):
+    """Something that happens to a rover that is driven.
+
+    Attributes:
+        strike: Makes it happen.
+        bar_s: Longest time until the rover rests; None where it must drive on.
+        kind: Of the commander.
+        rival: Whether another one drives backwards meanwhile.
+    """
+
+    strike: Strike
+    bar_s: float | None
+    kind: str = "plain"
+    rival: bool = False
 
 
 def strike_commander(number: signal.Signals) -> Strike:
@@ -47,77 +87,131 @@ def strike_process(number: signal.Signals) -> Strike:
     return lambda commander, connection: os.kill(connection.pid or 0, number)
 
 
-CASES: dict[str, tuple[Strike, float]] = {
-    "commander killed": (strike_commander(signal.SIGKILL), 0.5 + CYCLE_S),
-    "commander stopped": (strike_commander(signal.SIGSTOP), 0.5 + CYCLE_S),
-    "process of ROS 2 killed": (strike_process(signal.SIGKILL), 0.5),
-    "process of ROS 2 stopped": (strike_process(signal.SIGSTOP), 0.5),
+TIMEOUT_S = 0.5 + CYCLE_S
+KILL, STOP, CHANGE = signal.SIGKILL, signal.SIGSTOP, signal.SIGUSR1
+CASES = {
+    "commander killed": Case(strike_commander(KILL), TIMEOUT_S),
+    "commander stopped": Case(strike_commander(STOP), TIMEOUT_S),
+    "process of ROS 2 killed": Case(strike_process(KILL), 0.5),
+    "process of ROS 2 stopped": Case(strike_process(STOP), 0.5),
+    "two commanders, the first stopped": Case(strike_commander(STOP), TIMEOUT_S, rival=True),
+    "commander's clock an hour ahead": Case(strike_commander(CHANGE), None, "3600"),
+    "commander's clock an hour back": Case(strike_commander(CHANGE), TIMEOUT_S, "-3600"),
+    "NaN": Case(strike_commander(CHANGE), TIMEOUT_S),
+    "commands a second late": Case(strike_commander(CHANGE), TIMEOUT_S, "late"),
+    "commands out of order": Case(lambda commander, connection: None, None, "disordered"),
 }
 
 
 class Watcher:
-    """Strikes after a while of driving, and notes when the rover rests."""
+    """Strikes after a while of driving, and notes what the rover does for a while afterwards.
 
-    def __init__(self, strike: Callable[[], None]) -> None:
-        self._strike = strike
+    Attributes:
+        false_stops: Cycles at rest without need.
+        uncommanded: Cycles of motion that the commander does not command.
+        rest_s: Time from the event to set-points of zero.
+    """
+
+    def __init__(self, case: Case, strike: Callable[[], None]) -> None:
+        self._case, self._strike = case, strike
         self._clock = SystemClock()
+        self._ahead: np.ndarray = np.zeros(0)
         self._driven_ns: int | None = None
         self._struck_ns: int | None = None
-        self.false_stops = 0
+        self._is_over = False
+        self.false_stops = self.uncommanded = 0
         self.rest_s: float | None = None
 
     def wanted(self) -> None:
         """Want nothing."""
 
     def end(self) -> tuple[End, str] | None:
-        """End when the rover rests."""
-        return None if self.rest_s is None else (End.STOPPED_BY_USER, "measured")
+        """End a while after the event."""
+        return (End.STOPPED_BY_USER, "measured") if self._is_over else None
 
     def show(self, view: CycleView) -> None:
         """Follow the run."""
-        now_ns, is_driven = self._clock.now_ns(), any(view.sent.speed_rad_s)
+        now_ns, speed_rad_s = self._clock.now_ns(), np.array(view.sent.speed_rad_s)
+        is_driven = bool(speed_rad_s.any())
         if self._driven_ns is None:
-            self._driven_ns = now_ns if is_driven else None
-        elif self._struck_ns is None:
+            if is_driven:
+                self._driven_ns, self._ahead = now_ns, speed_rad_s
+            return
+        is_struck, is_back = self._struck_ns is not None, float(speed_rad_s @ self._ahead) < 0.0
+        if not is_struck or self._case.bar_s is None:
             self.false_stops += not is_driven
+        # After the time-out of the first commander its rival may drive.
+        is_rival = is_struck and self._case.rival
+        self.uncommanded += not is_rival and (is_back or (self.rest_s is not None and is_driven))
+        if self._struck_ns is None:
             if now_ns - self._driven_ns > nanoseconds(DRIVE_S):
                 self._strike()
                 self._struck_ns = self._clock.now_ns()
-        elif not is_driven and self.rest_s is None:
+            return
+        if self.rest_s is None and (not is_driven or (is_rival and is_back)):
             self.rest_s = seconds(now_ns - self._struck_ns)
+        self._is_over = now_ns - self._struck_ns > nanoseconds(WATCHED_S)
 
 
-def measure(strike: Strike, path: Path) -> tuple[float, int]:
-    """Return the time until the rover rested in s, and the number of false stops."""
+def measure(case: Case, path: Path) -> Watcher:
+    """Return what was seen in a run."""
     clock = PacedClock()
     line = [sys.executable, "-c", COMMANDER]
-    with (
-        Ros2Connection(config_of(), lambda: clock.offset_ns) as connection,
-        subprocess.Popen(line) as commander,
-    ):
-        watcher = Watcher(lambda: strike(commander, connection))
-        try:
-            run_virtual(
-                config_of(), path, LIMIT_S, None, clock=clock, operator=Operators([connection, watcher])
-            )
-        finally:
-            commander.kill()
-    assert watcher.rest_s is not None, "the rover did not rest"
-    return watcher.rest_s, watcher.false_stops
+    with Ros2Connection(config_of(), lambda: clock.offset_ns) as connection, ExitStack() as started:
+        commander = started.enter_context(subprocess.Popen([*line, case.kind, "0.1"]))
+        started.callback(commander.kill)
+
+        def strike() -> None:
+            case.strike(commander, connection)
+
+        watcher = Watcher(case, strike)
+        sides: list[Operator] = [connection, watcher]
+        if case.rival:
+            sides.append(Rival(started, [*line, "plain", "-0.1"]))
+        run_virtual(config_of(), path, LIMIT_S, None, clock=clock, operator=Operators(sides))
+    assert watcher.rest_s is not None or case.bar_s is None, "the rover did not rest"
+    return watcher
+
+
+class Rival:
+    """Starts the other commander when the first one is followed."""
+
+    def __init__(self, started: ExitStack, line: list[str]) -> None:
+        self._started, self._line = started, line
+        self._is_there = False
+
+    def wanted(self) -> None:
+        """Want nothing."""
+
+    def end(self) -> None:
+        """End nothing."""
+
+    def show(self, view: CycleView) -> None:
+        """Start it once."""
+        if not self._is_there and any(view.sent.speed_rad_s):
+            self._is_there = True
+            rival = self._started.enter_context(subprocess.Popen(self._line))
+            self._started.callback(rival.kill)
 
 
 def main() -> int:
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
     is_good = True
     with tempfile.TemporaryDirectory() as folder:
-        for name, (strike, bar_s) in CASES.items():
-            found = [measure(strike, Path(folder) / "run.mcap") for _ in range(runs)]
-            rests = sorted(rest_s for rest_s, _ in found)
-            false_stops = sum(false for _, false in found)
-            is_good &= rests[-1] <= bar_s and not false_stops
+        for name in sys.argv[2:] or CASES:
+            case = CASES[name]
+            found = [measure(case, Path(folder) / "run.mcap") for _ in range(runs)]
+            rests_s = sorted(each.rest_s for each in found if each.rest_s is not None)
+            false_stops = sum(each.false_stops for each in found)
+            uncommanded = sum(each.uncommanded for each in found)
+            is_good &= not false_stops and not uncommanded
+            is_good &= not rests_s or case.bar_s is None or rests_s[-1] <= case.bar_s
+            rested = f"at rest after {rests_s[0]:.3f} to {rests_s[-1]:.3f} s" if rests_s else "drives on"
+            bar = "drives on" if case.bar_s is None else f"{case.bar_s:g} s"
             print(
-                f"{name}: at rest after {rests[0]:.3f} to {rests[-1]:.3f} s (bar {bar_s:g} s), "
-                f"{false_stops} false stops, {runs} runs"
+                f"{name}: {rested} (bar: {bar}), {false_stops} cycles of false stops, {uncommanded} of "
+                f"motion that nobody commands, {runs} runs",
+                flush=True,
             )
     return 0 if is_good else 1
 

@@ -52,6 +52,8 @@ def simulate(config_name: str, duration_s: float | None, model: Path | None = No
     try:
         with Server(world, put_on_ports(world, config.devices), clock) as server:
             _announce(console, server, config_name, simulation)
+            if config.ros2 is not None:
+                console.print("That run speaks ROS 2; this simulated rover has its devices only.")
             _serve(console, server, clock, math.inf if duration_s is None else duration_s)
     except KeyboardInterrupt:
         pass

@@ -1,17 +1,16 @@
 """Makes the record of a cycle that other programs get while the rover drives."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
-from controllers.control_loop import StepOutput
 from controllers.motion.kinematics import make_kinematics
 from controllers.safety import Mode
 from controllers.unwatched_yaw import find_unwatched_yaw
 from drivers.clock import NANOSECONDS_PER_SECOND
-from drivers.driver import DeviceState, Health
-from drivers.samples import AccelerationSample, PowerSample, RateSample, Sample, WheelSample
+from drivers.driver import DeviceState
 from rover_hil.config import Config
 from rover_hil.config.ros2_joints import steered_wheels
-from rover_hil.connect.odometry_record import OdometryRecorder, map_to_odom, slip_of
+from rover_hil.connect.cycle_facts import HEALTH, CycleFacts, Values, estimate_of
+from rover_hil.connect.odometry_record import OdometryRecorder, is_finite, map_to_odom, slip_of
 from rover_hil.connect.records import (
     CycleRecord,
     ImuRecord,
@@ -21,8 +20,7 @@ from rover_hil.connect.records import (
     WheelsRecord,
 )
 from rover_hil.connect.wall_clock import WallOffset
-from rover_hil.recording.schema import EstimateRecord, estimate_record
-from rover_hil.run.executive import CycleView
+from rover_hil.recording.schema import EstimateRecord
 
 STATUS_PERIOD_NS = NANOSECONDS_PER_SECOND
 GOOD, WARNING, ERROR, STALE = range(4)
@@ -33,7 +31,6 @@ LEVELS = {
     DeviceState.CLOSED: STALE,
     DeviceState.FAILED: ERROR,
 }
-QUIET_MODES = (Mode.RUNNING, Mode.OBSERVING, Mode.FINISHED)
 
 
 class CycleRecorder:
@@ -42,12 +39,9 @@ class CycleRecorder:
     Args:
         config: The rover.
         offset: From real monotonic time to the wall clock.
-        simulated_offset_ns: Returns real minus simulated time; 0 for a real rover.
     """
 
-    def __init__(
-        self, config: Config, offset: WallOffset, simulated_offset_ns: Callable[[], int] = lambda: 0
-    ) -> None:
+    def __init__(self, config: Config, offset: WallOffset) -> None:
         self._odometry = OdometryRecorder(config.filter)
         self._gyro, self._wheels = config.roles.gyro, config.roles.wheels
         wheel_count = make_kinematics(config.rover).wheel_count
@@ -56,119 +50,120 @@ class CycleRecorder:
         self._steered = steered_wheels(config.rover)
         self._force_m_s2: Triple | None = None
         self._offset = offset
-        self._simulated_offset_ns = simulated_offset_ns
         self._yaw_unwatched = str(find_unwatched_yaw(config, config.device_roles()) or "")
+        self._healths: Sequence[Values] = ()
         self._told: object = None
         self._due_ns = 0
 
-    def record(self, view: CycleView, now_ns: int, extra: Mapping[str, object]) -> CycleRecord:
+    def record(self, facts: CycleFacts, now_ns: int) -> CycleRecord:
         """Return the record of a cycle.
 
         Args:
-            view: The cycle.
+            facts: The cycle. A change of its further facts about the run is told at once.
             now_ns: Real monotonic time.
-            extra: Further facts about the run by their names; a change is told at once.
         """
-        output = view.output
-        to_wall_ns = self._offset.at(now_ns) + self._simulated_offset_ns()
-        cycle = estimate_record(output)
-        wheels, imu, power = self._sort(view.samples, to_wall_ns)
+        to_wall_ns = self._offset.at(now_ns) + facts.offset_ns
+        if facts.healths is not None:
+            self._healths = facts.healths
+        cycle = estimate_of(facts)
+        wheels_ns, imu, power = self._sort(facts.samples, to_wall_ns)
         return {
-            "time_ns": to_wall_ns + output.t_ns,
+            "time_ns": to_wall_ns + cycle["t_ns"],
             "odometry": self._odometry.record(to_wall_ns, cycle),
             "map_to_odom": map_to_odom(cycle),
-            "wheels": None if wheels is None else self._wheels_of(wheels, output),
+            "wheels": None if wheels_ns is None else self._wheels_of(wheels_ns, cycle),
             "imu": imu,
             "power": power,
-            "status": self._status(view, cycle, now_ns, extra),
+            "status": self._status(cycle, now_ns, facts.extra),
         }
 
     def _sort(
-        self, samples: Sequence[Sample], to_wall_ns: int
+        self, samples: Sequence[tuple[str, Values]], to_wall_ns: int
     ) -> tuple[int | None, list[ImuRecord], list[PowerRecord]]:
         """Return the time of the newest wheel position, the readings of the IMU, and of the supply."""
         wheels_ns: int | None = None
         imu: list[ImuRecord] = []
         power: list[PowerRecord] = []
-        for sample in samples:
-            time_ns = to_wall_ns + sample.t_ns
-            if isinstance(sample, WheelSample):
-                if self._take_wheel(sample):
+        for kind, (t_ns, *values) in samples:
+            time_ns = to_wall_ns + t_ns
+            if kind == "WheelSample":
+                if self._take_wheel(*values):
                     wheels_ns = time_ns
-            elif isinstance(sample, AccelerationSample):
-                if sample.device == self._gyro:
-                    self._force_m_s2 = sample.x_m_s2, sample.y_m_s2, sample.z_m_s2
-            elif isinstance(sample, RateSample):
-                if sample.device == self._gyro:
-                    rates = sample.rate_x_rad_s, sample.rate_y_rad_s, sample.rate_z_rad_s
-                    imu.append({"time_ns": time_ns, "rate_rad_s": rates, "force_m_s2": self._force_m_s2})
-            elif isinstance(sample, PowerSample):
-                power.append(
-                    {"time_ns": time_ns, "voltage_v": sample.voltage_v, "current_a": sample.current_a}
-                )
+            elif kind == "PowerSample":
+                voltage_v, current_a = values
+                power.append({"time_ns": time_ns, "voltage_v": voltage_v, "current_a": current_a})
+            elif values[0] == self._gyro:
+                _, x, y, z = values
+                if kind == "AccelerationSample":
+                    self._force_m_s2 = x, y, z
+                else:
+                    imu.append({"time_ns": time_ns, "rate_rad_s": (x, y, z), "force_m_s2": self._force_m_s2})
         return wheels_ns, imu, power
 
-    def _take_wheel(self, sample: WheelSample) -> bool:
+    def _take_wheel(
+        self, device: str, wheel: int, position_rad: float | None, speed_rad_s: float | None
+    ) -> bool:
         """Take a sample of a wheel; return whether it has a position."""
-        if sample.device != self._wheels or not 0 <= sample.wheel < len(self._position_rad):
+        if device != self._wheels or not 0 <= wheel < len(self._position_rad):
             return False
-        if sample.speed_rad_s is not None:
-            self._speed_rad_s[sample.wheel] = sample.speed_rad_s
-        if sample.position_rad is None:
+        if speed_rad_s is not None:
+            self._speed_rad_s[wheel] = speed_rad_s
+        if position_rad is None:
             return False
-        self._position_rad[sample.wheel] = sample.position_rad
+        self._position_rad[wheel] = position_rad
         return True
 
-    def _wheels_of(self, time_ns: int, output: StepOutput) -> WheelsRecord:
+    def _wheels_of(self, time_ns: int, cycle: EstimateRecord) -> WheelsRecord:
+        angles_rad = cycle["steering_rad"]
         return {
             "time_ns": time_ns,
             "position_rad": self._position_rad,
             "speed_rad_s": self._speed_rad_s,
-            "steering_rad": [output.steering_rad[wheel] for wheel in self._steered]
-            if output.steering_rad
-            else [],
+            "steering_rad": [angles_rad[wheel] for wheel in self._steered] if angles_rad else [],
         }
 
     def _status(
-        self, view: CycleView, cycle: EstimateRecord, now_ns: int, extra: Mapping[str, object]
+        self, cycle: EstimateRecord, now_ns: int, extra: Mapping[str, object]
     ) -> list[StatusRecord] | None:
-        output = view.output
-        told = (output.mode, output.reason, output.suspicion, dict(extra))
+        mode, reason, suspicion = cycle["mode"], cycle["reason"], cycle["suspicion"]
+        told = (mode, reason, suspicion, dict(extra))
         if told == self._told and now_ns < self._due_ns:
             return None
         self._told, self._due_ns = told, now_ns + STATUS_PERIOD_NS
         slip, _, slip_reason = slip_of(cycle)
         step = f"stepped by {self._offset.step_s:+.3f} s" if self._offset.step_s else ""
         values = {
-            "mode": output.mode.value,
-            "stop reason": output.reason,
-            "suspicion": output.suspicion,
+            "mode": mode,
+            "stop reason": reason,
+            "suspicion": suspicion,
             "slip": "" if slip is None else f"{slip:.4f}",
             "slip not valid": slip_reason,
             "yaw": self._yaw_unwatched or "watched",
-            "estimate": "" if output.estimate.is_finite else "not finite: no odometry is sent",
+            "estimate": "" if is_finite(cycle["estimate"]) else "not finite: no odometry is sent",
             "wall clock": step,
             **extra,
         }
-        warnings = (output.reason, output.suspicion, step, values["estimate"])
-        level = ERROR if output.mode is Mode.EMERGENCY_STOP else WARNING if any(warnings) else GOOD
-        message = ": ".join(filter(None, (output.mode.value, output.reason or output.suspicion)))
+        warnings = (reason, suspicion, step, values["estimate"])
+        level = ERROR if mode == Mode.EMERGENCY_STOP else WARNING if any(warnings) else GOOD
+        message = ": ".join(filter(None, (mode, reason or suspicion)))
         run: StatusRecord = {"level": level, "name": "run", "message": message, "values": values}
-        return [run, *map(_device_status, view.healths)]
+        return [run, *map(_device_status, self._healths)]
 
 
-def _device_status(health: Health) -> StatusRecord:
+def _device_status(values: Values) -> StatusRecord:
+    *known, rejected = values
+    health = dict(zip(HEALTH, known, strict=True))
     return {
-        "level": LEVELS[health.state],
-        "name": health.device,
-        "message": health.state.value,
+        "level": LEVELS[health["state"]],
+        "name": health["device"],
+        "message": health["state"],
         "values": {
-            "rate in Hz": f"{health.rate_hz:.1f}",
-            "age in s": None if health.age_s is None else f"{health.age_s:.3f}",
-            "accepted": health.accepted,
-            "rejected": sum(health.rejected.values()),
-            "lost": health.lost,
-            "breaks": health.breaks,
-            "link": health.last_link_reason,
+            "rate in Hz": f"{health['rate_hz']:.1f}",
+            "age in s": None if health["age_s"] is None else f"{health['age_s']:.3f}",
+            "accepted": health["accepted"],
+            "rejected": rejected,
+            "lost": health["lost"],
+            "breaks": health["breaks"],
+            "link": health["last_link_reason"],
         },
     }

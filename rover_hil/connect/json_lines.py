@@ -7,6 +7,7 @@ from controllers.operator import OperatorInput
 from drivers.clock import Clock, SystemClock
 from drivers.errors import ConfigError
 from rover_hil.config import Config
+from rover_hil.connect.cycle_facts import facts_of
 from rover_hil.connect.cycle_record import CycleRecorder
 from rover_hil.connect.wall_clock import WallOffset
 from rover_hil.recording.text import strict_json
@@ -38,7 +39,8 @@ class JsonLines:
         family, self._address = _resolve(target)
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
-        self._recorder = CycleRecorder(config, WallOffset(), simulated_offset_ns)
+        self._recorder = CycleRecorder(config, WallOffset())
+        self._simulated_offset_ns = simulated_offset_ns
         self._clock: Clock = SystemClock()
 
     def close(self) -> None:
@@ -55,7 +57,8 @@ class JsonLines:
 
     def show(self, view: CycleView) -> None:
         """Send the record of a cycle."""
-        line = strict_json(self._recorder.record(view, self._clock.now_ns(), NO_FACTS)) + b"\n"
+        facts = facts_of(view, self._simulated_offset_ns(), view.healths, NO_FACTS)
+        line = strict_json(self._recorder.record(facts, self._clock.now_ns())) + b"\n"
         try:
             self._socket.sendto(line, self._address)
         except OSError:  # nobody listens, or the network is down

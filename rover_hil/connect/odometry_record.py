@@ -49,7 +49,7 @@ class OdometryRecorder:
         """
         pose = cycle["estimate"]
         place = cycle.get("dead_reckoned") or pose
-        if not self._follow(cycle) or not math.isfinite(sum(_numbers(pose))):
+        if not self._follow(cycle) or not is_finite(pose):
             return None
         slip, slip_sd, slip_reason = slip_of(cycle)
         return {
@@ -127,9 +127,10 @@ def map_to_odom(cycle: EstimateRecord) -> tuple[float, float, float] | None:
     return pose["x_m"] - cosine * x_m + sine * y_m, pose["y_m"] - sine * x_m - cosine * y_m, yaw_rad
 
 
-def _numbers(pose: PoseEstimateRecord) -> tuple[float, ...]:
+def is_finite(pose: PoseEstimateRecord) -> bool:
+    """Return whether all numbers of an estimate that are published are finite."""
     velocity = pose["velocity_x_m_s"], pose["velocity_y_m_s"], pose["yaw_rate_rad_s"]
-    return pose["x_m"], pose["y_m"], pose["yaw_rad"], *velocity, *pose["covariance"]
+    return math.isfinite(sum((pose["x_m"], pose["y_m"], pose["yaw_rad"], *velocity, *pose["covariance"])))
 
 
 def slip_of(cycle: EstimateRecord) -> tuple[float | None, float | None, str]:

@@ -71,6 +71,7 @@ class CycleView(NamedTuple):
         late_ns: How late the cycle began.
         work_ns: Real time that it took until then.
         truth: True state of a simulated rover, or None.
+        wanted: What was wanted from this cycle on by all who operate the run; None for no change.
     """
 
     samples: Sequence[Sample]
@@ -80,6 +81,7 @@ class CycleView(NamedTuple):
     late_ns: int
     work_ns: int
     truth: Truth | None = None
+    wanted: OperatorInput | None = None
 
 
 class Operator(Protocol):
@@ -187,7 +189,7 @@ class Executive:
                     missed = late_ns // self._period_ns
                     result.skipped += missed
                     deadline_ns += missed * self._period_ns
-                samples, output, sent = self._cycle(now_ns)
+                samples, output, sent, wanted = self._cycle(now_ns)
                 if now_ns >= next_health_ns:
                     next_health_ns = now_ns + HEALTH_PERIOD_NS
                     self._check_health(now_ns)
@@ -196,9 +198,8 @@ class Executive:
                 self._log.wait_while_disk_hangs(lambda: self._wanted_end() is not None)
                 result.cycles += 1
                 if self._operator is not None:
-                    self._operator.show(
-                        CycleView(samples, output, sent, self._healths, late_ns, work_ns, self._truth)
-                    )
+                    facts = self._healths, late_ns, work_ns, self._truth, wanted
+                    self._operator.show(CycleView(samples, output, sent, *facts))
                 if self._on_status is not None and woke_ns >= next_status_ns:
                     next_status_ns = woke_ns + STATUS_PERIOD_NS
                     self._on_status(output)
@@ -213,7 +214,7 @@ class Executive:
         result.watchdog_interventions = self._interventions
         return result
 
-    def _cycle(self, now_ns: int) -> tuple[Sequence[Sample], StepOutput, SentCommand]:
+    def _cycle(self, now_ns: int) -> tuple[Sequence[Sample], StepOutput, SentCommand, OperatorInput | None]:
         if self._watchdog is not None and self._watchdog.has_stopped_drive():
             # The drive is started anew, as after a stop of its own: it is off, and the driver must know.
             self._interventions += 1
@@ -230,7 +231,7 @@ class Executive:
         self._log.write_json(COMMAND, sent.t_ns, set_point_record(sent))
         if self._on_cycle is not None:
             self._truth = self._on_cycle(now_ns)
-        return samples, output, sent
+        return samples, output, sent, wanted
 
     def _wanted(self, now_ns: int) -> OperatorInput | None:
         """Return what is wanted from this cycle on, by the operator and for lack of a watchdog."""

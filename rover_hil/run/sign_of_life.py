@@ -45,22 +45,32 @@ class LifeWatch:
         sign: The sign.
         limit_s: Longest time in s without a new one.
         reason: What is wrong when there is none for longer.
+        forgives_pauses: Whether of the time between two checks no more than half the limit counts: where the
+            watcher itself did not run, the other side often did not either, as on a machine that was paused.
+
+    Attributes:
+        silent_ns: Time without a new one at the last check, as far as it counts.
     """
 
-    def __init__(self, sign: Counted, limit_s: float, reason: str) -> None:
+    def __init__(self, sign: Counted, limit_s: float, reason: str, *, forgives_pauses: bool = False) -> None:
         self._sign = sign
+        self._forgives_pauses = forgives_pauses
         self._limit_ns = nanoseconds(limit_s)
         self._reason = reason
         self._count: int | None = None
-        self._changed_ns = 0
+        self._checked_ns = 0
+        self.silent_ns = 0
 
     def check(self, now_ns: int) -> str:
         """Return the reason to stop at `now_ns` of the watcher's clock; "" for none.
 
         The limit counts from the first call on.
         """
-        count = self._sign.count
+        count, passed_ns = self._sign.count, now_ns - self._checked_ns
+        self._checked_ns = now_ns
         if count != self._count:
             self._count = count
-            self._changed_ns = now_ns
-        return self._reason if now_ns - self._changed_ns > self._limit_ns else ""
+            self.silent_ns = 0
+        else:
+            self.silent_ns += min(passed_ns, self._limit_ns // 2) if self._forgives_pauses else passed_ns
+        return self._reason if self.silent_ns > self._limit_ns else ""

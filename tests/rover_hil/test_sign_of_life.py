@@ -44,6 +44,19 @@ def test_each_sign_counts_from_when_it_was_seen() -> None:
     assert watching.check(seen_ns + LIMIT_NS + 2) == ""
 
 
+def test_a_pause_of_the_watcher_alone_is_no_silence_where_pauses_are_forgiven() -> None:
+    sign = SignOfLife()
+    watching = LifeWatch(sign, 0.5, "page: lost", forgives_pauses=True)
+    assert watching.check(START_NS) == ""
+    resumed_ns = START_NS + 9 * LIMIT_NS
+    assert watching.check(resumed_ns) == ""
+    sign.give()
+    assert watching.check(resumed_ns + 1) == ""
+    for tenth in range(1, 11):
+        assert watching.check(resumed_ns + 1 + tenth * LIMIT_NS // 10) == ""
+    assert watching.check(resumed_ns + 2 + LIMIT_NS) == "page: lost"
+
+
 def test_signs_are_counted_one_by_one() -> None:
     sign = SignOfLife()
     assert sign.count == 0

@@ -84,6 +84,7 @@ class CommandGate:
     - After any stop, pause or timeout only a command that arrives later moves the rover.
     - A true on the topic of emergency stops latches. A false of the same writer releases it, at rest only.
       Then a zero command is needed, then a new one. A writer that disappears releases nothing.
+    - Who operates the run on its page releases all of them by resuming it, at rest only.
 
     Args:
         timeout_s: How long a command holds.
@@ -160,6 +161,16 @@ class CommandGate:
                 del self._latched[stop.writer]
                 if not self._latched:
                     self.state = NEEDS_ZERO
+
+    def resume(self) -> None:
+        """Release all stops, by someone who sees the rover and resumes the run; at rest only."""
+        if not self._latched:
+            return
+        if not self._is_at_rest:
+            self.report("releases of a stop while the rover moved")
+            return
+        self._latched.clear()
+        self.state = NEEDS_ZERO
 
     def take(self, command: Command) -> None:
         """Take a command, in the order of arrival."""

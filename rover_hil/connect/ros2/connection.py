@@ -3,37 +3,40 @@
 import json
 import math
 import multiprocessing
-import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 from typing import Any, Self
 
 from controllers.operator import OperatorInput
 from controllers.safety import Mode
-from drivers.clock import Clock, SystemClock
+from drivers.clock import Clock, SystemClock, nanoseconds
+from drivers.driver import Health
 from drivers.errors import ConfigError
 from drivers.samples import PoseFixSample
 from rover_hil.config import Config
-from rover_hil.config.ros2_joints import joint_names
-from rover_hil.connect.cycle_record import CycleRecorder
+from rover_hil.connect.cycle_facts import facts_of, packed
 from rover_hil.connect.ros2.commands import Command, CommandGate, Stop
-from rover_hil.connect.ros2.device_frames import static_transforms
 from rover_hil.connect.ros2.fixes import Fix
-from rover_hil.connect.ros2.process import MOST_BYTES, Face, serve
-from rover_hil.connect.wall_clock import WallOffset
-from rover_hil.recording.text import strict_json
+from rover_hil.connect.ros2.process import serve
+from rover_hil.connect.shared_ring import RingReader, RingWriter, SharedRing
 from rover_hil.run.executive import CycleView, End
 from rover_hil.run.sign_of_life import LifeWatch, SignOfLife
 
 START_S = 30.0
 """Longest wait for the process, on a loaded machine."""
+LOOK_S = 0.005
 SILENT_S = 0.4
 """With the cycle that notices it the rover stops within half a second."""
 SILENT = f"ROS 2: its process gave no sign of life for {SILENT_S:g} s"
+LOOKED_FOR_NS = nanoseconds(0.1)
+"""A process that is silent for longer may have ended."""
 ENDED = "the process of ROS 2 has ended"
 END_S = 2.0
 MOST_PER_CYCLE = 64
 """Messages of the process that are taken in a cycle; the rest waits for the next one."""
+CYCLES, CYCLE_BYTES = 64, 1 << 14
+"""Cycles that wait for the process, more than a second at 50 Hz; the longest one."""
+ARRIVALS, ARRIVAL_BYTES = 256, 1 << 10
 REST_M_S = 0.01
 REST_RAD_S = 0.05
 """A rover that is slower, with set-points of zero, is at rest."""
@@ -42,7 +45,8 @@ REST_RAD_S = 0.05
 class Ros2Connection:
     """Connects a run with programs of ROS 2, as an operator; a context manager.
 
-    Nothing here waits: a record is dropped where the process does not take it.
+    Nothing here waits or calls the system in a cycle: what both processes say to each other is in shared
+    memory. A cycle is dropped where the process does not take it.
 
     Args:
         config: A rover with the section [ros2].
@@ -56,19 +60,22 @@ class Ros2Connection:
         settings = config.ros2
         if settings is None:
             raise ConfigError("ros2: this section is missing")
-        self._face = Face(
-            settings, config.filter, joint_names(config.rover, settings), static_transforms(config)
-        )
-        self._recorder = CycleRecorder(config, WallOffset(), simulated_offset_ns)
         self._simulated_offset_ns = simulated_offset_ns
         self._life = SignOfLife()
         self._clock: Clock = SystemClock()
         self._gate = CommandGate(settings.command_timeout_s, is_listening=settings.commands)
-        self._watch = LifeWatch(self._life, SILENT_S, SILENT)
-        self._line, self._their_line = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._process = multiprocessing.get_context("spawn").Process(
-            target=serve, args=(self._face, self._their_line, self._life), name="ros2", daemon=True
+        self._watch = LifeWatch(self._life, SILENT_S, SILENT, forgives_pauses=True)
+        cycles, arrivals = SharedRing(CYCLES, CYCLE_BYTES), SharedRing(ARRIVALS, ARRIVAL_BYTES)
+        self._cycles, self._arrivals = RingWriter(cycles), RingReader(arrivals)
+        context = multiprocessing.get_context("spawn")
+        self._lifeline, self._their_lifeline = context.Pipe()
+        self._process = context.Process(
+            target=serve,
+            args=(config, cycles, arrivals, self._their_lifeline, self._life),
+            name="ros2",
+            daemon=True,
         )
+        self._healths: Sequence[Health] = ()
         self._stop_reason = ""
         self._ended = ""
         self._dropped = 0
@@ -76,16 +83,15 @@ class Ros2Connection:
     def __enter__(self) -> Self:
         """Start the process and wait until it is ready."""
         self._process.start()
-        self._their_line.close()  # else its end would not be noticed
-        self._line.settimeout(START_S)
-        try:
-            answer = json.loads(self._line.recv(MOST_BYTES) or b'{"failed":""}')
-        except TimeoutError:
-            answer = {"failed": f"its process did not answer within {START_S:g} s"}
-        if "ready" not in answer:
+        self._their_lifeline.close()  # else the end of this side would not be noticed
+        answer = self._first_answer()
+        if answer is None:
             self.close()
-            raise ConfigError(answer.get("failed") or "ros2: its process ended while it started")
-        self._line.setblocking(False)
+            raise ConfigError(f"ros2: its process ended, or did not answer within {START_S:g} s")
+        failure = json.loads(answer).get("failed")
+        if failure is not None:
+            self.close()
+            raise ConfigError(failure)
         return self
 
     def __exit__(
@@ -100,7 +106,7 @@ class Ros2Connection:
 
     def close(self) -> None:
         """End the process; may be called again."""
-        self._line.close()
+        self._lifeline.close()
         if self._process.pid is not None:
             self._process.join(END_S)
             if self._process.is_alive():
@@ -111,6 +117,7 @@ class Ros2Connection:
         """Return the command that holds now, and a change of the reason to stop; None for neither."""
         now_ns = self._clock.now_ns()
         fixes: list[PoseFixSample] = []
+        silence = self._watch.check(now_ns)
         for item in self._arrived():
             if isinstance(item, Stop):
                 self._gate.take_stop(item)
@@ -120,7 +127,7 @@ class Ros2Connection:
                 fixes.append(item.sample(self._simulated_offset_ns()))
             else:
                 self._gate.report(item)
-        reason = self._ended or self._watch.check(now_ns) or self._gate.stop_reason
+        reason = self._ended or silence or self._gate.stop_reason
         motion = self._gate.motion(now_ns)
         if reason == self._stop_reason:
             if motion is None and not fixes:
@@ -145,23 +152,35 @@ class Ros2Connection:
             is_running=output.mode is Mode.RUNNING,
             is_at_rest=is_at_rest and not any(view.sent.speed_rad_s),
         )
-        facts = {**self._gate.reports, "records dropped": self._dropped}
-        record = self._recorder.record(view, now_ns, {"commands": self._gate.state, **facts})
-        try:
-            self._line.send(strict_json(record))
-        except OSError:  # it hangs, and its queue is full, or it has ended
+        if view.wanted is not None and view.wanted.is_paused is False:
+            self._gate.resume()
+        extra = {"commands": self._gate.state, **self._gate.reports, "records dropped": self._dropped}
+        healths = None if view.healths is self._healths else view.healths
+        if self._cycles.put(packed(facts_of(view, self._simulated_offset_ns(), healths, extra))):
+            self._healths = view.healths
+        else:
             self._dropped += 1
 
+    def _first_answer(self) -> bytes | None:
+        due_ns = self._clock.now_ns() + nanoseconds(START_S)
+        is_awaited = True
+        while is_awaited:
+            now_ns = self._clock.now_ns()
+            is_awaited = now_ns < due_ns and self._process.is_alive()
+            answer = self._arrivals.take()  # after that: it may answer and end
+            if answer is not None:
+                return answer
+            self._clock.sleep_until(now_ns + nanoseconds(LOOK_S))
+        return None
+
     def _arrived(self) -> Iterator[Command | Stop | Fix | str]:
+        # A process that gives signs of life need not be looked for, which calls the system.
+        has_ended = self._watch.silent_ns > LOOKED_FOR_NS and not self._process.is_alive()
         for _ in range(MOST_PER_CYCLE):
-            try:
-                data = self._line.recv(MOST_BYTES)
-            except BlockingIOError:
-                return
-            except OSError:
-                data = b""
-            if not data:
-                self._ended = self._ended or ENDED
+            data = self._arrivals.take()
+            if data is None:
+                if has_ended:
+                    self._ended = self._ended or ENDED
                 return
             try:
                 item = json.loads(data)

@@ -6,122 +6,110 @@ It sends the records that it gets from the loop, and hands over what arrives. It
 import json
 import math
 import os
-import select
 import signal
-import socket
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from typing import Any, NamedTuple
+from multiprocessing.connection import Connection
+from typing import Any
 
-from controllers.estimation.settings import FilterSettings
 from drivers.clock import Clock, SystemClock, wall_time_ns
 from drivers.errors import ConfigError
-from rover_hil.config.ros2_joints import MISSING_LIBRARY
-from rover_hil.config.ros2_settings import Ros2Settings
+from rover_hil.config import Config
+from rover_hil.config.ros2_joints import MISSING_LIBRARY, joint_names
+from rover_hil.connect.cycle_facts import unpacked
+from rover_hil.connect.cycle_record import CycleRecorder
+from rover_hil.connect.ros2.device_frames import static_transforms
 from rover_hil.connect.ros2.fixes import read_fix
 from rover_hil.connect.ros2.messages import (
     Bool,
     PoseWithCovarianceStamped,
-    TransformStamped,
     Twist,
     TwistStamped,
 )
+from rover_hil.connect.shared_ring import RingReader, RingWriter, SharedRing
+from rover_hil.connect.wall_clock import WallOffset
 from rover_hil.run.sign_of_life import SignOfLife
 
 POLL_S = 0.001
-MOST_BYTES = 1 << 18
-"""Of a record of the loop."""
 MOST_RECORDS = 16
 """Sent between two looks at what arrives."""
 STOP_DEPTH = 64
 """Messages on the topic of emergency stops that are kept between two looks: none must be overwritten."""
 MOST_WAITING = 256
+MOST_CHARACTERS = 500
+"""Of an error that is told."""
 
 
-class Face(NamedTuple):
-    """What the process needs to know of the rover.
-
-    Attributes:
-        settings: The section [ros2].
-        noise: Of the readings of the IMU.
-        joint_names: Of wheels and steering.
-        static: Where devices are on the rover.
-    """
-
-    settings: Ros2Settings
-    noise: FilterSettings
-    joint_names: tuple[str, ...]
-    static: tuple[TransformStamped, ...]
-
-
-def serve(face: Face, line: socket.socket, life: SignOfLife) -> None:
-    """Serve until the loop closes the line.
+def serve(
+    config: Config, cycles: SharedRing, arrivals: SharedRing, lifeline: Connection, life: SignOfLife
+) -> None:
+    """Serve until the loop closes its end of the lifeline, or is no more.
 
     Args:
-        face: The rover.
-        line: To the loop.
+        config: A rover with the section [ros2].
+        cycles: What the loop hands over.
+        arrivals: What is handed over to the loop.
+        lifeline: Held open by the loop.
         life: Given each time round.
     """
     # Ctrl-C goes to all processes of a terminal: the loop decides when this one ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    line.setblocking(False)
-    try:
-        server = _Server(face, line)
-    except ConfigError as error:
-        with suppress(OSError):
-            line.send(json.dumps({"failed": str(error)}).encode())
-        return
+    outgoing = RingWriter(arrivals)
     _silence_errors()
     try:
-        while server.is_connected:
-            life.give()
+        server = _Server(config, RingReader(cycles), outgoing, life)
+        # The lifeline carries nothing: it can be read when it has been closed.
+        while not lifeline.poll(POLL_S):
             server.turn()
+    except ConfigError as error:
+        _tell_failure(outgoing, str(error))
     except Exception as error:  # noqa: BLE001 - the loop is told the cause, whatever it is
-        with suppress(OSError):
-            line.send(json.dumps({"failed": f"{type(error).__name__}: {error}"}).encode())
+        _tell_failure(outgoing, f"{type(error).__name__}: {error}")
+
+
+def _tell_failure(outgoing: RingWriter, words: str) -> None:
+    outgoing.put(json.dumps({"failed": words[:MOST_CHARACTERS]}).encode())
 
 
 class _Server:
-    def __init__(self, face: Face, line: socket.socket) -> None:
+    def __init__(self, config: Config, cycles: RingReader, outgoing: RingWriter, life: SignOfLife) -> None:
         try:
             from rover_hil.connect.ros2.node import Node
             from rover_hil.connect.ros2.publishing import Publisher
         except ImportError as error:
             raise ConfigError(f"{MISSING_LIBRARY} ({error})") from error
-        self._line = line
+        settings = config.ros2
+        if settings is None:
+            raise ConfigError("ros2: this section is missing")
+        self._cycles, self._outgoing = cycles, outgoing
+        self._life = life
         self._clock: Clock = SystemClock()
-        self.is_connected = True
-        node = Node(face.settings)
-        self._publisher = Publisher(node, face.settings, face.noise, face.joint_names, face.static)
+        self._recorder = CycleRecorder(config, WallOffset())
+        node = Node(settings)
+        names = joint_names(config.rover, settings)
+        self._publisher = Publisher(node, settings, config.filter, names, static_transforms(config))
         self._velocities = (
-            [node.reader("cmd_vel", Twist), node.reader("cmd_vel", TwistStamped)]
-            if face.settings.commands
-            else []
+            [node.reader("cmd_vel", Twist), node.reader("cmd_vel", TwistStamped)] if settings.commands else []
         )
         self._stops = [
             node.reader("emergency_stop", Bool, depth=STOP_DEPTH),
             node.reader("emergency_stop", Bool, latched=True, depth=STOP_DEPTH),
         ]
-        self._fixes = node.reader("pose_fix", PoseWithCovarianceStamped) if face.settings.pose_fixes else None
-        self._map_frame = face.settings.map_frame
+        self._fixes = node.reader("pose_fix", PoseWithCovarianceStamped) if settings.pose_fixes else None
+        self._map_frame = settings.map_frame
         self._waiting: list[dict[str, Any]] = [{"ready": True}]
 
     def turn(self) -> None:
-        """Hand over what has arrived, send what the loop has, wait for more for a moment."""
+        """Hand over what has arrived, and send what the loop has."""
+        self._life.give()
         self._waiting += self._arrived()
         self._hand_over()
-        select.select([self._line], [], [], POLL_S)
         for _ in range(MOST_RECORDS):
-            try:
-                data = self._line.recv(MOST_BYTES)
-            except BlockingIOError:
+            data = self._cycles.take()
+            if data is None:
                 return
-            except OSError:
-                data = b""
-            if not data:
-                self.is_connected = False
-                return
-            self._publisher.send(json.loads(data))
+            # On a loaded machine several of them can take longer than a silence may last.
+            self._life.give()
+            self._publisher.send(self._recorder.record(unpacked(data), self._clock.now_ns()))
 
     def _arrived(self) -> Iterator[dict[str, Any]]:
         now_ns = self._clock.now_ns()
@@ -144,14 +132,7 @@ class _Server:
 
     def _hand_over(self) -> None:
         """Send what waits; of too much only emergency stops that are pressed and the newest are kept."""
-        while self._waiting:
-            try:
-                self._line.send(json.dumps(self._waiting[0]).encode())
-            except BlockingIOError:
-                break
-            except OSError:
-                self.is_connected = False
-                return
+        while self._waiting and self._outgoing.put(json.dumps(self._waiting[0]).encode()):
             del self._waiting[0]
         if len(self._waiting) > MOST_WAITING:
             pressed = [each for each in self._waiting[:-1] if each.get("is_pressed")]

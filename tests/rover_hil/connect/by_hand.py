@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Generator
 from pathlib import Path
 
+from controllers.operator import OperatorInput
 from drivers.clock import PacedClock, SystemClock
 from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
@@ -49,6 +50,7 @@ class Scripted:
         now_ns: Real monotonic time of it.
         truth: The true state then.
         pose: The estimate then.
+        wants: What it wants as the page of a run does, once.
     """
 
     def __init__(self, script: Callable[["Scripted"], Steps]) -> None:
@@ -58,6 +60,7 @@ class Scripted:
         self.is_over = False
         self.truth: Truth | None = None
         self.pose = (0.0, 0.0, 0.0)
+        self.wants: OperatorInput | None = None
         self._clock = SystemClock()
         self._steps = script(self)
 
@@ -78,8 +81,10 @@ class Scripted:
             each()
             yield
 
-    def wanted(self) -> None:
-        """Want nothing."""
+    def wanted(self) -> OperatorInput | None:
+        """Return what the script wants; None for nothing."""
+        wanted, self.wants = self.wants, None
+        return wanted
 
     def end(self) -> tuple[End, str] | None:
         """End the run after the script."""

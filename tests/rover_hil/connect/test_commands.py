@@ -199,6 +199,25 @@ def test_a_stop_is_released_at_rest_only() -> None:
     assert not rover.gate.stop_reason
 
 
+def test_the_page_releases_all_stops_at_rest_only() -> None:
+    rover = Rover()
+    rover.press(writer="a")
+    rover.press(writer="b")
+    rover.cycle()
+    rover.gate.follow(rover.now_ns, is_running=False, is_at_rest=False)
+    rover.gate.resume()
+    assert rover.gate.stop_reason
+    rover.cycle()
+    rover.gate.resume()
+    assert not rover.gate.stop_reason
+    rover.send()
+    assert rover.cycle(0.1) is None
+    rover.send(REST)
+    rover.cycle()
+    rover.send()
+    assert rover.cycle() == AHEAD
+
+
 def test_a_writer_releases_only_its_own_stop() -> None:
     rover = Rover()
     rover.press(writer="a")

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from drivers.clock import SystemClock, seconds
+from controllers.operator import OperatorInput
+from drivers.clock import SystemClock, nanoseconds, seconds
 from rover_hil.connect.ros2.connection import ENDED, Ros2Connection
 from rover_hil.connect.ros2.messages import (
     Bool,
@@ -31,6 +32,7 @@ from tests.rover_hil.connect.by_hand import (
     own_domain,
     replays_exactly,
 )
+from tests.rover_hil.connect.test_ros2_checks import written
 
 pytest.importorskip("cyclonedds", reason="needs the extra `ros2`")
 from rover_hil.connect.ros2.node import Node
@@ -221,7 +223,9 @@ while True:
 """
 
 
-def test_a_writer_of_a_stop_that_disappears_releases_nothing(peer: Node, tmp_path: Path) -> None:
+def test_a_writer_of_a_stop_that_disappears_releases_nothing_and_the_page_does(
+    peer: Node, tmp_path: Path
+) -> None:
     velocity = peer.writer("cmd_vel", Twist)
     release = peer.writer("emergency_stop", Bool)
 
@@ -236,6 +240,45 @@ def test_a_writer_of_a_stop_that_disappears_releases_nothing(peer: Node, tmp_pat
             release(Bool(False))
             yield
             assert "emergency_stop" in run.reason
+        run.wants = OperatorInput(is_paused=True)
+        yield from run.stay(5, lambda: velocity(AHEAD))
+        assert "emergency_stop" in run.reason
+        run.wants = OperatorInput(is_paused=False)
+        yield from run.wait(lambda: run.mode == "running", lambda: velocity(AHEAD))
+        for _ in range(20):
+            velocity(AHEAD)
+            yield
+            assert not run.is_driven
+        yield from run.stay(5, lambda: velocity(REST))
+        yield from run.wait(lambda: run.is_driven, lambda: velocity(AHEAD))
 
     run, _ = drive(hand_config(), tmp_path / "run.mcap", script)
     assert run.is_over
+    assert replays_exactly(tmp_path / "run.mcap")
+
+
+COMMAND = "from rover_hil.app.app import main; main()"
+
+
+def test_a_run_on_the_ports_of_a_served_rover_is_driven_as_well(peer: Node, tmp_path: Path) -> None:
+    written(tmp_path, f"domain = {own_domain()}\ncommands = true", by_hand=True)
+    velocity, odometry = peer.writer("cmd_vel", Twist), peer.reader("odom", Odometry)
+    line, clock, x_m = [sys.executable, "-c", COMMAND], SystemClock(), 0.0
+    with subprocess.Popen(
+        [*line, "simulate", "mine.toml"], cwd=tmp_path, stdout=subprocess.PIPE, text=True
+    ) as rover:
+        try:
+            assert rover.stdout is not None
+            told = iter(rover.stdout.readline, "")
+            assert any("run speaks ROS 2" in each for each in told)
+            with subprocess.Popen([*line, "run", "mine.toml", "--out", "run"], cwd=tmp_path) as run:
+                deadline_ns = clock.now_ns() + nanoseconds(90.0)
+                while x_m < 0.05 and clock.now_ns() < deadline_ns and run.poll() is None:
+                    velocity(AHEAD)
+                    clock.sleep_until(clock.now_ns() + nanoseconds(0.05))
+                    x_m = max([x_m, *(message.pose.pose.position.x for message, _, _ in odometry())])
+                run.send_signal(signal.SIGINT)
+        finally:
+            rover.kill()
+    assert x_m >= 0.05
+    assert replays_exactly(tmp_path / "run" / "run.mcap")
