@@ -153,7 +153,8 @@ def test_missing_port_fails_clearly_and_leaves_no_handle(case: Case, tmp_path: P
 
 def test_recorded_raw_data_give_the_same_samples(bench: Bench) -> None:
     bench.driver.connect()
-    bench.forward(1.0)
+    bench.forward_until(bool, 1.0)
+    bench.forward(0.5)
     clock = VirtualClock()
     replayed: AnyDriver
     if isinstance(bench.settings, FrameDeviceSettings):
