@@ -204,15 +204,31 @@ class ImuColumns(Settings):
         return self
 
 
+class MarkerPlace(Settings):
+    """Where on the rover the truth is measured: the place of its marker or antenna.
+
+    Attributes:
+        x_m: Ahead of the origin of the rover.
+        y_m: To the left of it.
+        yaw_deg: Direction of the marker's x axis, counter-clockwise from ahead.
+    """
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    yaw_deg: float = 0.0
+
+
 class TruthColumns(Settings):
     """The true pose, in any fixed frame.
 
     Attributes:
+        marker: What the pose is of; default: the origin of the rover.
         file: Another table, beside the one of the drive and with the same clock; default: the one of the
             drive.
         time: In that table; default: as for the drive.
     """
 
+    marker: MarkerPlace = MarkerPlace()
     file: PathText | None = None
     time: TimeColumn | None = None
     x: LengthColumn

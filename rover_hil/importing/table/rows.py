@@ -410,6 +410,10 @@ class _Reader:
         )
         x_m, y_m = x * SI_PER_UNIT[truth.x.unit], y * SI_PER_UNIT[truth.y.unit]
         yaw_rad = (yaw - truth.yaw.sign * truth.yaw.zero) * _angle_unit(truth.yaw)
+        yaw_rad -= math.radians(truth.marker.yaw_deg)
+        cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
+        x_m = x_m - (cosine * truth.marker.x_m - sine * truth.marker.y_m)
+        y_m = y_m - (sine * truth.marker.x_m + cosine * truth.marker.y_m)
         poses = np.column_stack((x_m, y_m, yaw_rad)).tolist()
         last_ns = self._t_ns[-1]
         kept = [
