@@ -21,6 +21,7 @@ class Answers:
         wheel_speed_rad_s: Greatest speed of the wheels.
         moves_sideways: Whether the rover can hold its heading.
         speed_m_s: Speed of the first mission.
+        simulation: The section [simulation].
     """
 
     rover: Mapping[str, object]
@@ -31,6 +32,7 @@ class Answers:
     wheel_speed_rad_s: float
     moves_sideways: bool
     speed_m_s: float
+    simulation: Mapping[str, object]
 
 
 def config_text(answers: Answers) -> str:
@@ -69,5 +71,8 @@ def config_text(answers: Answers) -> str:
         "[safety]\nsettle_s = 2.0              # at rest the gyro's bias is found\n",
         "# Greatest set-points; raise them when the rover drives well.\n"
         + toml_text({"limits": limits}).lstrip(),
+        "# The simulated rover of `run --virtual`, `simulate` and `tune`. Mass, motors and what carries "
+        "load beside\n# the wheels are assumed: correct them.\n"
+        + toml_text({"simulation": answers.simulation}).lstrip(),
     ]
     return "\n".join(parts)
