@@ -49,7 +49,8 @@ class Report:
 
 
 def nmea_compass() -> tuple[Codec[bytes], tuple[bytes, ...]]:
-    from drivers.nmea_compass.codec import NmeaCompassCodec, encode_sentence
+    from drivers.nmea import encode_sentence
+    from drivers.nmea_compass.codec import NmeaCompassCodec
 
     bodies = (
         "HCHDG,98.3,0.0,E,12.6,W",

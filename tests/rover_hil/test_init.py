@@ -21,7 +21,7 @@ from drivers.canopen_wheels.settings import CanopenWheelsSettings
 from drivers.clock import SystemClock, VirtualClock, nanoseconds
 from drivers.errors import ConfigError
 from drivers.link import Received
-from drivers.nmea_compass.codec import encode_sentence
+from drivers.nmea import encode_sentence
 from drivers.registry import AnyDeviceSettings
 from drivers.serial_link import SerialLink
 from rover_hil.app import init
