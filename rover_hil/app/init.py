@@ -60,7 +60,7 @@ POSITIONS = {
     "steered_4": ("front left", "front right", "rear left", "rear right"),
 }
 """Wheels in the order of the configuration."""
-NAMES = {"frames": "camera", "rate": "imu", "heading": "compass"}
+NAMES = {"frames": "camera", "rate": "imu", "heading": "compass", "position": "gnss"}
 Made = dict[Path, bytes | None]
 """Files beside the configuration that were written, and what they held before."""
 
@@ -164,6 +164,7 @@ def _set_up(
         wheels="wheels",
         gyro=gyro,
         headings=compasses,
+        fixes=[name for name, (each, _) in devices.items() if each.type == "nmea_gnss"],
         wheel_speed_rad_s=speed,
         moves_sideways=kinematics == "omni3",
         speed_m_s=float(f"{max(0.01, min(0.1, 0.4 * speed * radius_m)):.2g}"),

@@ -18,6 +18,7 @@ class Answers:
         wheels: Name of the drive.
         gyro: Name of the gyro, or None.
         headings: Names of the compasses whose headings are used.
+        fixes: Names of the devices that give positions.
         wheel_speed_rad_s: Greatest speed of the wheels.
         moves_sideways: Whether the rover can hold its heading.
         speed_m_s: Speed of the first mission.
@@ -29,6 +30,7 @@ class Answers:
     wheels: str
     gyro: str | None
     headings: Sequence[str]
+    fixes: Sequence[str]
     wheel_speed_rad_s: float
     moves_sideways: bool
     speed_m_s: float
@@ -41,6 +43,8 @@ def config_text(answers: Answers) -> str:
     if answers.gyro is not None:
         roles["gyro"] = answers.gyro
     roles["headings"] = list(answers.headings)
+    if answers.fixes:
+        roles["fixes"] = list(answers.fixes)
     mission = {
         "type": "line",
         "length_m": 0.5,

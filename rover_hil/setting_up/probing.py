@@ -20,10 +20,11 @@ from drivers.driver import Rejection
 from drivers.errors import NotConnectedError
 from drivers.link import Link, Received
 from drivers.nmea_compass.settings import NmeaCompassSettings
+from drivers.nmea_gnss.settings import NmeaGnssSettings
 from drivers.registry import AnyDeviceSettings
 from drivers.robotino3_board.settings import Robotino3BoardSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
-from drivers.samples import AttitudeSample, HeadingSample, LinkSample, RateSample
+from drivers.samples import AttitudeSample, HeadingSample, LinkSample, PoseFixSample, RateSample
 from drivers.serial_link import SerialLink
 from drivers.vectornav.settings import VectorNavSettings
 from drivers.witmotion.settings import WitMotionSettings
@@ -40,6 +41,7 @@ TALKERS: tuple[type[SerialDeviceSettings], ...] = (
     VectorNavSettings,
     XsensSettings,
     NmeaCompassSettings,
+    NmeaGnssSettings,
 )
 CAN_BIT_RATES = (500_000, 1_000_000, 250_000, 125_000)
 MOST_FRAMES = 20_000
@@ -64,7 +66,8 @@ class Found:
     Attributes:
         settings: What it needs in the configuration.
         what: What was heard, in words.
-        kinds: Names of what it measures: `rate`, `heading`, `attitude`, `frames`, `wheels`, `can`.
+        kinds: Names of what it measures: `rate`, `heading`, `attitude`, `position`, `frames`, `wheels`,
+            `can`.
         rate_hz: Samples per second of the slowest kind that is used.
         frames: CAN frames that were on the bus.
     """
@@ -243,7 +246,12 @@ def _talker(
         ]
         if len(samples) < LEAST_SAMPLES or len(wrong) - 1 > MOST_REJECTED * len(samples):
             continue
-        names = {RateSample: "rate", HeadingSample: "heading", AttitudeSample: "attitude"}
+        names = {
+            RateSample: "rate",
+            HeadingSample: "heading",
+            AttitudeSample: "attitude",
+            PoseFixSample: "position",
+        }
         kinds = {names[type(each)] for each in samples if type(each) in names}
         counts = [sum(names.get(type(each)) == name for each in samples) for name in kinds]
         rate_hz = min(counts, default=0) / duration_s

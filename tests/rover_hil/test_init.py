@@ -598,6 +598,7 @@ def test_every_kind_of_rover_gets_a_simulation_that_drives_straight(
             wheels="wheels",
             gyro=None,
             headings=[],
+            fixes=[],
             wheel_speed_rad_s=5.0,
             moves_sideways=kind == "omni3",
             speed_m_s=0.1,
