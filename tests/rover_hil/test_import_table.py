@@ -229,6 +229,46 @@ def test_the_truth_of_a_marker_that_sits_anywhere_is_that_of_the_rover(
     assert true.yaw_rad == pytest.approx(YAW_RAD, abs=1e-12)
 
 
+def latitude_longitude(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the columns with their places near 48 N, 11 E; radii of curvature of WGS 84, by hand."""
+    latitude_rad, axis_m, eccentricity2 = math.radians(48.0), 6378137.0, 6.69437999014e-3
+    root = math.sqrt(1.0 - eccentricity2 * math.sin(latitude_rad) ** 2)
+    north_m, east_m = axis_m * (1.0 - eccentricity2) / root**3, axis_m * math.cos(latitude_rad) / root
+    places = {"x": 11.0 + np.degrees(columns["x"] / east_m), "y": 48.0 + np.degrees(columns["y"] / north_m)}
+    return columns | places
+
+
+GEODETIC = TRUTH.replace("x =", "longitude =").replace("y =", "latitude =")
+
+
+def test_a_truth_in_latitude_and_longitude_is_east_and_north(command: Command, tmp_path: Path) -> None:
+    write(tmp_path / "drive.csv", latitude_longitude(drive()))
+    assert import_it(command, TIME + GEODETIC + RADIANS + ROVER, str(tmp_path / "drive.csv")) == 0, (
+        command.error
+    )
+    true = read_drive(Path("drive.mcap")).true_poses()
+    assert true.x_m == pytest.approx(X_M, abs=1e-4)
+    assert true.y_m == pytest.approx(Y_M, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("truth", "words"),
+    [
+        (GEODETIC, ("line 3", "are none in degrees")),
+        (TRUTH + 'latitude = { column = "y" }\n', ("give x and y, or latitude and longitude",)),
+    ],
+)
+def test_places_that_are_none_are_refused(
+    command: Command, tmp_path: Path, truth: str, words: tuple[str, ...]
+) -> None:
+    columns = latitude_longitude(drive())
+    columns["y"][1] = 4800.5
+    write(tmp_path / "drive.csv", columns)
+    assert import_it(command, TIME + truth + RADIANS + ROVER, str(tmp_path / "drive.csv")) == 2
+    assert_one_sentence(command.error, *words)
+    assert not Path("drive.mcap").exists()
+
+
 TRICYCLE = """header_lines = 0
 time = { column = 1 }
 [tricycle]
