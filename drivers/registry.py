@@ -8,6 +8,7 @@ from drivers.camera.settings import CameraSettings
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.canopen_wheels.settings import CanopenWheelsSettings
 from drivers.nmea_compass.settings import NmeaCompassSettings
+from drivers.nmea_gnss.settings import NmeaGnssSettings
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.robotino3_board.settings import Robotino3BoardSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
@@ -21,6 +22,7 @@ AnyDeviceSettings: TypeAlias = Annotated[
     | CanWheelsSettings
     | CanopenWheelsSettings
     | NmeaCompassSettings
+    | NmeaGnssSettings
     | OverheadCameraSettings
     | Robotino3BoardSettings
     | RobotinoBoardSettings

@@ -6,6 +6,7 @@ its codec. `t_ns` is host monotonic time at the arrival of the last byte; `t_dev
 time where it has one and is never compared with `t_ns`.
 """
 
+import math
 from enum import StrEnum
 from typing import TypeAlias
 
@@ -15,6 +16,9 @@ from numpy.typing import NDArray
 from drivers.record import record
 
 Image: TypeAlias = NDArray[np.uint8]
+
+UNKNOWN_YAW_STD_RAD = math.pi
+"""From this standard deviation on a fix of the pose holds no yaw."""
 
 
 @record(frozen=True, slots=True, kw_only=True)
@@ -134,8 +138,10 @@ class PoseFixSample(Sample):
 
     Attributes:
         position_std_m: Standard deviation of x and of y.
-        yaw_std_rad: Standard deviation of the yaw.
+        yaw_std_rad: Standard deviation of the yaw; from `UNKNOWN_YAW_STD_RAD` on the yaw is not measured.
         t_capture_ns: Host monotonic time at which the rover was there, not later than `t_ns`.
+        arm_x_m: Where on the rover the position was measured: ahead of its origin; an antenna without yaw.
+        arm_y_m: To the left of its origin.
     """
 
     x_m: float
@@ -144,6 +150,8 @@ class PoseFixSample(Sample):
     position_std_m: float
     yaw_std_rad: float
     t_capture_ns: int
+    arm_x_m: float = 0.0
+    arm_y_m: float = 0.0
 
 
 @record(frozen=True, slots=True, kw_only=True)

@@ -12,6 +12,7 @@ from drivers.canopen_wheels.settings import CanopenWheelsSettings
 from drivers.errors import ConfigError
 from drivers.link import CameraImage
 from drivers.nmea_compass.settings import NmeaCompassSettings
+from drivers.nmea_gnss.settings import NmeaGnssSettings
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.registry import AnyDeviceSettings
 from drivers.robotino3_board.settings import Robotino3BoardSettings
@@ -24,6 +25,7 @@ from sim_backends.devices.camera import make_camera
 from sim_backends.devices.can_wheels import CanNodeSettings, make_can_node
 from sim_backends.devices.canopen_wheels import CanopenWheelsEmulatorSettings, make_canopen_wheels
 from sim_backends.devices.nmea_compass import CompassEmulatorSettings, make_compass
+from sim_backends.devices.nmea_gnss import GnssEmulatorSettings, make_gnss
 from sim_backends.devices.overhead_camera import make_overhead_camera
 from sim_backends.devices.robotino3_board import Robotino3BoardEmulatorSettings, make_robotino3_board
 from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings, make_robotino_board
@@ -42,16 +44,16 @@ from sim_backends.world.plant import Plant
 from sim_backends.world.world import EmulatedDevice, World
 
 Devices: TypeAlias = Mapping[str, AnyDeviceSettings]
+ByteSensor: TypeAlias = (
+    NmeaCompassSettings | NmeaGnssSettings | VectorNavSettings | WitMotionSettings | XsensSettings
+)
 ByteDevice: TypeAlias = (
-    CanWheelsSettings
+    ByteSensor
+    | CanWheelsSettings
     | CanopenWheelsSettings
-    | NmeaCompassSettings
     | Robotino3BoardSettings
     | RobotinoBoardSettings
-    | VectorNavSettings
     | VescSettings
-    | WitMotionSettings
-    | XsensSettings
 )
 EmulatorT = TypeVar("EmulatorT", bound=EmulatorSettings)
 """A device whose settings are missing in `EmulatorSettings` is an error of types at its `_errors_of`."""
@@ -167,21 +169,37 @@ def _make_byte_device(
         case CanopenWheelsSettings():
             drives = _errors_of(CanopenWheelsEmulatorSettings, name, device, simulation)
             return make_canopen_wheels(name, device, drives, plant, rng, start_ns)
-        case NmeaCompassSettings():
-            compass = _errors_of(CompassEmulatorSettings, name, device, simulation)
-            return make_compass(name, device, compass, plant, rng, start_ns)
         case Robotino3BoardSettings():
             board_3 = _errors_of(Robotino3BoardEmulatorSettings, name, device, simulation)
             return make_robotino3_board(name, device, board_3, plant, rng)
         case RobotinoBoardSettings():
             board = _errors_of(RobotinoBoardEmulatorSettings, name, device, simulation)
             return make_robotino_board(name, device, board, plant, rng, start_ns)
-        case VectorNavSettings():
-            vectornav = _errors_of(VectorNavEmulatorSettings, name, device, simulation)
-            return make_vectornav(name, device, vectornav, plant, rng, start_ns)
         case VescSettings():
             vesc = _errors_of(VescEmulatorSettings, name, device, simulation)
             return make_vesc(name, device, vesc, plant, rng, start_ns)
+        case sensor:
+            return _make_sensor(name, sensor, simulation, plant, rng, start_ns)
+
+
+def _make_sensor(
+    name: str,
+    device: ByteSensor,
+    simulation: SimulationSettings,
+    plant: Plant,
+    rng: np.random.Generator,
+    start_ns: int,
+) -> EmulatedDevice[bytes]:
+    match device:
+        case NmeaCompassSettings():
+            compass = _errors_of(CompassEmulatorSettings, name, device, simulation)
+            return make_compass(name, device, compass, plant, rng, start_ns)
+        case NmeaGnssSettings():
+            gnss = _errors_of(GnssEmulatorSettings, name, device, simulation)
+            return make_gnss(name, device, gnss, plant, rng, start_ns)
+        case VectorNavSettings():
+            vectornav = _errors_of(VectorNavEmulatorSettings, name, device, simulation)
+            return make_vectornav(name, device, vectornav, plant, rng, start_ns)
         case WitMotionSettings():
             imu = _errors_of(ImuEmulatorSettings, name, device, simulation)
             return make_imu(name, device, imu, plant, rng, start_ns)

@@ -8,6 +8,7 @@ from drivers.settings import Settings
 from sim_backends.devices.can_wheels import CanNodeSettings
 from sim_backends.devices.canopen_wheels import CanopenWheelsEmulatorSettings
 from sim_backends.devices.nmea_compass import CompassEmulatorSettings
+from sim_backends.devices.nmea_gnss import GnssEmulatorSettings
 from sim_backends.devices.robotino3_board import Robotino3BoardEmulatorSettings
 from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings
 from sim_backends.devices.vectornav import VectorNavEmulatorSettings
@@ -29,6 +30,7 @@ EmulatorSettings: TypeAlias = Annotated[
     | CanNodeSettings
     | CanopenWheelsEmulatorSettings
     | CompassEmulatorSettings
+    | GnssEmulatorSettings
     | ImuEmulatorSettings
     | OverheadCameraEmulatorSettings
     | Robotino3BoardEmulatorSettings

@@ -48,8 +48,23 @@ class Report:
     failures: list[str] = dataclasses.field(default_factory=list)
 
 
+def nmea_gnss() -> tuple[Codec[bytes], tuple[bytes, ...]]:
+    from drivers.nmea import encode_sentence
+    from drivers.nmea_gnss.codec import NmeaGnssCodec
+    from drivers.nmea_gnss.settings import NmeaGnssSettings
+
+    place = "4800.0000000,N,01100.0000000,E"
+    bodies = (
+        *(f"GNGGA,1200{second:02d}.00,{place},4,12,0.8,500.0,M,47.0,M,," for second in range(20)),
+        "GNGST,120000.00,,,,,0.010,0.012,0.020",
+        f"GNRMC,120000.20,A,{place},0.5,84.4,010126,,,R",
+    )
+    return NmeaGnssCodec("gnss", NmeaGnssSettings(port="gnss")), tuple(map(encode_sentence, bodies))
+
+
 def nmea_compass() -> tuple[Codec[bytes], tuple[bytes, ...]]:
-    from drivers.nmea_compass.codec import NmeaCompassCodec, encode_sentence
+    from drivers.nmea import encode_sentence
+    from drivers.nmea_compass.codec import NmeaCompassCodec
 
     bodies = (
         "HCHDG,98.3,0.0,E,12.6,W",
@@ -226,6 +241,7 @@ def vesc() -> tuple[Codec[bytes], tuple[bytes, ...]]:
 
 PARSERS: dict[str, MakeTarget] = {
     "nmea_compass": nmea_compass,
+    "nmea_gnss": nmea_gnss,
     "witmotion": witmotion,
     "vectornav": vectornav,
     "canopen_wheels": canopen_wheels,

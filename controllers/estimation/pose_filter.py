@@ -3,6 +3,7 @@
 import cmath
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -18,7 +19,7 @@ from controllers.ground_motion.motion import GroundMotion
 from controllers.matrices import complex_product, product
 from controllers.motion.planar import Pose, move, wrap_angle
 from drivers.record import record
-from drivers.samples import HeadingReference, PoseFixSample
+from drivers.samples import UNKNOWN_YAW_STD_RAD, HeadingReference, PoseFixSample
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,8 @@ _, _, _, SCALE = range(4)
 CERTAIN = 1e-12
 UNKNOWN_ANGLE_RAD2 = 10.0
 UNKNOWN_POSITION_M2 = 1e4
+LEAST_BASELINE_SD = 10.0
+"""Two fixes without yaw turn the floor's axes from so many deviations of their difference on: to 6 deg."""
 
 
 class YawSource(StrEnum):
@@ -98,6 +101,19 @@ class PoseEstimate:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class _Unoriented:
+    """The first fix of a device that gives no yaw: by the fix, and in the local frame."""
+
+    place_m: complex
+    then_m: complex
+    position_std_m: float
+
+
+def _has_yaw(fix: PoseFixSample) -> bool:
+    return not fix.yaw_std_rad >= UNKNOWN_YAW_STD_RAD
+
+
 class PoseFilter:
     """State [x, y, yaw, gyro bias, offsets, origins, frame, remaining slip, states of the slip compensator].
 
@@ -150,6 +166,7 @@ class PoseFilter:
         first_origin = FIRST_OFFSET + len(sources)
         self._origin_index = {device: first_origin + 3 * i for i, device in enumerate(fix_devices)}
         self._rejections: dict[str, int] = {}
+        self._unoriented: dict[str, _Unoriented] = {}
         self._frame_index = first_origin + 3 * len(fix_devices)
         first_slip = self._frame_index + (4 if has_ground else 0)
         self._estimated_pairs = (2 if is_compensated else 1) if settings.has_slip else 0
@@ -372,7 +389,10 @@ class PoseFilter:
         the next fix, which is reported as displaced.
         """
         origin = self._origin_index[fix.device]
-        if fix.device not in self._rejections and math.isfinite(fix.x_m + fix.y_m + fix.yaw_rad):
+        if fix.device not in self._rejections and not _has_yaw(fix):
+            if not self._orient(origin, fix, way_back):
+                return ()
+        elif fix.device not in self._rejections and math.isfinite(fix.x_m + fix.y_m + fix.yaw_rad):
             self._rejections[fix.device] = 0
             self._assign_origin(origin, fix, way_back)
         innovations = self._update_pose(origin, fix, way_back)
@@ -388,10 +408,11 @@ class PoseFilter:
         self._rejections[fix.device] = 0
         # The axes of the floor are not those of the local frame: widen both by the distance.
         distance_m2 = residuals[X] ** 2 + residuals[Y] ** 2
-        for index, variance in ((X, distance_m2), (Y, distance_m2), (YAW, residuals[YAW] ** 2)):
+        turned_rad = residuals[YAW] if _has_yaw(fix) else 0.0
+        for index, variance in ((X, distance_m2), (Y, distance_m2), (YAW, turned_rad**2)):
             self._filter.widen(index, variance)
-        report = displaced(fix, math.sqrt(distance_m2), abs(residuals[YAW]))
-        return (*self._update_pose(origin, fix, way_back), *report)
+        report = displaced(fix, math.sqrt(distance_m2), abs(turned_rad))
+        return (*self._update_pose(origin, fix, way_back), *report[: len(innovations) - 1])
 
     def _then(self, way_back: WayBack) -> tuple[complex, float]:
         """Return place and yaw of the rover in the local frame at exposure."""
@@ -401,15 +422,42 @@ class PoseFilter:
 
     def _assign_origin(self, origin: int, fix: PoseFixSample, way_back: WayBack) -> None:
         """Set the unknown origin by the first fix."""
-        then_m, then_rad = self._then(way_back)
+        then_m, then_rad = self._measured_place(fix, way_back)
         origin_rad = wrap_angle(fix.yaw_rad - then_rad)
         origin_m = complex(fix.x_m, fix.y_m) - then_m * cmath.rect(1.0, origin_rad)
         for index, value in zip((X, Y, YAW), (origin_m.real, origin_m.imag, origin_rad), strict=True):
             self._filter.assign(origin + index, value)
 
+    def _orient(self, origin: int, fix: PoseFixSample, way_back: WayBack) -> bool:
+        """Set the unknown origin by two fixes without yaw that lie far apart; returns whether it is set.
+
+        The axes of the floor are turned by the direction between the two places by the fixes less that by
+        the motion of the rover. So it does not matter whether the rover drives ahead, back or aside.
+        """
+        then_m, _ = self._measured_place(fix, way_back)
+        place_m = complex(fix.x_m, fix.y_m)
+        if not cmath.isfinite(place_m) or not 0.0 < fix.position_std_m < math.inf:
+            return False
+        first = self._unoriented.setdefault(fix.device, _Unoriented(place_m, then_m, fix.position_std_m))
+        moved_m, fixed_m = then_m - first.then_m, place_m - first.place_m
+        least_m = LEAST_BASELINE_SD * math.hypot(fix.position_std_m, first.position_std_m)
+        if min(abs(moved_m), abs(fixed_m)) < least_m or abs(abs(fixed_m) - abs(moved_m)) > 0.5 * abs(moved_m):
+            return False
+        origin_rad = wrap_angle(cmath.phase(fixed_m) - cmath.phase(moved_m))
+        origin_m = place_m - then_m * cmath.rect(1.0, origin_rad)
+        for index, value in zip((X, Y, YAW), (origin_m.real, origin_m.imag, origin_rad), strict=True):
+            self._filter.assign(origin + index, value)
+        self._rejections[fix.device] = 0
+        return True
+
+    def _measured_place(self, fix: PoseFixSample, way_back: WayBack) -> tuple[complex, float]:
+        """Return, in the local frame, where a fix was measured on the rover, and the yaw of the rover."""
+        then_m, then_rad = self._then(way_back)
+        return then_m + complex(fix.arm_x_m, fix.arm_y_m) * cmath.rect(1.0, then_rad), then_rad
+
     def _update_pose(self, origin: int, fix: PoseFixSample, way_back: WayBack) -> tuple[Innovation, ...]:
         state = self._filter.state
-        then_m, then_rad = self._then(way_back)
+        then_m, then_rad = self._measured_place(fix, way_back)
         frame = cmath.rect(1.0, state[origin + YAW])
         expected_m = complex(state[origin + X], state[origin + Y]) + frame * then_m
         residual_m = complex(fix.x_m, fix.y_m) - expected_m
@@ -419,17 +467,21 @@ class PoseFilter:
         slopes[YAW] = 1j * frame * (then_m - complex(state[X], state[Y]))
         slopes[origin + X], slopes[origin + Y] = 1.0, 1j
         slopes[origin + YAW] = 1j * frame * then_m
-        yaw_row = np.zeros(len(state))
-        yaw_row[YAW] = yaw_row[origin + YAW] = 1.0
         position_m2 = fix.position_std_m**2 + way_back.position_m2
-        yaw_rad2 = fix.yaw_std_rad**2 + way_back.yaw_rad2
+        names, residuals = ["x", "y"], [residual_m.real, residual_m.imag]
+        rows, variances = [slopes.real, slopes.imag], [position_m2, position_m2]
+        if _has_yaw(fix):
+            yaw_row = np.zeros(len(state))
+            yaw_row[YAW] = yaw_row[origin + YAW] = 1.0
+            names.append("yaw")
+            residuals.append(wrap_angle(fix.yaw_rad - then_rad - state[origin + YAW]))
+            rows.append(yaw_row)
+            variances.append(fix.yaw_std_rad**2 + way_back.yaw_rad2)
         return self._filter.update_together(
-            [f"{fix.device} {part}" for part in ("x", "y", "yaw")],
-            np.array(
-                [residual_m.real, residual_m.imag, wrap_angle(fix.yaw_rad - then_rad - state[origin + YAW])]
-            ),
-            np.array([slopes.real, slopes.imag, yaw_row]),
-            np.array([position_m2, position_m2, yaw_rad2]),
+            [f"{fix.device} {name}" for name in names],
+            np.array(residuals),
+            np.array(rows),
+            np.array(variances),
         )
 
     def _active_slip(self, increment: BodyIncrement) -> tuple[int, float, float]:

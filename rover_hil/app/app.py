@@ -266,6 +266,10 @@ def export(
 def init(
     out: Annotated[Path, typer.Argument(help="The configuration to write, TOML.")],
     dbc: Annotated[Path | None, typer.Option(help="DBC file of the drives on the CAN bus.")] = None,
+    can: Annotated[
+        Path | None,
+        typer.Option(help="Log of the CAN bus while the rover drove, in place of connected devices."),
+    ] = None,
     ports: Annotated[
         Path | None,
         typer.Option(help="Also look into this folder, e.g. the `ports` that `rover-hil simulate` serves."),
@@ -290,7 +294,7 @@ def init(
     with held_signals():
         from rover_hil.app.init import init as set_up
 
-    sys.exit(set_up(out, ports=ports, dbc=dbc, may_drive=drive, force=force))
+    sys.exit(set_up(out, ports=ports, can=can, dbc=dbc, may_drive=drive, force=force))
 
 
 @app.command()

@@ -35,7 +35,15 @@ from rover_hil.setting_up.drives import (
     write_mapping,
 )
 from rover_hil.setting_up.places import find_places
-from rover_hil.setting_up.probing import Found, busy_words, probe_camera, probe_can, probe_serial
+from rover_hil.setting_up.probing import (
+    Found,
+    busy_words,
+    probe_camera,
+    probe_can,
+    probe_can_log,
+    probe_serial,
+)
+from rover_hil.setting_up.simulated_rover import simulation_table
 from rover_hil.setting_up.turning import Turner
 from rover_hil.terminal import Terminal
 
@@ -52,24 +60,30 @@ POSITIONS = {
     "steered_4": ("front left", "front right", "rear left", "rear right"),
 }
 """Wheels in the order of the configuration."""
-NAMES = {"frames": "camera", "rate": "imu", "heading": "compass"}
+NAMES = {"frames": "camera", "rate": "imu", "heading": "compass", "position": "gnss"}
 Made = dict[Path, bytes | None]
 """Files beside the configuration that were written, and what they held before."""
 
 
-def init(out: Path, *, ports: Path | None, dbc: Path | None, may_drive: bool, force: bool) -> int:
+def init(
+    out: Path, *, ports: Path | None, can: Path | None, dbc: Path | None, may_drive: bool, force: bool
+) -> int:
     """Set a rover up; returns the exit code: 1 where no drive was found, or the result has mistakes.
 
     Args:
         out: Configuration to write.
         ports: Folder with further ports, or None.
+        can: Log of a CAN bus, in place of connected devices; no wheel is turned.
         dbc: DBC file of the drives on the CAN bus, or None.
         may_drive: The wheels may be turned without a terminal, where the answers allow it.
         force: Replace an earlier configuration.
 
     Raises:
         ConfigError: A file exists or cannot be read, or a question got no answer.
+        LogError: The CAN log cannot be read.
     """
+    if can is not None and (ports is not None or may_drive):
+        raise ConfigError("--can reads a log, no device: leave --ports and --drive out")
     check_file(out, force=force, option=OUT)
     with unfinished(out, option=OUT):
         pass  # a folder that cannot be written to is better known before the questions
@@ -80,7 +94,7 @@ def init(out: Path, *, ports: Path | None, dbc: Path | None, may_drive: bool, fo
     console = Terminal(stderr=True, soft_wrap=True)
     made: Made = {}
     try:
-        return _set_up(out, ports, dbc, made, console, may_drive=may_drive, force=force)
+        return _set_up(out, ports, can, dbc, made, console, may_drive=may_drive, force=force)
     except BaseException:
         for path, earlier in made.items():
             if earlier is None:
@@ -93,6 +107,7 @@ def init(out: Path, *, ports: Path | None, dbc: Path | None, may_drive: bool, fo
 def _set_up(
     out: Path,
     ports: Path | None,
+    can: Path | None,
     dbc: Path | None,
     made: Made,
     console: Terminal,
@@ -100,7 +115,11 @@ def _set_up(
     may_drive: bool,
     force: bool,
 ) -> int:
-    found = _look(ports, console)
+    if can is None:
+        found = _look(ports, console)
+    else:
+        found = [probe_can_log(can)]
+        console.print(readable_line(found[0].what))
     if dbc is not None and not any("can" in each.kinds for each in found):
         console.print(f"{dbc} is not used: no CAN bus was found")
     devices: dict[str, tuple[AnyDeviceSettings, str]] = {}
@@ -116,14 +135,25 @@ def _set_up(
     if drive is None or not isinstance(drive[0], DriveSettings):
         console.print(
             "no drive was recognised, nothing is written: switch it on, name its DBC file with --dbc, or "
-            "the folder "
-            "of its port with --ports; docs/how-to/set_a_rover_up.md"
+            "the folder of its port with --ports; docs/how-to/set_a_rover_up.md"
+            if can is None
+            else f"no drive was recognised in {can}, nothing is written: name its DBC file with --dbc; "
+            "docs/how-to/set_a_rover_up.md"
         )
         return EXIT_NO
     codec = drive[0].make_codec("wheels")
     limits_rad = codec.steering_limits_rad if isinstance(codec, SteeringCodec) else {}
     kinematics, rover = _rover(codec.wheel_count, limits_rad, console)
-    settings = _turn_wheels(drive[0], drive[1], kinematics, made, console, may_drive=may_drive)
+    settings: AnyDeviceSettings = drive[0]
+    if can is None:
+        settings = _turn_wheels(drive[0], drive[1], kinematics, made, console, may_drive=may_drive)
+    else:
+        console.print(
+            "the log says neither interface nor bit rate: correct those of [devices.wheels], which are can0"
+        )
+        console.print(
+            "and 500 kbit/s; check order and sign of the wheels with the wheels lifted before you drive"
+        )
     speed = ask_number("Greatest speed of the wheels to begin with, rad/s", 0.5, 200.0, 5.0)
     gyro = next((name for name, (each, _) in devices.items() if _has(found, each, "rate")), None)
     compasses = [name for name, (each, _) in devices.items() if each.type == "nmea_compass"]
@@ -134,9 +164,11 @@ def _set_up(
         wheels="wheels",
         gyro=gyro,
         headings=compasses,
+        fixes=[name for name, (each, _) in devices.items() if each.type == "nmea_gnss"],
         wheel_speed_rad_s=speed,
         moves_sideways=kinematics == "omni3",
         speed_m_s=float(f"{max(0.01, min(0.1, 0.4 * speed * radius_m)):.2g}"),
+        simulation=simulation_table(rover, drive[0].type, speed),
     )
     write_file(out, config_text(answers), option=OUT)
     schema = out.with_name(SCHEMA_NAME)
@@ -428,6 +460,7 @@ def _report(out: Path, console: Terminal) -> int:
     if mistakes:
         console.print(f"{out} was written, but has mistakes: correct them and run `rover-hil check {out}`")
         return EXIT_NO
-    console.print(f"{out} is written and valid. Next: `rover-hil doctor {out}`, then with the wheels lifted")
+    console.print(f"{out} is written and valid. Without the rover: `rover-hil run {out} --virtual`")
+    console.print(f"Next: `rover-hil doctor {out}`, then with the wheels lifted")
     console.print(f"`rover-hil run {out} --duration 5`; docs/how-to/run_on_a_rover.md")
     return EXIT_OK

@@ -19,6 +19,7 @@ from drivers.camera.settings import CameraSettings
 from drivers.device_settings import ByteDeviceSettings, DeviceSettings, DriveSettings
 from drivers.errors import ConfigError
 from drivers.inertial_settings import InertialSettings
+from drivers.nmea_gnss.settings import NmeaGnssSettings
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.registry import AnyDeviceSettings
 from drivers.settings import Settings
@@ -114,11 +115,11 @@ class RoleSettings(Settings):
                 yield role, name
 
 
-ROLE_KINDS: dict[str, tuple[type[DeviceSettings], str]] = {
+ROLE_KINDS: dict[str, tuple[type[DeviceSettings] | tuple[type[DeviceSettings], ...], str]] = {
     "wheels": (DriveSettings, "turns no wheels"),
     "gyro": (ByteDeviceSettings, "is a camera and measures no yaw rate"),
     "headings": (ByteDeviceSettings, "is a camera and measures no heading"),
-    "fixes": (OverheadCameraSettings, "is not an overhead_camera"),
+    "fixes": ((OverheadCameraSettings, NmeaGnssSettings), "is neither an overhead_camera nor an nmea_gnss"),
     "camera": (CameraSettings, "is not a camera that looks back"),
 }
 """Per role the kind of device it needs, and what any other device lacks."""

@@ -5,6 +5,7 @@ import re
 from drivers.canopen_wheels.settings import CanopenWheelsSettings
 from drivers.device_settings import CanDeviceSettings, SerialDeviceSettings
 from drivers.nmea_compass.settings import NmeaCompassSettings
+from drivers.nmea_gnss.settings import NmeaGnssSettings
 from drivers.robotino3_board.settings import Robotino3BoardSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.vectornav.settings import VectorNavSettings
@@ -94,7 +95,7 @@ def _explain_rejection(reception: Reception) -> tuple[str, str]:
 
 def _message_names(reception: Reception) -> str:
     """Return which messages a device that sends text has sent, to show that they are the wrong ones."""
-    if not isinstance(reception.settings, NmeaCompassSettings | VectorNavSettings):
+    if not isinstance(reception.settings, NmeaCompassSettings | NmeaGnssSettings | VectorNavSettings):
         return ""
     data = b"".join(arrival.payload for arrival in reception.arrivals)
     names = sorted({name.decode() for name in _MESSAGE_NAME.findall(data)})

@@ -102,6 +102,21 @@ _ADVICE = {
         "the device itself marks its values as estimated, simulated or void",
         "wait until it has settled (a GNSS compass needs the sky)",
     ),
+    "stale": Advice(
+        Level.WARNING,
+        "the receiver sends one position again and again, or the same in several sentences",
+        "wait until it has the sky; if that stays, let it send GGA once per position",
+    ),
+    "no_fix": Advice(
+        Level.WARNING,
+        "the receiver has no position",
+        "wait until its antenna has seen the open sky for some minutes; check antenna and cable",
+    ),
+    "uncertain": Advice(
+        Level.WARNING,
+        "the receiver knows its position to worse than 100 m only",
+        "wait until its antenna has seen the open sky for some minutes; check antenna and cable",
+    ),
     "range": _NOISE,
     "no_attitude": Advice(
         Level.WARNING,

@@ -18,9 +18,11 @@ class Answers:
         wheels: Name of the drive.
         gyro: Name of the gyro, or None.
         headings: Names of the compasses whose headings are used.
+        fixes: Names of the devices that give positions.
         wheel_speed_rad_s: Greatest speed of the wheels.
         moves_sideways: Whether the rover can hold its heading.
         speed_m_s: Speed of the first mission.
+        simulation: The section [simulation].
     """
 
     rover: Mapping[str, object]
@@ -28,9 +30,11 @@ class Answers:
     wheels: str
     gyro: str | None
     headings: Sequence[str]
+    fixes: Sequence[str]
     wheel_speed_rad_s: float
     moves_sideways: bool
     speed_m_s: float
+    simulation: Mapping[str, object]
 
 
 def config_text(answers: Answers) -> str:
@@ -39,6 +43,8 @@ def config_text(answers: Answers) -> str:
     if answers.gyro is not None:
         roles["gyro"] = answers.gyro
     roles["headings"] = list(answers.headings)
+    if answers.fixes:
+        roles["fixes"] = list(answers.fixes)
     mission = {
         "type": "line",
         "length_m": 0.5,
@@ -69,5 +75,8 @@ def config_text(answers: Answers) -> str:
         "[safety]\nsettle_s = 2.0              # at rest the gyro's bias is found\n",
         "# Greatest set-points; raise them when the rover drives well.\n"
         + toml_text({"limits": limits}).lstrip(),
+        "# The simulated rover of `run --virtual`, `simulate` and `tune`. Mass, motors and what carries "
+        "load beside\n# the wheels are assumed: correct them.\n"
+        + toml_text({"simulation": answers.simulation}).lstrip(),
     ]
     return "\n".join(parts)

@@ -120,7 +120,8 @@ def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:
 
     Args:
         dbc: The DBC file.
-        frames: What is on the bus: messages that are not there come from the host.
+        frames: What is on the bus: messages that are not there come from the host; where none of these is a
+            set-point, those that are called so.
 
     Raises:
         ConfigError: The file cannot be read, or has no messages of each wheel with a position or speed and a
@@ -128,8 +129,12 @@ def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:
     """
     messages = read_messages(dbc)
     heard = {_number(frame) for frame in frames}
-    sent = _templates(message for message in messages if bus_id(message) in heard)
-    taken = _templates(message for message in messages if bus_id(message) not in heard)
+    silent = [message for message in messages if bus_id(message) not in heard]
+    if _best(_without_steering(_signals(_templates(silent))), SPEED, SPEED_UNITS, prefer=SETPOINT) is None:
+        # The host was on the bus, as in the log of a drive: its messages are known by their names only.
+        silent += [each for each in messages if each not in silent and SETPOINT.search(each.name)]
+    sent = _templates(message for message in messages if message not in silent)
+    taken = _templates(silent)
     from_drives, to_drives = _signals(sent), _signals(taken)
     turning, steering = _without_steering(from_drives), _only_steering(from_drives)
     setpoint = _best(_without_steering(to_drives), SPEED, SPEED_UNITS, prefer=SETPOINT)

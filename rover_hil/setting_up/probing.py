@@ -7,24 +7,29 @@ close the channel), then whether it is the board of a Robotino (a request with z
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
 
 from drivers.camera.settings import CameraSettings
 from drivers.can_frame import CanFrame, unpack_can_frame
 from drivers.can_wheels.settings import CanWheelsSettings
-from drivers.clock import Clock, nanoseconds
+from drivers.clock import Clock, nanoseconds, seconds
 from drivers.device_settings import SerialDeviceSettings
 from drivers.driver import Rejection
 from drivers.errors import NotConnectedError
 from drivers.link import Link, Received
 from drivers.nmea_compass.settings import NmeaCompassSettings
+from drivers.nmea_gnss.settings import NmeaGnssSettings
 from drivers.registry import AnyDeviceSettings
 from drivers.robotino3_board.settings import Robotino3BoardSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
-from drivers.samples import AttitudeSample, HeadingSample, LinkSample, RateSample
+from drivers.samples import AttitudeSample, HeadingSample, LinkSample, PoseFixSample, RateSample
 from drivers.serial_link import SerialLink
 from drivers.vectornav.settings import VectorNavSettings
 from drivers.witmotion.settings import WitMotionSettings
 from drivers.xsens.settings import XsensSettings
+from rover_hil.datasets.can_frames import read_can_log, timed_payloads
 from rover_hil.doctor.listening import listen, open_device
 
 LISTEN_S = 0.8
@@ -36,8 +41,11 @@ TALKERS: tuple[type[SerialDeviceSettings], ...] = (
     VectorNavSettings,
     XsensSettings,
     NmeaCompassSettings,
+    NmeaGnssSettings,
 )
 CAN_BIT_RATES = (500_000, 1_000_000, 250_000, 125_000)
+MOST_FRAMES = 20_000
+"""So many frames of a log show what is on its bus."""
 LEAST_SAMPLES = 2
 MOST_REJECTED = 0.2
 """Of all frames; others of the same protocol do not count."""
@@ -58,7 +66,8 @@ class Found:
     Attributes:
         settings: What it needs in the configuration.
         what: What was heard, in words.
-        kinds: Names of what it measures: `rate`, `heading`, `attitude`, `frames`, `wheels`, `can`.
+        kinds: Names of what it measures: `rate`, `heading`, `attitude`, `position`, `frames`, `wheels`,
+            `can`.
         rate_hz: Samples per second of the slowest kind that is used.
         frames: CAN frames that were on the bus.
     """
@@ -110,15 +119,39 @@ def probe_can(interface: str, channel: str, clock: Clock, step: Callable[[str], 
         unpacked = [unpack_can_frame(each.payload) for each in arrivals]
         frames = tuple(frame for frame in unpacked if frame is not None and not frame.is_error)
         if frames:
-            numbers = sorted({frame.can_id for frame in frames})
-            shown = ", ".join(f"0x{number:X}" for number in numbers[:8])
-            what = f"CAN bus at {bit_rate} bit/s with {len(numbers)} messages: {shown}"
-            rate_hz = len(frames) / LISTEN_S / len(numbers)
-            return Found(
-                settings=settings, what=what, kinds=frozenset({"can"}), rate_hz=rate_hz, frames=frames
-            )
+            return _bus(settings, f"CAN bus at {bit_rate} bit/s", frames, LISTEN_S)
         heard = heard or "a CAN bus on which nothing is sent: switch the drives on"
     return heard
+
+
+def probe_can_log(path: Path) -> Found:
+    """Return what is on the bus of a CAN log.
+
+    Which interface leads to the bus is not in a log: it is called can0.
+
+    Raises:
+        LogError: The file cannot be read, or holds several buses.
+        ConfigError: A library is missing.
+    """
+    log = read_can_log(path)
+    payloads = timed_payloads(log, np.arange(min(len(log), MOST_FRAMES)), float(log.t_s[0]))
+    unpacked = [(t_ns, unpack_can_frame(payload)) for t_ns, payload in payloads]
+    frames = tuple(frame for _, frame in unpacked if frame is not None and not frame.is_error)
+    settings = CanWheelsSettings(interface="socketcan", channel="can0", mapping="generic_wheel")
+    duration_s = max(seconds(unpacked[-1][0]), LISTEN_S)
+    return _bus(settings, f"CAN bus in {path.name}", frames, duration_s)
+
+
+def _bus(settings: CanWheelsSettings, name: str, frames: tuple[CanFrame, ...], duration_s: float) -> Found:
+    numbers = sorted({frame.can_id for frame in frames})
+    shown = ", ".join(f"0x{number:X}" for number in numbers[:8])
+    return Found(
+        settings=settings,
+        what=f"{name} with {len(numbers)} messages: {shown}",
+        kinds=frozenset({"can"}),
+        rate_hz=len(frames) / duration_s / max(len(numbers), 1),
+        frames=frames,
+    )
 
 
 def probe_camera(path: str, clock: Clock, *, is_folder: bool, step: Callable[[str], None]) -> Found | str:
@@ -128,8 +161,6 @@ def probe_camera(path: str, clock: Clock, *, is_folder: bool, step: Callable[[st
 
     sizes: list[tuple[int, int]] = [(640, 480), (1280, 720), (320, 240)]
     if is_folder:
-        from pathlib import Path
-
         pictures = (cv2.imread(str(each)) for each in sorted(Path(path).iterdir()) if each.is_file())
         picture = next((each for each in pictures if each is not None), None)
         if picture is None:
@@ -215,7 +246,12 @@ def _talker(
         ]
         if len(samples) < LEAST_SAMPLES or len(wrong) - 1 > MOST_REJECTED * len(samples):
             continue
-        names = {RateSample: "rate", HeadingSample: "heading", AttitudeSample: "attitude"}
+        names = {
+            RateSample: "rate",
+            HeadingSample: "heading",
+            AttitudeSample: "attitude",
+            PoseFixSample: "position",
+        }
         kinds = {names[type(each)] for each in samples if type(each) in names}
         counts = [sum(names.get(type(each)) == name for each in samples) for name in kinds]
         rate_hz = min(counts, default=0) / duration_s

@@ -13,7 +13,7 @@ from pydantic import Field
 from drivers.angles import compass_deg_from_yaw
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
-from drivers.nmea_compass.codec import encode_sentence
+from drivers.nmea import encode_sentence
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.settings import Settings
 from sim_backends.world.line import Line, serial_bits

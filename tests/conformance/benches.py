@@ -107,6 +107,13 @@ CASES = (
         (HeadingSample,),
         b"$HCHDG,*00\r\n",
     ),
+    Case(
+        "nmea_gnss",
+        "el_dorado",
+        lambda folder: {"port": str(folder / "port"), "baud_rate": 38400, "max_age_s": 0.5},
+        (PoseFixSample,),
+        b"$GNGGA,*00\r\n",
+    ),
     Case("witmotion", "el_dorado", lambda folder: {"port": str(folder / "port")}, (RateSample,), bytes(11)),
     Case(
         "vectornav",

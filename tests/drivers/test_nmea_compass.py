@@ -16,7 +16,8 @@ from drivers.driver import Rejection
 from drivers.errors import ConfigError
 from drivers.heading_calibration import DeviationTable
 from drivers.link import Received
-from drivers.nmea_compass.codec import LONGEST_SENTENCE, NmeaCompassCodec, encode_sentence
+from drivers.nmea import LONGEST_SENTENCE, encode_sentence
+from drivers.nmea_compass.codec import NmeaCompassCodec
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.samples import AttitudeSample, HeadingSample, RateSample, Sample
 

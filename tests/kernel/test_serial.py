@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from drivers.driver import DeviceState, SampleT
-from drivers.nmea_compass.codec import encode_sentence
+from drivers.nmea import encode_sentence
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.samples import HeadingSample, LinkSample, Sample
 from tests.kernel.serial_line import (

@@ -16,7 +16,7 @@ from drivers.can_wheels.mapping_file import load_mapping
 from drivers.can_wheels.messages import MessageWriter
 from drivers.clock import SystemClock
 from drivers.errors import ConfigError
-from drivers.nmea_compass.codec import encode_sentence
+from drivers.nmea import encode_sentence
 from drivers.robotino_board.codec import REQUEST_SIZE, BoardReply, build_reply, parse_request
 from drivers.witmotion.codec import encode_rate
 from rover_hil import terminal as printing

@@ -24,7 +24,7 @@ from benchmarks.safety.faults.wires import (
 )
 from drivers.can_wheels.mapping_file import load_mapping
 from drivers.can_wheels.messages import MessageWriter
-from drivers.nmea_compass.codec import encode_sentence
+from drivers.nmea import encode_sentence
 from drivers.robotino_board.codec import BoardReply, BoardRequest, build_reply, build_request, parse_reply
 from drivers.witmotion.codec import encode_angle, encode_rate
 from rover_hil.config import load_config

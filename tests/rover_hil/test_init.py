@@ -11,6 +11,7 @@ from types import SimpleNamespace
 from typing import Self
 
 import pytest
+from pydantic import TypeAdapter
 
 from controllers.motion.rover_geometry import WheelsRoverSettings
 from drivers.can_frame import CanFrame, unpack_can_frame
@@ -20,14 +21,17 @@ from drivers.canopen_wheels.settings import CanopenWheelsSettings
 from drivers.clock import SystemClock, VirtualClock, nanoseconds
 from drivers.errors import ConfigError
 from drivers.link import Received
-from drivers.nmea_compass.codec import encode_sentence
+from drivers.nmea import encode_sentence
+from drivers.registry import AnyDeviceSettings
 from drivers.serial_link import SerialLink
 from rover_hil.app import init
 from rover_hil.app.ask import ask_choice
 from rover_hil.app.init import POSITIONS
 from rover_hil.config import load_config
+from rover_hil.datasets.log import read_drive
 from rover_hil.doctor.finding import SystemPaths
 from rover_hil.setting_up import probing, turning
+from rover_hil.setting_up.config_text import Answers, config_text
 from rover_hil.setting_up.drives import (
     canopen_nodes,
     guess_mapping,
@@ -38,6 +42,7 @@ from rover_hil.setting_up.drives import (
 )
 from rover_hil.setting_up.places import find_places
 from rover_hil.setting_up.probing import max_age_s
+from rover_hil.setting_up.simulated_rover import simulation_table
 from rover_hil.terminal import Terminal
 from sim_backends.build import build_world
 from tests.rover_hil.command import Command, assert_one_sentence
@@ -519,3 +524,89 @@ def test_nothing_found_on_a_busy_machine_says_so(
     assert command("init", "rover.toml") == 1
     assert ("too busy" in command.error) is bool(words)
     assert "/dev/ttyUSB7: silent" in command.error
+
+
+@pytest.fixture
+def drive_log(command: Command, tmp_path: Path) -> Path:
+    """Return the CAN log of a simulated drive, set-points of the host included, beside its DBC file."""
+    for name in ("differential.toml", "can"):
+        source = EXAMPLES / name
+        if source.is_dir():
+            shutil.copytree(source, tmp_path / "docs" / "examples" / name)
+        else:
+            shutil.copy(source, tmp_path)
+    shutil.copy(EXAMPLES / "can" / "differential.dbc", tmp_path / "own.dbc")
+    assert command("run", "differential.toml", "--virtual", "--duration", "4", "--out", "drive") == 0
+    assert command("export", "drive/run.mcap", "--can", "--out", "drive.log") == 0, command.error
+    return tmp_path / "drive.log"
+
+
+def test_a_can_log_becomes_a_configuration_that_drives_in_the_simulator(
+    command: Command, answers: list[str], drive_log: Path
+) -> None:
+    answers += ["yes", "8192", "1", "0.06", "0.3", "6"]
+    assert command("init", "rover.toml", "--can", drive_log.name, "--dbc", "own.dbc") == 0, command.error
+    assert answers == []
+    assert "the log says neither interface nor bit rate" in command.error
+    wheels = load_mapping("rover_can.toml").mapping.wheel
+    assert [wheel.setpoint.message for wheel in wheels if wheel.setpoint] == [
+        "Wheel0_Setpoint",
+        "Wheel1_Setpoint",
+    ]
+    assert command("run", "rover.toml", "--virtual", "--out", "virtual") == 0, command.error
+    assert "mission finished" in command.out + command.error
+
+
+def test_a_can_log_that_is_none_and_options_of_devices_are_refused(command: Command, tmp_path: Path) -> None:
+    assert command("init", "rover.toml", "--can", "none.log") == 2
+    assert_one_sentence(command.error, "none.log")
+    assert command("init", "rover.toml", "--can", "none.log", "--drive") == 2
+    assert_one_sentence(command.error, "--can reads a log, no device: leave --ports and --drive out")
+    assert list(tmp_path.iterdir()) == []
+
+
+STEERING = {"low_deg": -45.0, "high_deg": 45.0, "rate_deg_s": 30.0}
+ROVERS: dict[str, dict[str, object]] = {
+    "omni3": {"kinematics": "omni3", "wheel_radius_m": 0.04, "base_radius_m": 0.125},
+    "skid_steer_4": {"kinematics": "skid_steer_4", "wheel_radius_m": 0.1, "track_m": 0.5},
+    "steered_4": {
+        "kinematics": "wheels",
+        "wheels": [
+            {"x_m": x_m, "y_m": y_m, "radius_m": 0.1, "steering": STEERING}
+            for x_m in (0.3, -0.3)
+            for y_m in (0.25, -0.25)
+        ],
+    },
+}
+
+
+@pytest.mark.parametrize("kind", ROVERS)
+def test_every_kind_of_rover_gets_a_simulation_that_drives_straight(
+    command: Command, kind: str, tmp_path: Path
+) -> None:
+    rover = ROVERS[kind]
+    count = 3 if kind == "omni3" else 4
+    drives = {"type": "canopen_wheels", "interface": "virtual", "channel": "bus",
+              "wheel": [{"node": node} for node in range(1, count + 1)],
+              "counts_per_motor_turn": 4096, "gear_ratio": 50.0}  # fmt: skip
+    mapping = {"type": "can_wheels", "interface": "virtual", "channel": "bus", "mapping": "steered_wheel"}
+    wheels = TypeAdapter(AnyDeviceSettings).validate_python(mapping if kind == "steered_4" else drives)
+    text = config_text(
+        Answers(
+            rover=rover,
+            devices=[("wheels", wheels, "drives")],
+            wheels="wheels",
+            gyro=None,
+            headings=[],
+            fixes=[],
+            wheel_speed_rad_s=5.0,
+            moves_sideways=kind == "omni3",
+            speed_m_s=0.1,
+            simulation=simulation_table(rover, wheels.type, 5.0),
+        )
+    )
+    (tmp_path / "rover.toml").write_text(text, "utf-8")
+    assert command("run", "rover.toml", "--virtual", "--out", "virtual") == 0, command.error
+    true = read_drive(Path("virtual/run.mcap")).true_poses()
+    assert true.x_m[-1] - true.x_m[0] == pytest.approx(0.5, abs=0.05)
+    assert abs(true.y_m[-1] - true.y_m[0]) < 0.05

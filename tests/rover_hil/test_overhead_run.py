@@ -122,7 +122,10 @@ def test_a_lost_camera_stops_the_rover_only_where_fixes_are_required(required: b
     ("roles", "words"),
     [
         ({"fixes": ["nobody"]}, r"roles.fixes: \[devices\] has no 'nobody'"),
-        ({"fixes": ["imu"]}, "device 'imu' is not an overhead_camera: name one of overhead"),
+        (
+            {"fixes": ["imu"]},
+            "device 'imu' is neither an overhead_camera nor an nmea_gnss: name one of overhead",
+        ),
         ({"headings": ["overhead"]}, "device 'overhead' is a camera and measures no heading"),
     ],
 )

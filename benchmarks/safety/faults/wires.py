@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 
 from drivers.can_frame import CanFrame, pack_can_frame, unpack_can_frame
 from drivers.can_wheels.messages import crc8_j1850
-from drivers.nmea_compass.codec import encode_sentence
+from drivers.nmea import encode_sentence
 from drivers.robotino_board.codec import build_reply, build_request, parse_reply, parse_request
 from drivers.witmotion.codec import FRAME_SIZE, RATE, encode_frame
 

@@ -204,20 +204,53 @@ class ImuColumns(Settings):
         return self
 
 
+class DegreesColumn(Column):
+    """A latitude or longitude on the ellipsoid WGS 84, in degrees; north and east positive."""
+
+
+class MarkerPlace(Settings):
+    """Where on the rover the truth is measured: the place of its marker or antenna.
+
+    Attributes:
+        x_m: Ahead of the origin of the rover.
+        y_m: To the left of it.
+        yaw_deg: Direction of the marker's x axis, counter-clockwise from ahead.
+    """
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    yaw_deg: float = 0.0
+
+
 class TruthColumns(Settings):
     """The true pose, in any fixed frame.
 
     Attributes:
+        marker: What the pose is of; default: the origin of the rover.
         file: Another table, beside the one of the drive and with the same clock; default: the one of the
             drive.
         time: In that table; default: as for the drive.
+        x, y: The place; or
+        latitude, longitude: the place of a satellite receiver, from which x counts to the east and y to the
+            north of its first row.
     """
 
+    marker: MarkerPlace = MarkerPlace()
     file: PathText | None = None
     time: TimeColumn | None = None
-    x: LengthColumn
-    y: LengthColumn
+    x: LengthColumn | None = None
+    y: LengthColumn | None = None
+    latitude: DegreesColumn | None = None
+    longitude: DegreesColumn | None = None
     yaw: AngleColumn
+
+    @model_validator(mode="after")
+    def _check_place(self) -> Self:
+        places = (self.x, self.y), (self.latitude, self.longitude)
+        given = [place for place in places if any(place)]
+        if len(given) != 1 or not all(given[0]):
+            raise ValueError("give x and y, or latitude and longitude")
+        return self
 
 
 class Columns(Settings):

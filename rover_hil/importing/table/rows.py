@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controllers.estimation.settings import FilterSettings
 from controllers.motion.rover_geometry import RoverSettings, WheelsRoverSettings
@@ -404,12 +405,25 @@ class _Reader:
             times_s = self._times_s(table, time)
             used = np.ones(len(times_s), bool)
             t_ns = self._nanoseconds(times_s)
-        x, y, yaw = (
-            column.sign * table.numbers(self._name(table, column), fix=FIX)[used]
-            for column in (truth.x, truth.y, truth.yaw)
-        )
-        x_m, y_m = x * SI_PER_UNIT[truth.x.unit], y * SI_PER_UNIT[truth.y.unit]
-        yaw_rad = (yaw - truth.yaw.sign * truth.yaw.zero) * _angle_unit(truth.yaw)
+
+        def numbers(column: Column) -> Array:
+            values: Array = column.sign * table.numbers(self._name(table, column), fix=FIX)[used]
+            return values
+
+        if truth.latitude is not None and truth.longitude is not None:
+            x_m, y_m = self._east_north_m(
+                table, np.flatnonzero(used), numbers(truth.latitude), numbers(truth.longitude)
+            )
+        else:
+            assert truth.x is not None  # noqa: S101 the model has checked it
+            assert truth.y is not None  # noqa: S101
+            x_m = numbers(truth.x) * SI_PER_UNIT[truth.x.unit]
+            y_m = numbers(truth.y) * SI_PER_UNIT[truth.y.unit]
+        yaw_rad = (numbers(truth.yaw) - truth.yaw.sign * truth.yaw.zero) * _angle_unit(truth.yaw)
+        yaw_rad -= math.radians(truth.marker.yaw_deg)
+        cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
+        x_m = x_m - (cosine * truth.marker.x_m - sine * truth.marker.y_m)
+        y_m = y_m - (sine * truth.marker.x_m + cosine * truth.marker.y_m)
         poses = np.column_stack((x_m, y_m, yaw_rad)).tolist()
         last_ns = self._t_ns[-1]
         kept = [
@@ -425,6 +439,29 @@ class _Reader:
                 f"{len(poses) - len(kept)} true poses before the first or behind the last row are left out"
             )
         self._drive.rows.extend(kept)
+
+    def _east_north_m(
+        self, table: Table, rows: NDArray[np.intp], latitude_deg: Array, longitude_deg: Array
+    ) -> tuple[Array, Array]:
+        """Return places from the first one, on its tangent plane.
+
+        Raises:
+            LogError: There is none, or these are no latitudes and longitudes.
+        """
+        from pymap3d import geodetic2enu
+
+        known = np.flatnonzero(np.isfinite(latitude_deg) & np.isfinite(longitude_deg))
+        if not known.size:
+            raise LogError(f"{table.path}: no row holds a latitude and a longitude: {FIX}")
+        wrong = np.flatnonzero((np.abs(latitude_deg) > 90.0) | (np.abs(longitude_deg) > 360.0))
+        if wrong.size:
+            raise LogError(
+                f"{table.where(int(rows[wrong[0]]))}: a latitude of {latitude_deg[wrong[0]]:g} and a "
+                f"longitude of {longitude_deg[wrong[0]]:g} are none in degrees: {FIX}"
+            )
+        first = float(latitude_deg[known[0]]), float(longitude_deg[known[0]])
+        east_m, north_m, _ = geodetic2enu(latitude_deg, longitude_deg, 0.0, *first, 0.0)
+        return east_m, north_m
 
     def _add(self, section: str, tables: Mapping[str, Sequence[Sequence[float]]]) -> None:
         names = list(tables)

@@ -1,0 +1,1 @@
+"""GNSS receivers with NMEA 0183."""
