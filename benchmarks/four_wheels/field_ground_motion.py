@@ -4,11 +4,11 @@
 
 The drives of `benchmarks.four_wheels.field_tests`, same seeds. The control loop of the shipped El-Dorado
 observes them without slip law and trace: encoders, gyro, compass, and the motion over the ground in the
-rendered frames. Prints for each seed and test how far the estimate ends off the truth, in m: `camera` by the
-rig as it is told, `calibrated` with the scale of test 1, a fix at either end of it; `ours` by sComp with the
-trace, whose parameters are identified on test 1 too. And of `calibrated`: the error at the end along the way
-and across it, that of the yaw, the slip's rms error, the share of the cycles with a valid motion, and the
-deviation that the loop told at the end. Exit code 1 where it does not end better.
+rendered frames. Prints for each seed and test the position error at the end, in m: `camera_m` with the rig
+file alone, `calibrated_m` with the scale of test 1, from a fix at either end of it; `ours` by sComp with the
+trace, whose parameters are identified on test 1 too. And of the calibrated one: the error at the end along
+and across the direction to the goal, that of the yaw, the rms error of the slip, the share of the cycles with
+a valid motion, and the reported standard deviation. Exit code 1 where its error at the end is not smaller.
 """
 
 import argparse
@@ -76,9 +76,9 @@ def observe(recorded: FieldDrive, tolerance: RigTolerance) -> dict[str, float]:
                 )
             )
         if waiting is not None and waiting[0].t <= t_s:
-            told, image = waiting
-            tilt_rates_rad_s = math.radians(told.gyro_roll_dps), math.radians(told.gyro_pitch_dps)
-            frame_ns = nanoseconds(1.0 + told.t)
+            telemetry, image = waiting
+            tilt_rates_rad_s = math.radians(telemetry.gyro_roll_dps), math.radians(telemetry.gyro_pitch_dps)
+            frame_ns = nanoseconds(1.0 + telemetry.t)
             samples.append(
                 FrameSample(device="camera", t_ns=t_ns, image=image, t_capture_ns=frame_ns, index=row)
             )
@@ -133,12 +133,12 @@ def main() -> int:
         calibrated: RigTolerance | None = None
         for name, site in SITES.items():
             recorded = field_drive(rover, site, seed)
-            told = observe(recorded, RigTolerance())
-            calibrated = calibrated or RigTolerance(scale=told["scale"], scale_sd=WHEELS_SD)
+            by_rig = observe(recorded, RigTolerance())
+            calibrated = calibrated or RigTolerance(scale=by_rig["scale"], scale_sd=WHEELS_SD)
             figures = observe(recorded, calibrated)
             ours = {odometry: score["final_m"] for odometry, score in scomp[name].scores.items()}
             is_better = is_better and figures["end_m"] < ours["ours"]
-            ends = {"camera_m": told["end_m"], "calibrated_m": figures.pop("end_m"), **ours}
+            ends = {"camera_m": by_rig["end_m"], "calibrated_m": figures.pop("end_m"), **ours}
             rounded = {key: round(value, 3) for key, value in {**ends, **figures}.items()}
             print(json.dumps({"seed": seed, "test": name, **rounded}), flush=True)
     return 0 if is_better else 1

@@ -145,7 +145,7 @@ def main() -> int:
 
 
 def _over(pairs: Pairs, length_m: float) -> list[float]:
-    """Return errors of the travel over stretches of the way, over their length."""
+    """Return errors of the travel over stretches of a length, as shares of it."""
     errors = []
     for part in parts(np.abs(pairs.true[:, 0]), length_m):
         valid = pairs.valid[part]

@@ -142,15 +142,15 @@ class GuardedFilter:
         for residual, row, variance in zip(residuals.tolist(), rows, variances.tolist(), strict=True):
             alone = self._corrected(self._x, self._p, residual, row, variance)
             # What the measurements before it leave of this one; their sum is the NIS of all together.
-            left = residual - float((row * (state - self._x)).sum())
-            step = self._corrected(state, covariance, left, row, variance)
+            remaining = residual - float((row * (state - self._x)).sum())
+            step = self._corrected(state, covariance, remaining, row, variance)
             if alone is None or step is None:
                 return tuple(
                     Innovation(name=name, residual=None, variance=None, nis=None, accepted=False)
                     for name in names
                 )
             state, covariance, total = step
-            nis += left * left / total
+            nis += remaining * remaining / total
             totals.append(alone[2])
         gate = float(chi2.ppf(self._gate_probability, len(names)))
         accepted = nis <= gate and self._take(state, covariance)
@@ -194,9 +194,9 @@ class GuardedFilter:
             return None
         with np.errstate(all="ignore"):
             gain = cross / total
-            left = covariance - gain[:, None] * cross
+            reduced = covariance - gain[:, None] * cross
             # Joseph form: (I - K h) P (I - K h)^T + K r K^T.
-            joseph = left - product(left, row)[:, None] * gain + variance * gain[:, None] * gain
+            joseph = reduced - product(reduced, row)[:, None] * gain + variance * gain[:, None] * gain
             return state + residual * gain, joseph, total
 
     def _take(self, state: Array, covariance: Array) -> bool:

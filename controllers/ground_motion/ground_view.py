@@ -1,4 +1,4 @@
-"""The ground in a frame, made ready once for all that look at it."""
+"""The ground in a frame, rectified once for all that measure on it."""
 
 from collections import deque
 from typing import NamedTuple
@@ -33,8 +33,7 @@ class SeenGround(NamedTuple):
 class GroundView:
     """Rectifies the frames of one rig and finds their fine structure.
 
-    The trace and the motion over the ground of one camera share it: what one has looked at is not made again
-    for the other.
+    The trace and the motion over the ground of one camera share it: a frame is rectified once for both.
 
     Args:
         ground: The rectified ground.
@@ -51,7 +50,7 @@ class GroundView:
         self._kept: deque[tuple[Image, SeenGround]] = deque(maxlen=MOST_KEPT)
 
     def look(self, image: Image) -> SeenGround:
-        """Return the ground in a frame; of the same array once more what it was, it must not have changed.
+        """Return the ground in a frame; the same array is the same frame, and must not be written into again.
 
         Args:
             image: Grey or BGR pixels, of the rig's size.

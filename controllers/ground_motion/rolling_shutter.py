@@ -26,7 +26,7 @@ class RollingShutter(NamedTuple):
 
     Attributes:
         turn_delay: By how much later turns seem to be, over the readout.
-        stretch_s_per_m: Of the travel ahead, over itself, over the speed and the readout, 1/m.
+        stretch_per_m: By what share the travel ahead seems longer, over speed and readout, 1/m.
     """
 
     turn_delay: float

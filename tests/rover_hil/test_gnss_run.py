@@ -19,7 +19,11 @@ Table = Mapping[str, object]
 
 
 def config_with(
-    disturbances: tuple[Table, ...] = (), *, plant: Table | None = None, require_fixes: bool = False
+    disturbances: tuple[Table, ...] = (),
+    *,
+    plant: Table | None = None,
+    require_fixes: bool = False,
+    slow_time_s: float = 3.0,
 ) -> Config:
     """Return the differential rover on a rectangle of 6 x 4 m, with an RTK receiver."""
     table = load_config(str(EXAMPLE)).model_dump(by_alias=True)
@@ -31,14 +35,21 @@ def config_with(
         "antenna_x_m": -0.1, "antenna_y_m": 0.05,
     }  # fmt: skip
     table["roles"].update({"fixes": ["gnss"], "require_fixes": require_fixes})
-    table["simulation"]["devices"]["gnss"] = {"type": "nmea_gnss", "disturbances": list(disturbances)}
+    table["simulation"]["devices"]["gnss"] = {
+        "type": "nmea_gnss", "disturbances": list(disturbances), "slow_time_s": slow_time_s,
+    }  # fmt: skip
     table["simulation"]["plant"].update(plant or {})
     return Config.model_validate(table)
 
 
-def test_positions_hold_a_rover_whose_wheels_are_larger_than_it_believes(tmp_path: Path) -> None:
+@pytest.mark.parametrize("slow_time_s", [3.0, 30.0], ids=["as assumed", "ten times as slow"])
+def test_positions_hold_a_rover_whose_wheels_are_larger_than_it_believes(
+    slow_time_s: float, tmp_path: Path
+) -> None:
+    """The errors of the receiver change as slowly as `correlation_s` says, and far more slowly."""
     path = tmp_path / "run.mcap"
-    result = run_virtual(config_with(plant={"wheel_radius_error": 0.05}), path, 70.0, None)
+    config = config_with(plant={"wheel_radius_error": 0.05}, slow_time_s=slow_time_s)
+    result = run_virtual(config, path, 70.0, None)
     error_m, nees = errors_and_nees(path)
     reckoned_m, _ = errors_and_nees(path, "dead_reckoned")
     assert error_m < 0.08
