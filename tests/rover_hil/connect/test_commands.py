@@ -218,6 +218,18 @@ def test_the_page_releases_all_stops_at_rest_only() -> None:
     assert rover.cycle() == AHEAD
 
 
+def test_to_resume_without_a_stop_changes_nothing() -> None:
+    rover = Rover()
+    rover.send()
+    rover.cycle()
+    rover.gate.follow(rover.now_ns, is_running=True, is_at_rest=False)
+    state = rover.gate.state
+    rover.gate.resume()
+    assert rover.gate.state == state
+    assert not rover.gate.reports
+    assert rover.cycle() == AHEAD
+
+
 def test_a_writer_releases_only_its_own_stop() -> None:
     rover = Rover()
     rover.press(writer="a")
