@@ -7,7 +7,6 @@ from pydantic import AliasChoices, Field, model_validator
 
 from controllers.estimation.ground_settings import GroundMotionSettings
 from controllers.estimation.settings import FilterSettings
-from controllers.motion.mission import mission_legs
 from controllers.motion.rover_geometry import (
     OmniRoverSettings,
     RoverSettings,
@@ -73,7 +72,7 @@ def find_stall_conflicts(
     """Yield why no stall could be noticed on a mission, with the fix."""
     if mission is None:
         return
-    slowest_m_s = min(leg.speed_m_s or mission.speed_m_s for leg in mission_legs(mission))
+    slowest_m_s = min(leg.speed_m_s or mission.speed_m_s for leg in mission.legs())
     wheel_rad_s, least_rad_s = slowest_m_s / rover.wheel_radius_m, safety.stall_set_point_rad_s
     if wheel_rad_s < least_rad_s:
         yield (

@@ -29,7 +29,6 @@ from rich.progress import track
 
 from benchmarks.cluster_option import add_cluster_option
 from benchmarks.wilson import share_text
-from controllers.motion.mission import corner_points
 from controllers.safety import Mode
 from controllers.slip.effort.gyro_response import GyroResponse
 from drivers.clock import VirtualClock, nanoseconds, seconds
@@ -262,7 +261,7 @@ def drive(ground: Ground, seed: int, fault: Fault, *, probe: bool, gyro: GyroRes
     table = np.array(rows)
     path = TruePath.of(Track.of(table[:, :4]).from_first_pose())
     assert config.mission is not None
-    corners = corner_points(config.mission)
+    corners = config.mission.corners()
     finished = mode is Mode.FINISHED
     end = "" if finished else reason or mode.value
     valid, wrong, square, bias = judge_slip(table)

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-from controllers.motion.mission import corner_points
 from controllers.motion.settings import MissionSettings
 from drivers.errors import ConfigError
 from rover_hil.config import Config
@@ -20,7 +19,7 @@ def require_room(config: Config, missions: Sequence[MissionSettings | None], fix
         ConfigError: One lies outside.
     """
     area = None if config.mission is None else config.mission.area
-    corners = [corner for mission in missions if mission for corner in corner_points(mission)]
+    corners = [corner for mission in missions if mission for corner in mission.corners()]
     if area is None or all(area.holds(*corner) for corner in corners):
         return
     (left, right), (bottom, top) = ((min(values), max(values)) for values in zip(*corners, strict=True))

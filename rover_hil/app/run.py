@@ -10,7 +10,6 @@ from rich.live import Live
 from rich.text import Text
 
 from controllers.control_loop import StepOutput
-from controllers.motion.mission import corner_points
 from controllers.safety import Mode
 from drivers.clock import PacedClock, SystemClock, VirtualClock, wall_time_text
 from drivers.device_settings import DriveSettings
@@ -386,7 +385,7 @@ def _open_log(
 
 def _log_mission_path(log: LogWriter, config: Config, t_ns: int) -> None:
     if config.mission is not None:
-        log.path(t_ns, corner_points(config.mission))
+        log.path(t_ns, config.mission.corners())
 
 
 def _execute(executive: Executive, log: LogWriter, limit_s: float, request: EndRequest) -> RunResult:

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from pydantic_core import to_json
 
-from controllers.motion.mission import corner_points
 from drivers.errors import ConfigError
 from drivers.files import parse_json, read_text
 from rover_hil.config import Config
@@ -163,7 +162,7 @@ def write_results(
     if config.tune is None or config.mission is None:
         raise ConfigError("the configuration has no [tune] or no [mission]: add them")
     data = TuningData(
-        tune=config.tune, corners=corner_points(config.mission), attempts=attempts, comparison=comparison
+        tune=config.tune, corners=config.mission.corners(), attempts=attempts, comparison=comparison
     )
     result_json = to_json(result, indent=2, inf_nan_mode="null").decode()
     texts = {RESULT_NAME: result_json, REPORT_NAME: _page(data, result)}

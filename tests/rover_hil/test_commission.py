@@ -17,7 +17,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from controllers.motion.mission import corner_points
 from drivers.errors import LogError
 from rover_hil.app import commission as commission_module
 from rover_hil.app.commission import Plan
@@ -57,7 +56,7 @@ def write_drive(
     origin: str = "real",
 ) -> None:
     """Write a drive along its mission, true at every corner, with stops of 4 s."""
-    corners = corner_points(PLAN.mission(name, 0.2))
+    corners = PLAN.mission(name, 0.2).corners()
     path.parent.mkdir(exist_ok=True)
     config_json = config.model_dump_json(by_alias=True).encode()
     with LogWriter(path, START_NS, config_json, {}, origin) as log:
@@ -93,7 +92,7 @@ def _record(
 
 def write_marks(path: Path, name: str, sigma_m: float = 0.005) -> None:
     """Write the true corners as marks."""
-    corners = corner_points(PLAN.mission(name, 0.2))
+    corners = PLAN.mission(name, 0.2).corners()
     stops_s = read_poses(path).stops_s
     assert len(stops_s) == len(corners) - 1
     lines = ["t_s,x_m,y_m,yaw_deg,sigma_m"]

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from controllers.control_loop import ControlLoop
-from controllers.motion.mission import corner_points
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
 from drivers import can_wheels
@@ -28,7 +27,7 @@ def test_the_rover_ends_near_its_goal(name: str) -> None:
     assert config.mission is not None
     driven = drive(config)
     truth, estimate = driven.truth, driven.estimate
-    x_m, y_m = corner_points(config.mission)[-1]
+    x_m, y_m = config.mission.corners()[-1]
     assert driven.mode is Mode.FINISHED
     assert math.dist((truth.x_m[-1], truth.y_m[-1]), (x_m, y_m)) < 0.03
     assert math.dist((truth.x_m[-1], truth.y_m[-1]), (estimate.x_m[-1], estimate.y_m[-1])) < 0.02
