@@ -7,11 +7,11 @@ from controllers.control_loop import ControlLoop
 from drivers.clock import VirtualClock, wall_time_ns
 from drivers.errors import ConfigError
 from rover_hil.app.error_message import readable_line
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.json_text import print_json
-from rover_hil.app.steps import show_steps
 from rover_hil.config import Config, Draft, Rule, load_config, read_config_table, schema_text
 from rover_hil.config.schema import find_conflicts
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.steps import show_steps
 from rover_hil.doctor.calibration import check_calibration
 from rover_hil.doctor.clocks import today
 from rover_hil.doctor.config_consistency import check_consistency

@@ -12,20 +12,18 @@ from controllers.control_loop import StepOutput
 from controllers.motion.settings import MissionSettings, WaypointsMission
 from controllers.slip.effort.settings import YAW_PROBE
 from drivers.errors import ConfigError, LogError
-from rover_hil.app.ask import ask, ask_number
-from rover_hil.app.drive import permit_drive
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.json_text import print_json
-from rover_hil.app.key_presses import enter_was_pressed
 from rover_hil.app.room import require_room
-from rover_hil.app.run import require_finished, run_real, run_virtual
-from rover_hil.app.steps import show_steps
 from rover_hil.commissioning.drive import Poses, read_poses
 from rover_hil.commissioning.figures import draw_drives, draw_errors
 from rover_hil.commissioning.worth import Worth, find_worth
 from rover_hil.config import Config, load_config, read_config_text, shipped_configs
 from rover_hil.config.entry import with_entry
 from rover_hil.connect.connections import connected
+from rover_hil.console.ask import ask, ask_number
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.key_presses import enter_was_pressed
+from rover_hil.console.steps import show_steps
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.log import read_drive
 from rover_hil.datasets.marks import COLUMNS, Marks, marks_beside, marks_file, marks_text, read_marks
@@ -36,6 +34,8 @@ from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
 from rover_hil.run.drive_order import DriveOrder
+from rover_hil.run.drive_permission import permit_drive
+from rover_hil.run.driving import require_finished, run_real, run_virtual
 from rover_hil.terminal import Terminal
 
 PAGE_NAME = "commissioning.html"

@@ -6,10 +6,10 @@ from rich.table import Table
 from rich.text import Text
 
 from drivers.clock import SystemClock
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.json_text import print_json
-from rover_hil.app.steps import show_progress
 from rover_hil.config import load_config
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.steps import show_progress
 from rover_hil.doctor.examination import examine_computer, examine_rover
 from rover_hil.doctor.finding import Finding, Level, SystemPaths
 from rover_hil.run.checks import RUN_CHECKS

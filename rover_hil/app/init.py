@@ -13,17 +13,17 @@ from drivers.driver import SteeringCodec
 from drivers.errors import ConfigError, NotConnectedError
 from drivers.registry import AnyDeviceSettings
 from drivers.vesc.settings import VescSettings
-from rover_hil.app.ask import ask, ask_choice, ask_number, ask_yes
 from rover_hil.app.check import examine_config
-from rover_hil.app.drive import permit_turning
 from rover_hil.app.error_message import readable_line
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.steps import show_steps
 from rover_hil.config import schema_text
 from rover_hil.config.loader import SCHEMA_NAME
+from rover_hil.console.ask import ask, ask_choice, ask_number, ask_yes
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.steps import show_steps
 from rover_hil.doctor.finding import SystemPaths
 from rover_hil.pages.atomic_write import check_file, unfinished, write_file
 from rover_hil.run.drive_order import port_of
+from rover_hil.run.drive_permission import permit_turning
 from rover_hil.setting_up.config_text import Answers, config_text
 from rover_hil.setting_up.drives import (
     canopen_nodes,

@@ -11,11 +11,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedCo
 
 from drivers.clock import SystemClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.json_text import print_json_text
-from rover_hil.app.steps import show_progress
 from rover_hil.config import Config, load_config, read_config_text
 from rover_hil.config.tune_settings import TuneSettings
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.json_text import print_json_text
+from rover_hil.console.steps import show_progress
 from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.terminal import Terminal, words_column
 from rover_hil.tune.comparison import Comparison, Verdict, compare

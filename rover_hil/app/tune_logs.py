@@ -5,12 +5,12 @@ from pathlib import Path
 
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.json_text import print_json_text
-from rover_hil.app.options import log_at
-from rover_hil.app.steps import show_steps
 from rover_hil.app.tune import STUDY_NAME, prepare_folder, search
 from rover_hil.config import load_config, read_config_text
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.json_text import print_json_text
+from rover_hil.console.options import log_at
+from rover_hil.console.steps import show_steps
 from rover_hil.parallel.executor import open_executor
 from rover_hil.run.checks import ROVER_CHECKS
 from rover_hil.terminal import Terminal

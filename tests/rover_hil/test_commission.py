@@ -21,9 +21,9 @@ from controllers.motion.mission import corner_points
 from drivers.errors import LogError
 from rover_hil.app import commission as commission_module
 from rover_hil.app.commission import Plan
-from rover_hil.app.key_presses import enter_was_pressed
 from rover_hil.commissioning.drive import read_poses
 from rover_hil.config import Config, load_config, read_config_text
+from rover_hil.console.key_presses import enter_was_pressed
 from rover_hil.datasets.log import read_drive
 from rover_hil.datasets.marks import marks_file, read_marks
 from rover_hil.recording.schema import ESTIMATE

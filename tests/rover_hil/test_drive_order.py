@@ -14,8 +14,8 @@ from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.errors import ConfigError
 from rover_hil.app import commission
 from rover_hil.app.calibrate import compass, imu, motors, mounting, wheels
-from rover_hil.app.drive import permit_drive, permit_turning
 from rover_hil.config import load_config, read_config_text
+from rover_hil.run.drive_permission import permit_drive, permit_turning
 from tests.rover_hil.command import Command, assert_one_sentence
 
 ROVER = "the rover of rover.toml (board at ports/board, imu at ports/imu)"

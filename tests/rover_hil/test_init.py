@@ -25,9 +25,9 @@ from drivers.nmea import encode_sentence
 from drivers.registry import AnyDeviceSettings
 from drivers.serial_link import SerialLink
 from rover_hil.app import init
-from rover_hil.app.ask import ask_choice
 from rover_hil.app.init import POSITIONS
 from rover_hil.config import load_config
+from rover_hil.console.ask import ask_choice
 from rover_hil.datasets.log import read_drive
 from rover_hil.doctor.finding import SystemPaths
 from rover_hil.setting_up import probing, turning

@@ -7,9 +7,9 @@ import numpy as np
 from controllers.ground_motion.ground_patch import GroundPatch
 from controllers.ground_motion.rig import RigFile
 from rover_hil.app.calibrate.results import check_results
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.options import check_inputs
-from rover_hil.app.steps import show_steps
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.options import check_inputs
+from rover_hil.console.steps import show_steps
 from rover_hil.ftrace.calibration import Board, Calibration, GroundTarget, calibrate, rig_text
 from rover_hil.ftrace.calibration_figures import draw_coverage, draw_errors
 from rover_hil.pages.atomic_write import write_file

@@ -11,14 +11,12 @@ from drivers.clock import wall_time_ns
 from drivers.errors import ConfigError, LogError
 from rover_hil.app.calibrate.imu import LOG_SUFFIX, on_firm_floor
 from rover_hil.app.calibrate.results import check_results
-from rover_hil.app.drive import permit_drive
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.json_text import print_json
 from rover_hil.app.room import require_room
-from rover_hil.app.run import require_finished, run_real, run_virtual
-from rover_hil.app.steps import show_steps
 from rover_hil.config import Config, load_config, read_config_text, shipped_configs
 from rover_hil.config.entry import with_entry
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.steps import show_steps
 from rover_hil.datasets.toml_text import toml_text
 from rover_hil.doctor.clocks import today
 from rover_hil.identify.ground_scale.figures import draw_scale
@@ -29,6 +27,8 @@ from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
 from rover_hil.run.drive_order import DriveOrder
+from rover_hil.run.drive_permission import permit_drive
+from rover_hil.run.driving import require_finished, run_real, run_virtual
 from rover_hil.terminal import Terminal
 from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.settings import SimulationSettings

@@ -8,11 +8,9 @@ from controllers.slip.effort.gyro_response import GyroResponse
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
 from rover_hil.app.calibrate.results import check_results
-from rover_hil.app.drive import permit_drive
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.json_text import print_json
-from rover_hil.app.run import require_uninterrupted, run_real, run_virtual
 from rover_hil.config import Config, load_config
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.json_text import print_json
 from rover_hil.datasets.toml_text import toml_text
 from rover_hil.identify.gyro.figures import draw_response
 from rover_hil.identify.gyro.response_fit import ResponseFit, fit_response
@@ -21,6 +19,8 @@ from rover_hil.pages.atomic_write import write_file
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from rover_hil.run.checks import RUN_CHECKS, VIRTUAL_RUN_CHECKS
+from rover_hil.run.drive_permission import permit_drive
+from rover_hil.run.driving import require_uninterrupted, run_real, run_virtual
 from rover_hil.terminal import Terminal
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.plants.robotino.site import load_site

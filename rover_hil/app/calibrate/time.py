@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rover_hil.app.calibrate.results import check_results
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.json_text import print_json
-from rover_hil.app.steps import show_steps
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.steps import show_steps
 from rover_hil.datasets.toml_text import toml_text
 from rover_hil.identify.timing.figures import draw_offsets
 from rover_hil.identify.timing.offsets import Offset, YawTrack, find_offsets, read_tracks

@@ -13,12 +13,12 @@ import pytest
 from controllers.motion.rover_geometry import SkidSteerRoverSettings, WheelsRoverSettings
 from controllers.motion.settings import LineMission, WholeTurnsMission
 from drivers.errors import ConfigError
-from rover_hil.app.ask import ask_number, ask_yes
 from rover_hil.app.calibrate import compass as calibrate_compass
 from rover_hil.app.calibrate import imu as calibrate_imu
 from rover_hil.app.calibrate import mounting as calibrate_mounting
 from rover_hil.app.calibrate import wheels as calibrate_wheels
 from rover_hil.config import Config, load_config, read_config_text
+from rover_hil.console.ask import ask_number, ask_yes
 from rover_hil.identify.wheels.fit import fit_factor, proposal
 from rover_hil.recording.schema import ESTIMATE, TRUTH
 from rover_hil.recording.writer import LogWriter

@@ -3,7 +3,7 @@
 import sys
 from typing import NoReturn
 
-from rover_hil.app.output import tell
+from rover_hil.console.output import tell
 
 EXIT_OK = 0
 EXIT_NO = 1

@@ -4,9 +4,9 @@ import sys
 
 from drivers.device_settings import DriveSettings
 from drivers.errors import ConfigError
-from rover_hil.app.ask import ask_yes
-from rover_hil.app.exit_codes import exit_unfinished
 from rover_hil.config import Config
+from rover_hil.console.ask import ask_yes
+from rover_hil.console.exit_codes import exit_unfinished
 from rover_hil.run.drive_order import DriveOrder, port_of, rover_words
 
 

@@ -8,7 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from drivers.errors import ConfigError, LogError
-from rover_hil.app.exit_codes import exit_interrupted
+from rover_hil.console.exit_codes import exit_interrupted
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 SHIPPED_CONFIGS = ("robotino", "robotino-camera", "el-dorado", "el-dorado-camera", "el-dorado-crab")
