@@ -12,7 +12,6 @@ from typing import Annotated, NoReturn
 import typer
 
 from drivers.errors import ConfigError, RoverHilError
-from rover_hil.app.calibrate.commands import calibrate_app
 from rover_hil.app.error_message import check_name_lengths, readable
 from rover_hil.app.identify.commands import identify_app
 from rover_hil.app.memory import prepare_linear_algebra, require_loading_memory, sentence_of
@@ -33,6 +32,7 @@ from rover_hil.console.options import (
     out_option,
 )
 from rover_hil.console.output import end_output, open_missing_streams, output_problem, tell
+from rover_hil.ready.commands import calibrate_app
 from rover_hil.run.end_signals import held_signals
 
 app = typer.Typer(
@@ -356,8 +356,8 @@ def commission(
     Data: your rover, chalk and a tape measure; docs/how-to/commission_a_rover.md.
     """
     with held_signals():
-        from rover_hil.app.commission import Plan
-        from rover_hil.app.commission import commission as commission_rover
+        from rover_hil.ready.commission.procedure import Plan
+        from rover_hil.ready.commission.procedure import commission as commission_rover
 
     plan = Plan(side_m=side, laps=laps, tape_sd_m=tape_sd)
     sys.exit(

@@ -19,13 +19,13 @@ import pytest
 
 from controllers.motion.mission import corner_points
 from drivers.errors import LogError
-from rover_hil.app import commission as commission_module
-from rover_hil.app.commission import Plan
-from rover_hil.commissioning.drive import read_poses
 from rover_hil.config import Config, load_config, read_config_text
 from rover_hil.console.key_presses import enter_was_pressed
 from rover_hil.datasets.log import read_drive
 from rover_hil.datasets.marks import marks_file, read_marks
+from rover_hil.ready import procedure
+from rover_hil.ready.commission.drive import read_poses
+from rover_hil.ready.commission.procedure import Plan
 from rover_hil.recording.schema import ESTIMATE
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.drive_order import DriveOrder
@@ -150,7 +150,7 @@ def test_the_excitation_is_entered_where_it_has_passed(command: Command, config:
     allowed = load_config("rover.toml")
     assert for_real_rover(allowed) == (allowed, "")
     assert command("commission", "robotino", *options) == 2
-    assert_one_sentence(command.error, "leave --virtual out")
+    assert_one_sentence(command.error, "robotino cannot be edited")
     # Where it has not passed the configuration stays as it is.
     Path("rover.toml").write_text(read_config_text("robotino"), "utf-8")
     shutil.rmtree("runs")
@@ -266,8 +266,8 @@ def test_measured_positions_are_asked_for_and_kept(
         write_drive(log, config, log.stem)
         return SimpleNamespace(end=End.FINISHED, reason="")
 
-    monkeypatch.setattr(commission_module, "run_real", drive)
-    monkeypatch.setattr("rover_hil.app.commission.LINE_STOPS", 2)
+    monkeypatch.setattr(procedure, "run_real", drive)
+    monkeypatch.setattr("rover_hil.ready.commission.procedure.LINE_STOPS", 2)
     line = "\nyes\n0.33\n0.01\n1.5\nno\nyes\n1.0\n0.02\n\n"
     square = "\n" + "no\n" * 3 + "yes\n0.01\n0.02\n-88\n"
     monkeypatch.setattr(sys, "stdin", io.StringIO(line + square * 2))
@@ -297,11 +297,13 @@ def test_enter_pressed_while_it_drives_marks_a_place(
         pose = SimpleNamespace(x_m=0.0, y_m=0.0)
         for step in range(300):
             t_s = STEP_S * step
-            monkeypatch.setattr(commission_module, "enter_was_pressed", lambda t_s=t_s: t_s in presses_s)
+            monkeypatch.setattr(
+                "rover_hil.ready.commission.procedure.enter_was_pressed", lambda t_s=t_s: t_s in presses_s
+            )
             show(SimpleNamespace(t_ns=START_NS + round(1e9 * t_s), estimate=pose, reason=""))
         return SimpleNamespace(end=End.FINISHED, reason="")
 
-    monkeypatch.setattr(commission_module, "run_real", drive)
+    monkeypatch.setattr(procedure, "run_real", drive)
     monkeypatch.setattr(Plan, "names", lambda plan: ["line"])
     answers = "\nyes\n0.1\n0\n\nyes\n0.33\n0\n0\nno\nyes\n1.0\n0\n0\n"
     monkeypatch.setattr(sys, "stdin", io.StringIO(answers))

@@ -162,7 +162,7 @@ def test_ignored_signals_stay_ignored() -> None:
         (("run", "robotino", "--virtual", "--out", "a"), "controllers.control_loop"),
         (("run", "robotino", "--virtual", "--out", "a"), "scipy.linalg.lapack"),
         (("compare", "a", "b"), "rover_hil.app.compare"),
-        (("calibrate", "wheels", "robotino", "--virtual", "--out", "a"), "rover_hil.identify.wheels.fit"),
+        (("calibrate", "wheels", "robotino", "--virtual", "--out", "a"), "rover_hil.ready.wheels.fit"),
     ],
 )
 def test_a_signal_that_is_swallowed_while_modules_load_ends_the_program(

@@ -9,12 +9,12 @@ import pytest
 
 from drivers.errors import ConfigError, LogError
 from drivers.heading_calibration import DeviationTable, MagnetometerCalibration
-from rover_hil.app.calibrate.compass import turning_config
 from rover_hil.config import load_config, read_config_text
 from rover_hil.config.entry import with_entry
-from rover_hil.identify.compass.coverage import Coverage
-from rover_hil.identify.compass.fit import _headings, fit_compass
-from rover_hil.identify.compass.record import read_record
+from rover_hil.ready.compass.coverage import Coverage
+from rover_hil.ready.compass.fit import _headings, fit_compass
+from rover_hil.ready.compass.record import read_record
+from rover_hil.ready.turns import turning_config
 from tests.nature.magnetised_rover import Rover
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.identify.compass_logs import truth_rms_deg, write_turns
