@@ -15,20 +15,15 @@ from drivers.camera.settings import CameraSettings
 from drivers.can_frame import CanFrame, unpack_can_frame
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.clock import Clock, nanoseconds, seconds
-from drivers.device_settings import SerialDeviceSettings
+from drivers.device_settings import DriveSettings, SerialDeviceSettings
 from drivers.driver import Rejection
 from drivers.errors import NotConnectedError
 from drivers.link import Link, Received
-from drivers.nmea_compass.settings import NmeaCompassSettings
-from drivers.nmea_gnss.settings import NmeaGnssSettings
-from drivers.registry import AnyDeviceSettings
+from drivers.registry import AnyDeviceSettings, device_types
 from drivers.robotino3_board.settings import Robotino3BoardSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.samples import AttitudeSample, HeadingSample, LinkSample, PoseFixSample, RateSample
 from drivers.serial_link import SerialLink
-from drivers.vectornav.settings import VectorNavSettings
-from drivers.witmotion.settings import WitMotionSettings
-from drivers.xsens.settings import XsensSettings
 from rover_hil.datasets.can_frames import read_can_log, timed_payloads
 from rover_hil.doctor.listening import listen, open_device
 
@@ -36,13 +31,12 @@ LISTEN_S = 0.8
 FIRST_LISTEN_S = 1.5
 """To a serial port that may be silent: a compass may send once per second."""
 BAUD_RATES = (115_200, 9_600, 4_800, 38_400, 57_600, 230_400, 460_800, 921_600)
-TALKERS: tuple[type[SerialDeviceSettings], ...] = (
-    WitMotionSettings,
-    VectorNavSettings,
-    XsensSettings,
-    NmeaCompassSettings,
-    NmeaGnssSettings,
+TALKERS = tuple(
+    kind
+    for kind in device_types()
+    if issubclass(kind, SerialDeviceSettings) and not issubclass(kind, DriveSettings)
 )
+"""Sensors that talk by themselves on a serial port."""
 CAN_BIT_RATES = (500_000, 1_000_000, 250_000, 125_000)
 MOST_FRAMES = 20_000
 """So many frames of a log show what is on its bus."""
