@@ -40,7 +40,8 @@ class CompassFit:
         calibration: Fitted to all turns; None where nothing could be fitted.
         heading_deg: Compass headings of the held-out readings by the reference, (n,).
         error_deg: Their errors with a calibration that did not see their turn, clockwise, (n,).
-        before_deg: Errors without a calibration, clockwise, at `before_heading_deg`.
+        before_deg: Errors without a calibration, clockwise, at `before_heading_deg`; the drift of the
+            reference is taken out where a calibration could be fitted.
         before_heading_deg: Compass headings of these.
         turns: Number of whole turns that were used.
         covered: Share of the directions, 0 to 1.
@@ -340,11 +341,22 @@ def _judge(record: CompassRecord, headings: _Headings, fold: float) -> tuple[Arr
     return heading_deg, -np.degrees(wrap_angles(error - mean))
 
 
-def _errors_of(record: CompassRecord, headings: _Headings) -> tuple[Array, Array]:
-    """Return heading and error of the readings as they are."""
+def _errors_of(
+    record: CompassRecord, headings: _Headings, unknowns: Array | None = None
+) -> tuple[Array, Array]:
+    """Return heading and error of the readings as they are.
+
+    Args:
+        record: The turns.
+        headings: The readings.
+        unknowns: Start, scale, drift and lag of the reference; without them its drift counts as an error.
+    """
     if not len(headings.t_s):
         return np.zeros(0), np.zeros(0)
-    yaw = np.interp(headings.t_s, record.t_s, record.yaw_rad)
+    if unknowns is None:
+        yaw = np.interp(headings.t_s, record.t_s, record.yaw_rad)
+    else:
+        yaw = reference_columns(record, headings.t_s) @ unknowns
     error = headings.yaw_rad - yaw
     mean = math.atan2(float(np.sin(error).sum()), float(np.cos(error).sum()))
     heading_deg = np.array([compass_deg_from_yaw(each) for each in (yaw + mean).tolist()])
@@ -371,7 +383,7 @@ def _result(
     unknowns = solve_columns(reference_columns(record, after.t_s), after.yaw_rad)
     error_deg = np.concatenate([error for _, error in held_out]) if held_out else np.zeros(0)
     covered, scale = _covered(after.yaw_rad), float(unknowns[1] - 1.0)
-    before_heading, before_error = _errors_of(record, before)
+    before_heading, before_error = _errors_of(record, before, unknowns)
     return CompassFit(
         calibration=calibration,
         heading_deg=np.concatenate([heading for heading, _ in held_out]) if held_out else np.zeros(0),
