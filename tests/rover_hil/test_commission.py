@@ -6,6 +6,7 @@ import json
 import math
 import os
 import pty
+import re
 import select
 import shutil
 import sys
@@ -55,6 +56,7 @@ def write_drive(
     reason: str = "",
     sd_m: float = SD_M,
     origin: str = "real",
+    has_slip: bool = True,
 ) -> None:
     """Write a drive along its mission, true at every corner, with stops of 4 s."""
     corners = corner_points(PLAN.mission(name, 0.2))
@@ -68,6 +70,8 @@ def write_drive(
                 share = min(1.0, step / 49)
                 x, y = (a + share * (b - a) for a, b in zip(begin, end, strict=True))
                 record = _record(t_ns, x, y, yaw, estimate_scale, sd_m, reason, moves=step < 50)
+                if not has_slip:
+                    del record["slip"]
                 log.write_json(ESTIMATE, t_ns, record)
                 t_ns += round(1e9 * STEP_S)
 
@@ -231,6 +235,42 @@ def test_an_estimator_that_does_not_pass_is_named_with_its_reason(
     assert again(command) == 1
     assert words in command.out
     assert 'yaw excitation: it must not be used on this ground: set use = "surfaces"' in command.out
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_a_rover_without_slip_compensation_passes_by_its_estimate_and_covariance(
+    command: Command, config: Config
+) -> None:
+    plain = config.model_copy(update={"slip": None})
+    write_all(plain, has_slip=False)
+    Path("plain.toml").write_text(without_section(read_config_text("robotino"), "slip"), "utf-8")
+    line = ("commission", "plain.toml", "--again", "--out", "runs", "--side", "1", "--laps", "2")
+    assert command(*line) == 0, command.out + command.error
+    assert "slip estimator: none\n" in command.out
+    assert "commissioning: passed on this ground" in command.out
+    shutil.rmtree("runs")
+    write_all(plain, has_slip=False, estimate_scale=1.04, sd_m=0.002)
+    assert command(*line) == 1
+    assert "commissioning: not passed: the covariance is too small" in command.out
+
+
+def without_section(text: str, section: str) -> str:
+    """Return the text of a configuration without a section and those within it."""
+    return re.sub(rf"(?ms)^\[{section}[.\]].*?(?=^\[(?!{section}\.))", "", text)
+
+
+@pytest.mark.usefixtures("unrendered")
+@pytest.mark.parametrize(
+    ("sd_m", "words"),
+    [(0.2, "too large by a factor of "), (0.02, "holds: "), (0.002, "too small by a factor of ")],
+)
+def test_a_covariance_holds_only_if_the_errors_are_as_large_as_it_says(
+    command: Command, config: Config, sd_m: float, words: str
+) -> None:
+    """The estimate is off by 2 % of each distance, 14 mm rms."""
+    write_all(config, estimate_scale=1.02, sd_m=sd_m)
+    again(command)
+    assert f"covariance: {words}" in command.out
 
 
 @pytest.mark.usefixtures("unrendered")

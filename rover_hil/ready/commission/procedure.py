@@ -245,8 +245,10 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
         facts += [
             ("slip", slip),
             ("covariance", result.covariance_words),
-            ("slip estimator", _passed_words(result.doubts)),
+            ("slip estimator", _passed_words(result.doubts) if result.has_slip else "none"),
         ]
+        if not result.has_slip:
+            facts.append(("commissioning", _passed_words(result.doubts)))
         if self._is_excited:
             is_virtual = any(poses.is_virtual for _, poses, _ in record)
             is_entered = self._enters and not result.doubts

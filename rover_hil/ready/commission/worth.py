@@ -21,6 +21,8 @@ LEAST_SHARE_INSIDE = 0.8
 LEAST_SLIP_SHARE = 0.5
 """Of the driven time with a valid slip."""
 GREATEST_SLIP_ERROR = 0.05
+MOST_TOO_LARGE = 100.0
+"""The factor that is told at most."""
 LEAST_MARKS = 6
 LEAST_LEG_M = 0.2
 
@@ -66,6 +68,7 @@ class Worth:
         estimate_slip: The slip that the estimate removed.
         inside: Share of the marks in the 95 % region of the estimate.
         growth: Factor by which its standard deviations are too small; below 1, too large.
+        least_growth: The growth of a covariance that holds is larger, but for one set of drives in forty.
         slip_share: Share of the driven time with a valid slip; NaN without a slip estimator.
     """
 
@@ -78,7 +81,13 @@ class Worth:
     estimate_slip: float
     inside: float
     growth: float
+    least_growth: float
     slip_share: float
+
+    @property
+    def has_slip(self) -> bool:
+        """Whether the configuration has a slip estimator."""
+        return not math.isnan(self.slip_share)
 
     @property
     def slip_error(self) -> float:
@@ -103,21 +112,26 @@ class Worth:
         share = f"{100 * self.inside:.0f} % of the marks lie in their 95 % region"
         if self.inside < LEAST_SHARE_INSIDE:
             return f"too small by a factor of {self.growth:.1f}: {share}"
+        if self.growth < self.least_growth:
+            return (
+                f"too large by a factor of {min(MOST_TOO_LARGE, 1.0 / max(self.growth, 1e-9)):.1f}: {share}"
+            )
         return f"holds: {share}"
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Why the slip estimator did not pass on this ground; empty where it did."""
-        if math.isnan(self.slip_share):
-            return ("the configuration has no slip estimator",)
+        """Why the estimate did not pass on this ground; empty where it did.
+
+        A rover without a slip estimator is not expected to know its slip.
+        """
         found = []
         if len(self.marks) < LEAST_MARKS:
             found.append(f"{len(self.marks)} marks were measured, {LEAST_MARKS} are needed")
-        if self.slip_share < LEAST_SLIP_SHARE:
+        if self.has_slip and self.slip_share < LEAST_SLIP_SHARE:
             found.append(f"the slip was valid for {100 * self.slip_share:.0f} % of the driven time only")
-        if math.isnan(self.slip_error):
+        if self.has_slip and math.isnan(self.slip_error):
             found.append(f"no slip was measured: two marks in succession must be {LEAST_LEG_M:g} m apart")
-        elif abs(self.slip_error) > GREATEST_SLIP_ERROR:
+        elif self.has_slip and abs(self.slip_error) > GREATEST_SLIP_ERROR:
             found.append(f"the estimated slip is wrong by {100 * self.slip_error:+.1f} % of the distance")
         if self.estimate_rms_m > self.odometry_rms_m:
             found.append("the estimate is farther off than the wheels alone")
@@ -169,8 +183,18 @@ def find_worth(drives: Sequence[tuple[str, Poses, Marks]]) -> Worth:
         estimate_slip=1.0 - estimate_m / wheels_m if wheels_m > 0.0 else math.nan,
         inside=float(np.mean(inside)) if inside else math.nan,
         growth=math.sqrt(ratio) if errors else math.nan,
+        least_growth=_least_growth(errors),
         slip_share=float(np.mean(shares)) if shares and np.isfinite(shares).all() else math.nan,
     )
+
+
+def _least_growth(errors: Sequence[MarkError]) -> float:
+    """Return the bound of a growth by chance.
+
+    The errors at the marks of one drive add up and count as one error of x, y and yaw.
+    """
+    freedom = 3 * len({error.drive for error in errors})
+    return math.sqrt(float(chi2.ppf(0.5 * (1.0 - CONFIDENCE), freedom)) / freedom) if errors else math.nan
 
 
 def _mark_errors(name: str, poses: Poses, marks: Marks) -> list[MarkError]:
