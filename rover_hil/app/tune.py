@@ -84,15 +84,20 @@ def tune(
         )
     result = summarise(study, config_name, wall_time_text(), config, attempts, comparison, changed_rovers)
     result_json = write_results(folder, text, config, attempts, comparison, result)
-    if as_json:
+    return tell_result(folder, result.verdict, sentence(result), result_json if as_json else None)
+
+
+def tell_result(folder: Path, verdict: Verdict, words: str, result_json: str | None) -> int:
+    """Print the result and the names of its files, or its JSON; returns the exit code."""
+    is_acceptable = verdict is not Verdict.NONE_ACCEPTABLE
+    if result_json is not None:
         print_json_text(result_json)
     else:
         console = Terminal()
-        console.print(sentence(result), soft_wrap=True)
-        names = [REPORT_NAME] if result.verdict is Verdict.NONE_ACCEPTABLE else [CONFIG_NAME, REPORT_NAME]
-        for name in names:
+        console.print(words, soft_wrap=True)
+        for name in (CONFIG_NAME, REPORT_NAME) if is_acceptable else (REPORT_NAME,):
             console.print(str(folder / name), soft_wrap=True)
-    return EXIT_NO if result.verdict is Verdict.NONE_ACCEPTABLE else EXIT_OK
+    return EXIT_OK if is_acceptable else EXIT_NO
 
 
 def prepare_folder(study: str, out: Path | None, *, force: bool) -> Path:
