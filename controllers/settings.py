@@ -90,12 +90,12 @@ def find_slip_conflicts(
         yield f"slip.use is '{YAW_PROBE}', but {_why_not_excited(rover)}: leave [slip] out"
     elif slip is not None and not isinstance(rover, OmniRoverSettings):
         yield (
-            f"slip: its maps are of three omnidirectional wheels, but rover.kinematics is "
+            "slip: its maps are of three omnidirectional wheels, but rover.kinematics is "
             f"'{rover.kinematics}': leave [slip] out"
         )
     if scomp is not None and not has_four_wheels(rover):
         yield (
-            f"scomp: it is for a rover with four wheels, front left, front right, rear left, rear right, but "
+            "scomp: it is for a rover with four wheels, front left, front right, rear left, rear right, but "
             f"rover.kinematics is '{rover.kinematics}' with others: leave [scomp] out"
         )
 

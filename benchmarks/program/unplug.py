@@ -18,9 +18,9 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.recording.reader import LogReader
+from rover_hil.run.driving import run_virtual
 
 PROGRAM = str(Path(sys.executable).with_name("rover-hil"))
 CONFIGS = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"

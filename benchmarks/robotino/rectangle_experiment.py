@@ -23,9 +23,9 @@ from rich.table import Table
 
 from benchmarks.cluster_option import add_cluster_option
 from controllers.safety import Mode
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config, load_slip_map
 from rover_hil.parallel.executor import open_executor
+from rover_hil.run.driving import run_virtual
 from rover_hil.tune.metrics import TruePath, closure_m, path_rms_m
 from rover_hil.tune.simulated_mission import drive
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings

@@ -33,11 +33,12 @@ from controllers.safety import Mode
 from controllers.slip.effort.gyro_response import GyroResponse
 from drivers.clock import VirtualClock, nanoseconds, seconds
 from drivers.link import NoTap
-from rover_hil.app.calibrate.imu import on_firm_floor, turning_config
 from rover_hil.config import Config, load_config
-from rover_hil.identify.gyro.response_fit import fit_response
-from rover_hil.identify.gyro.turns import read_turns
 from rover_hil.parallel.executor import open_executor
+from rover_hil.ready.imu.calibration import small_turns_config
+from rover_hil.ready.imu.fit import fit_response
+from rover_hil.ready.imu.turns import read_turns
+from rover_hil.ready.turns import on_firm_floor
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
 from rover_hil.report.tracks import Track
@@ -293,7 +294,7 @@ def judge_slip(table: np.ndarray) -> tuple[float, float, float | None, float | N
 
 def calibrate(fault: Fault) -> GyroResponse:
     """Return the constants of a gyro with a fault, as `rover-hil calibrate imu` identifies them."""
-    config = turning_config(load_config("robotino"))
+    config = small_turns_config(load_config("robotino"))
     config = config.model_copy(update={"simulation": on_firm_floor(config.require_simulation())})
     clock = VirtualClock()
     with TemporaryDirectory() as folder:

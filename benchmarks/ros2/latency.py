@@ -18,12 +18,12 @@ from time import thread_time_ns
 import numpy as np
 
 from drivers.clock import PacedClock, SystemClock, wall_time_ns
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.config.ros2_settings import Ros2Settings
 from rover_hil.connect.ros2.connection import Ros2Connection
 from rover_hil.connect.ros2.messages import Odometry
 from rover_hil.connect.ros2.node import Node
+from rover_hil.run.driving import run_virtual
 from rover_hil.run.executive import CycleView, End
 from rover_hil.run.operators import Operators
 

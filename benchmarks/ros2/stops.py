@@ -21,8 +21,8 @@ import numpy as np
 
 from benchmarks.ros2.latency import DOMAIN, config_of
 from drivers.clock import PacedClock, SystemClock, nanoseconds, seconds
-from rover_hil.app.run import run_virtual
 from rover_hil.connect.ros2.connection import Ros2Connection
+from rover_hil.run.driving import run_virtual
 from rover_hil.run.executive import CycleView, End, Operator
 from rover_hil.run.operators import Operators
 

@@ -292,7 +292,7 @@ class EntrapmentRule(StopRule):
             self._slipped_m = self._slipped_m + cycle.distance_m if is_held else 0.0
         if self._slipped_m >= settings.entrapment_m:
             text = (
-                f"rover: may be entrapped, by the yaw excitation its wheels travelled "
+                "rover: may be entrapped, by the yaw excitation its wheels travelled "
                 f"{settings.entrapment_m:g} m at a slip of at least {settings.entrapment_slip:g}"
             )
             yield StopReason("may be entrapped", text, Severity.SUSPICION)

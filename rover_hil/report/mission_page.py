@@ -47,7 +47,7 @@ def mission_page(name: str, mission: MissionSettings | None) -> str:
         lambda: _draw(mission, legs),
     )
     return render(
-        "identify/report.html",
+        "pages/facts.html",
         grade="plain",
         title=f"Mission of {name}",
         facts=facts,

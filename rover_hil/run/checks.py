@@ -96,13 +96,13 @@ def _find_motor_field_mistakes(draft: Draft) -> Iterator[str]:
     if fields.device not in draft.config.roles.headings:
         yield (
             f"filter.motor_fields: it is of the compass '{fields.device}', which is not in roles.headings: "
-            "calibrate the compass of this rover with `rover-hil calibrate compass CONFIG --motors`"
+            "calibrate the compass of this rover with `rover-hil calibrate motors CONFIG`"
         )
     wheels = make_kinematics(draft.config.rover).wheel_count
     if len(fields.per_ampere) != wheels:
         yield (
             f"filter.motor_fields: per_ampere has {len(fields.per_ampere)} motors, the rover has {wheels} "
-            "wheels: calibrate the compass of this rover with `rover-hil calibrate compass CONFIG --motors`"
+            "wheels: calibrate the compass of this rover with `rover-hil calibrate motors CONFIG`"
         )
 
 

@@ -25,14 +25,14 @@ from drivers.nmea import encode_sentence
 from drivers.registry import AnyDeviceSettings
 from drivers.serial_link import SerialLink
 from rover_hil.app import init
-from rover_hil.app.ask import ask_choice
 from rover_hil.app.init import POSITIONS
 from rover_hil.config import load_config
+from rover_hil.console.ask import ask_choice
 from rover_hil.datasets.log import read_drive
 from rover_hil.doctor.finding import SystemPaths
-from rover_hil.setting_up import probing, turning
-from rover_hil.setting_up.config_text import Answers, config_text
-from rover_hil.setting_up.drives import (
+from rover_hil.ready.set_up import probing, turning
+from rover_hil.ready.set_up.config_text import Answers, config_text
+from rover_hil.ready.set_up.drives import (
     canopen_nodes,
     guess_mapping,
     reordered_text,
@@ -40,9 +40,9 @@ from rover_hil.setting_up.drives import (
     vesc_nodes,
     write_mapping,
 )
-from rover_hil.setting_up.places import find_places
-from rover_hil.setting_up.probing import max_age_s
-from rover_hil.setting_up.simulated_rover import simulation_table
+from rover_hil.ready.set_up.places import find_places
+from rover_hil.ready.set_up.probing import max_age_s
+from rover_hil.ready.set_up.simulated_rover import simulation_table
 from rover_hil.terminal import Terminal
 from sim_backends.build import build_world
 from tests.rover_hil.command import Command, assert_one_sentence
