@@ -269,7 +269,7 @@ def run(procedure: Procedure[Record, Result], request: Request) -> int:
 
 def comments(facts: Facts) -> str:
     """Return facts as comments of a TOML file."""
-    return "".join(f"# {name}: {value}\n" for name, value in facts)
+    return "".join(f"# {name}: {value}\n" for name, value in facts) + "\n"
 
 
 def _load(procedure: Procedure[Record, Result], request: Request) -> Config | None:

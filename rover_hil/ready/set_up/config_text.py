@@ -59,24 +59,22 @@ def config_text(answers: Answers) -> str:
         f"#:schema ./{SCHEMA_NAME}\n"
         "# Made by `rover-hil init`. Check it with `rover-hil check`, the devices with `rover-hil doctor`.\n"
         'schema = "rover-hil-config/1"\n',
-        "# Geometry; measure it with `rover-hil calibrate wheels`.\n"
-        + toml_text({"rover": answers.rover}).lstrip(),
+        "# Geometry; measure it with `rover-hil calibrate wheels`.\n" + toml_text({"rover": answers.rover}),
         "[loop]\nrate_hz = 50\ntime_limit_s = 60           # a run ends after this time, finished or not\n",
         "# What each device is used for; the rover stops when one of these sends nothing.\n"
-        + toml_text({"roles": roles}).lstrip(),
+        + toml_text({"roles": roles}),
     ]
     for name, settings, what in answers.devices:
         values = settings.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
         ordered = {"type": settings.type, **{key: value for key, value in values.items() if key != "type"}}
-        parts.append(f"# {what}\n" + toml_text({"devices": {name: ordered}}).split("\n\n", 1)[-1].lstrip())
+        parts.append(f"# {what}\n" + toml_text({"devices": {name: ordered}}))
     parts += [
         "# A first drive of half a metre; docs/reference/configuration.md has the other missions.\n"
-        + toml_text({"mission": mission}).lstrip(),
+        + toml_text({"mission": mission}),
         "[safety]\nsettle_s = 2.0              # at rest the gyro's bias is found\n",
-        "# Greatest set-points; raise them when the rover drives well.\n"
-        + toml_text({"limits": limits}).lstrip(),
+        "# Greatest set-points; raise them when the rover drives well.\n" + toml_text({"limits": limits}),
         "# The simulated rover of `run --virtual`, `simulate` and `tune`. Mass, motors and what carries "
         "load beside\n# the wheels are assumed: correct them.\n"
-        + toml_text({"simulation": answers.simulation}).lstrip(),
+        + toml_text({"simulation": answers.simulation}),
     ]
     return "\n".join(parts)
