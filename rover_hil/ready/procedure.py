@@ -121,7 +121,8 @@ class Procedure(ABC, Generic[Record, Result]):
 
     Attributes:
         logs: Logs of earlier drives that an option of its own has named.
-        takes_config: The source is a configuration or a log; False where it is data only.
+        takes_config: The source is a configuration, or a log; False where it is data only.
+        takes_log: The source may be a log instead of a configuration.
         is_connected: Real drives are connected with other programs, for pose fixes.
         checks: Of the configuration, beside that a simulated drive has a simulation.
         has_file: The result is a file; else it is the page.
@@ -132,6 +133,7 @@ class Procedure(ABC, Generic[Record, Result]):
 
     logs: Sequence[Path] = ()
     takes_config: ClassVar[bool] = True
+    takes_log: ClassVar[bool] = True
     is_connected: ClassVar[bool] = False
     checks: ClassVar[Sequence[Rule]] = ROVER_CHECKS
     has_file: ClassVar[bool] = True
@@ -234,7 +236,7 @@ def run(procedure: Procedure[Record, Result], request: Request) -> int:
     source, logs = request.source, list(procedure.logs)
     if request.log is not None:
         logs = [request.log]
-    if not logs and (source.endswith(LOG_SUFFIX) or not procedure.takes_config):
+    if not logs and _is_data(procedure, source):
         logs = [Path(source)]
     _check_options(request, logs)
     config = _load(procedure, request)
@@ -272,10 +274,15 @@ def comments(facts: Facts) -> str:
     return "".join(f"# {name}: {value}\n" for name, value in facts) + "\n"
 
 
+def _is_data(procedure: Procedure[Record, Result], source: str) -> bool:
+    """Return whether the source is what is read, and no configuration."""
+    return not procedure.takes_config or (procedure.takes_log and source.endswith(LOG_SUFFIX))
+
+
 def _load(procedure: Procedure[Record, Result], request: Request) -> Config | None:
     """Return the configuration; None where the source is a log or other data."""
     source, config = request.source, None
-    if procedure.takes_config and not source.endswith(LOG_SUFFIX):
+    if not _is_data(procedure, source):
         simulated = VIRTUAL_RUN_CHECKS[-1:] if request.virtual else ()
         config = load_config(source, (*procedure.checks, *simulated))
     if request.enter and (config is None or source in shipped_configs()):

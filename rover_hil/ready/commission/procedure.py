@@ -142,6 +142,7 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
     has_file = False
     good = "good"
     page_word = "report"
+    takes_log = False
     room_fix = "lower --side"
 
     source: str

@@ -62,6 +62,7 @@ class ScaleCalibration(Procedure[Sequence[ScaleRecord], ScaleFit]):
         logs: Logs of earlier drives, used instead.
     """
 
+    takes_log = False
     room_fix = "lower --length"
 
     length_m: float

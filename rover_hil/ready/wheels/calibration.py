@@ -99,6 +99,7 @@ class WheelsCalibration(Procedure[Sequence[Odometry], WheelsFit]):
         turn_sd_rad: Standard deviation of a known turn.
     """
 
+    takes_log = False
     room_fix = "lower --length"
 
     lines: list[Known]

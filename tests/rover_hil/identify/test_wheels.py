@@ -233,9 +233,14 @@ def test_bad_input_is_one_sentence(command: Command) -> None:
         ("--out w.toml --line none.mcap=2", "cannot read log none.mcap"),
         ("--out w.html", "name a file that ends with .toml"),
         ("--out w.toml --enter", "--enter: robotino cannot be edited"),
+        ("--out w.toml --virtual --line run.mcap=3", "run.mcap is a log: leave --virtual out"),
     ):
         assert command("calibrate", "wheels", "robotino", *options.split()) == 2
         assert_one_sentence(command.error, words)
+    write_drive(Path("run.mcap"), load_config("robotino"), 2.0, 0.0)
+    for what in ("wheels", "scale"):
+        assert command("calibrate", what, "run.mcap", "--out", "w.toml") == 2
+        assert_one_sentence(command.error, "run.mcap")
 
 
 class Lines(io.StringIO):
