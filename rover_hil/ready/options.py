@@ -68,7 +68,8 @@ def command(*shared: str) -> Callable[[Callable[..., Procedure[Any, Any]]], Call
         def run_command(**options: Any) -> None:
             if "config" in options:
                 options["source"] = options.pop("config")
-            request = {name: value for name, value in options.items() if name in Request.__slots__}
+            wanted = (*names, "source", "out")
+            request = {name: value for name, value in options.items() if name in wanted}
             procedure = function(**{name: options[name] for name in own})
             sys.exit(run(procedure, Request(**request)))
 
