@@ -92,6 +92,7 @@ class CommandGate:
 
     Attributes:
         state: What is followed, or why nothing is; it changes once per event, not per cycle.
+        report_count: How many reports there were.
     """
 
     def __init__(self, timeout_s: float, *, is_listening: bool = True) -> None:
@@ -106,6 +107,7 @@ class CommandGate:
         self._latched: dict[str, None] = {}
         self._heard: dict[str, deque[Stop]] = {}
         self._reports: dict[str, int] = {}
+        self.report_count = 0
         self.state = NO_COMMANDS if is_listening else ""
 
     @property
@@ -225,5 +227,6 @@ class CommandGate:
 
     def report(self, words: str) -> None:
         """Count something that was wrong with what arrived."""
+        self.report_count += 1
         if words in self._reports or len(self._reports) < MOST_WRITERS:
             self._reports[words] = self._reports.get(words, 0) + 1
