@@ -207,7 +207,9 @@ def measure(case: Case, path: Path) -> Watcher:
     with Ros2Connection(config_of(), lambda: clock.offset_ns) as connection, ExitStack() as started:
 
         def start(line: list[str]) -> Commander:
-            process = started.enter_context(subprocess.Popen(line, stdout=subprocess.DEVNULL))
+            # Cyclone writes a line there for each damaged datagram.
+            errors = subprocess.DEVNULL if case.is_damaged else None
+            process = started.enter_context(subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=errors))
             started.callback(process.kill)
             return process
 

@@ -210,4 +210,5 @@ def _parse(item: dict[str, Any]) -> Command | Stop | Fix | str:
     forward_m_s, left_m_s, yaw_rate_rad_s = map(float, item["motion"])
     stamp_ns = None if item["stamp_ns"] is None else int(item["stamp_ns"])
     motion = forward_m_s, left_m_s, yaw_rate_rad_s
-    return Command(str(item["writer"]), int(item["arrival_ns"]), motion, stamp_ns)
+    arrival_ns, earliest_ns = int(item["arrival_ns"]), int(item["earliest_ns"])
+    return Command(str(item["writer"]), arrival_ns, earliest_ns, motion, stamp_ns)

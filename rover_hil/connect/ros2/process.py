@@ -78,6 +78,7 @@ class _Server:
             raise ConfigError("ros2: this section is missing")
         self._cycles, self._outgoing = cycles, outgoing
         self._clock: Clock = SystemClock()
+        self._looked_ns = self._clock.now_ns()
         self._unpacker = CycleUnpacker()
         self._recorder = CycleRecorder(config, WallOffset())
         node = Node(settings)
@@ -108,7 +109,8 @@ class _Server:
             self._publisher.send(self._recorder.record(self._unpacker.unpack(data), self._clock.now_ns()))
 
     def _arrived(self) -> Iterator[dict[str, Any]]:
-        now_ns = self._clock.now_ns()
+        before_ns, now_ns = self._looked_ns, self._clock.now_ns()
+        self._looked_ns = now_ns
         for take in self._velocities:
             for message, writer, _ in take():
                 twist = message.twist if isinstance(message, TwistStamped) else message
@@ -116,6 +118,7 @@ class _Server:
                 yield {
                     "writer": writer,
                     "arrival_ns": now_ns,
+                    "earliest_ns": before_ns,
                     "motion": _motion(twist),
                     "stamp_ns": stamp_ns or None,
                 }
