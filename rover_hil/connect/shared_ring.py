@@ -51,6 +51,7 @@ class RingWriter:
         self._view = ring.view()
         self._next = 1
         self._taken = self._signs = 0
+        self._begins = [ring.begin_of(number) for number in range(ring.places)]
 
     def give_sign(self) -> None:
         """Give a sign of life."""
@@ -64,7 +65,7 @@ class RingWriter:
             (self._taken,) = _NUMBER.unpack_from(self._view)
         if number - self._taken > ring.places or len(data) > ring.place_bytes:
             return False
-        begin = ring.begin_of(number)
+        begin = self._begins[number % ring.places]
         content = begin + _HEADER.size
         self._view[content : content + len(data)] = data
         _HEADER.pack_into(self._view, begin, 0, len(data), zlib.adler32(data, number))
