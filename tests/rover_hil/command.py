@@ -50,15 +50,14 @@ def assert_one_sentence(error: str, *words: str) -> None:
 @contextmanager
 def started(folder: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
     """Start a command in a folder, and kill it in the end; its output, errors too, can be read."""
-    process = subprocess.Popen(
+    with subprocess.Popen(
         [*PROGRAM, *arguments],
         cwd=folder,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-    )
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
