@@ -45,10 +45,9 @@ from rover_hil.ready.set_up.probing import max_age_s
 from rover_hil.ready.set_up.simulated_rover import simulation_table
 from rover_hil.terminal import Terminal
 from sim_backends.build import build_world
-from tests.rover_hil.command import Command, assert_one_sentence
+from tests.rover_hil.command import PROGRAM, Command, assert_one_sentence
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
-SIMULATE = "from rover_hil.app.app import main; main()"
 START_LIMIT_S = 60.0
 ANSWERS = ("yes", "8192", "1", "yes", "0.06", "0.3", "yes", "right", "no", "left", "yes", "6")
 """The user calls wheel 0 the right one, turning backwards: as if the cables were swapped."""
@@ -63,7 +62,7 @@ def ports(tmp_path: Path) -> Iterator[Path]:
         text.replace("docs/examples/can/differential.toml", str(mapping)), "utf-8"
     )
     process = subprocess.Popen(
-        [sys.executable, "-c", SIMULATE, "simulate", "sim.toml"],
+        [*PROGRAM, "simulate", "sim.toml"],
         cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
     try:
