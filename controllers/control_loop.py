@@ -236,7 +236,7 @@ class ControlLoop:
         """Look for what is wrong with a drive that somebody else controls; return whether it widens."""
         check.update(cycle, self._estimator.suspicion)
         for doubt in check.doubts:
-            self._estimator.doubt(doubt.wheel_rad, doubt.yaw_rad, is_unseen=doubt.is_unseen)
+            self._estimator.doubt(*doubt)
         if check.is_open:
             self._estimator.leave_open()
         return check.is_open or bool(check.doubts)
@@ -276,6 +276,7 @@ class ControlLoop:
             rejected_rate_rad_s=self._estimator.rejected_rate_rad_s,
             unseen_m=self._estimator.unseen_m,
             unseen_rad=self._estimator.unseen_rad,
+            doubted_rad=self._estimator.doubted_rad,
             ground_pairs=self._estimator.ground_pairs,
             slip=self._valid_slip(),
             sees_no_motion=self._scomp is not None and self._scomp.sees_no_motion,
@@ -294,7 +295,7 @@ class ControlLoop:
         supervisor = self._supervisor
         supervisor.update(self._cycle(now_ns, estimate, innovations))
         for doubt in supervisor.doubts:
-            self._estimator.doubt(doubt.wheel_rad, doubt.yaw_rad, is_unseen=doubt.is_unseen)
+            self._estimator.doubt(*doubt)
         if supervisor.mode is not Mode.RUNNING or self._is_paused:
             return None
         drift_rad = 0.0
