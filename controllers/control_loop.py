@@ -258,6 +258,7 @@ class ControlLoop:
     def _cycle(self, now_ns: int, estimate: PoseEstimate, innovations: tuple[Innovation, ...]) -> Cycle:
         """Return what the rules see of this cycle."""
         odometry, contradiction = self._estimator.odometry, self._estimator.contradiction.report
+        excited = None if self._effort is None else self._effort.excited
         driven_from, self._driven_to = self._driven_to, odometry.pose
         driven_m = complex(odometry.pose.x_m - driven_from.x_m, odometry.pose.y_m - driven_from.y_m)
         return Cycle(
@@ -279,6 +280,8 @@ class ControlLoop:
             doubted_rad=self._estimator.doubted_rad,
             ground_pairs=self._estimator.ground_pairs,
             slip=self._valid_slip(),
+            lost_response="" if excited is None else excited.lost_response,
+            unanswered_m=0.0 if excited is None else excited.unanswered_m,
             sees_no_motion=self._scomp is not None and self._scomp.sees_no_motion,
             set_steering_rad=self._steering_rad,
             steering_rad=self._estimator.steering.angles_rad,

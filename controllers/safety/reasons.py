@@ -78,6 +78,9 @@ class Cycle(NamedTuple):
             decided, before the corrections of this cycle; these reduce it.
         ground_pairs: Motions over the ground that a camera has measured in this cycle.
         slip: Valid slip of the rover; None where it is unknown.
+        lost_response: Why the yaw's response to the excitation shows that the rover may not get on; "" where
+            it does not.
+        unanswered_m: Travel of the wheels since the rover may have got stuck, by that response.
         sees_no_motion: Whether the rear camera has seen no motion of the ground for some travel.
         set_steering_rad: Steering set-points of the cycle before; empty where no wheel steers.
         steering_rad: Steering angles, one per wheel; empty where no wheel steers.
@@ -105,6 +108,8 @@ class Cycle(NamedTuple):
     doubted_rad: float = 0.0
     ground_pairs: tuple[GroundPair, ...] = ()
     slip: float | None = None
+    lost_response: str = ""
+    unanswered_m: float = 0.0
     sees_no_motion: bool = False
     set_steering_rad: tuple[float, ...] = ()
     steering_rad: tuple[float, ...] = ()

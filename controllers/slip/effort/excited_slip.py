@@ -10,6 +10,7 @@ from controllers.slip.effort.gyro_in_place import GyroInPlace
 from controllers.slip.effort.gyro_response import GyroResponse
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.slip_bracket import (
+    IDLE_WHEELS,
     BodyResponse,
     DrivenTravel,
     SlipReading,
@@ -30,6 +31,10 @@ from controllers.slip.effort.yaw_excitation import (
 
 RESTS = "the excitation rests"
 TOO_LITTLE_TRAVEL = "too little travel to read slip from"
+LEAST_ANSWER = 0.15
+"""A body that turns with less than this share of the turning of its wheels does not answer: a slip of 0.85 of
+a contact whose traction depends on the slip ratio."""
+NO_ANSWER = "the body does not turn with its wheels any more"
 GAVE_UP = "the drives do not follow the excitation under load: it is off"
 UNKNOWN_GYRO = "delay and bandwidth of the gyro are unknown: run `rover-hil calibrate imu`"
 
@@ -76,6 +81,9 @@ class ExcitedSlip:
         excitation: Excites the yaw.
         swing: Keeps the path follower from working against the excitation.
         in_place: Judges scale and sign of the gyro before the rover travels; None where it is not to turn.
+        lost_response: Why the rover may not get on: the body answered before and does not any more, or wheels
+            turn with hardly any force. Empty where it does.
+        unanswered_m: Travel of the wheels since the begin of the last window in which the body answered.
     """
 
     def __init__(
@@ -112,6 +120,9 @@ class ExcitedSlip:
         self._has_given_up = False
         self._was_off = False
         self._begin_s: float | None = None
+        self._has_answered = self._is_doubted = False
+        self.lost_response = ""
+        self.unanswered_m = 0.0
         self.slip = self._no_slip(TOO_LITTLE_TRAVEL)
 
     def _no_slip(self, reason: str) -> RoverSlip:
@@ -122,9 +133,12 @@ class ExcitedSlip:
         return UNKNOWN_GYRO if self._gyro is None else ""
 
     def doubt_gyro(self) -> None:
-        """Return to the encoders' slip: that in use was read from a gyro that was wrong."""
+        """Return to the encoders' slip: that in use was read from a gyro that was wrong.
+
+        The open window gives no slip either, but still shows whether the body answers.
+        """
         self._valid_windows = 0
-        self.excitation.start_window()
+        self._is_doubted = True
         self.slip = self._no_slip(GYRO_WAS_WRONG)
 
     def yaw_rate_rad_s(self, t_s: float) -> float:
@@ -165,6 +179,10 @@ class ExcitedSlip:
             return self.slip
         found = self._read(response, travelled_m, force_n)
         self._was_off = False
+        self._follow_response(response, found.problem, abs(travelled_m))
+        if self._is_doubted:
+            found = found._replace(problem=found.problem or GYRO_WAS_WRONG)
+            self._is_doubted = False
         reason = found.problem
         self._valid_windows = 0 if reason else self._valid_windows + 1
         slip, sd, source = found.slip, found.sd, SlipSource.EXCITATION
@@ -177,6 +195,19 @@ class ExcitedSlip:
         unsure = self._unsure if source is SlipSource.EXCITATION or reason else ""
         self.slip = RoverSlip(slip=slip, sd=sd, source=source, reason=reason, unsure=unsure)
         return self.slip
+
+    def _follow_response(self, response: ExcitationResponse, problem: str, travelled_m: float) -> None:
+        """Take note whether the body answered in a window; what says nothing about it changes nothing."""
+        self.unanswered_m += travelled_m
+        if problem == IDLE_WHEELS:
+            self.lost_response = problem
+        elif response.reason:
+            return
+        elif abs(response.share) >= LEAST_ANSWER:
+            self._has_answered, self.lost_response = True, ""
+            self.unanswered_m = travelled_m
+        elif self._has_answered:
+            self.lost_response = NO_ANSWER
 
     def _read(self, response: ExcitationResponse, travelled_m: complex, force_n: float | None) -> SlipReading:
         """Return the slip by this window alone."""
