@@ -252,7 +252,7 @@ class EntrapmentRule(StopRule):
     def __init__(self, settings: EntrapmentSettings, roles: DeviceRoles) -> None:
         self._settings = settings
         self._ground = ProgressOverGround(settings.entrapment_ground_m)
-        self._camera = roles.camera
+        self._camera, self._gyro = roles.camera, roles.gyro
         self._fixes = {device: ProgressByFixes(settings) for device in roles.fixes}
         self._arrived: list[PoseFixSample] = []
         self._wheels_m, self._length_m = 0j, 0.0
@@ -280,7 +280,7 @@ class EntrapmentRule(StopRule):
             if progress.lost_m >= self._settings.entrapment_m:
                 yield _entrapped(progress.lost_m, device)
         yield from self._suspect_slip(cycle)
-        suspicion = _suspicion(cycle)
+        suspicion = self._suspicion(cycle)
         self._count(cycle, is_open=suspicion is not None and not is_decided)
         if suspicion is not None:
             yield self._stop(suspicion) if self._is_over else suspicion
@@ -325,6 +325,19 @@ class EntrapmentRule(StopRule):
             )
             yield StopReason("may be entrapped", text, Severity.SUSPICION)
 
+    def _suspicion(self, cycle: Cycle) -> StopReason | None:
+        """Return what may be wrong with the progress, beside the slip that is read."""
+        if cycle.sees_no_motion:
+            text = (
+                "rover: may be entrapped, the rear camera sees no motion of the ground: it is stuck, or the "
+                "camera is covered, turned, or in the dark"
+            )
+            return StopReason("no motion seen", text, Severity.SUSPICION)
+        if cycle.lost_response:
+            text = f"rover: may be entrapped, or {self._gyro} has no signal: {cycle.lost_response}"
+            return StopReason("lost response", text, Severity.SUSPICION)
+        return None
+
     @property
     def _is_over(self) -> bool:
         return self._unknown_m >= self._settings.progress_unknown_m
@@ -358,20 +371,6 @@ class EntrapmentRule(StopRule):
         share = self._unknown_m / (self._unknown_m - self._before_m)
         wheel_rad = tuple(share * turned_rad for turned_rad in self._unknown_rad)
         return suspicion._replace(text=text, severity=Severity.RECOVERABLE, wheel_rad=wheel_rad)
-
-
-def _suspicion(cycle: Cycle) -> StopReason | None:
-    """Return what may be wrong with the progress, beside the slip that is read."""
-    if cycle.sees_no_motion:
-        text = (
-            "rover: may be entrapped, the rear camera sees no motion of the ground: it is stuck, or the "
-            "camera is covered, turned, or in the dark"
-        )
-        return StopReason("no motion seen", text, Severity.SUSPICION)
-    if cycle.lost_response:
-        text = f"rover: may be entrapped, {cycle.lost_response}"
-        return StopReason("lost response", text, Severity.SUSPICION)
-    return None
 
 
 def _entrapped(lost_m: float, device: str) -> StopReason:

@@ -232,7 +232,9 @@ def judge(case: Case, story: Story, config: Config, begin_ns: int, mode: str = "
     row.invented = _count_invented(case, story, begin_ns)
     again = _find_again(after, stop)
     if stop is None and named is not None:
-        after = [moment for moment in after if moment.t_ns > named.t_ns]
+        # Of two suspicions the second may be the one that widens the estimate.
+        honest_ns = max(named.t_ns, begin_ns + nanoseconds(NOTICE_BAR_S))
+        after = [moment for moment in after if moment.t_ns > honest_ns] or after[-1:]
     _measure_estimate(
         row, after, again, has_stopped=stop is not None, is_lasting=case.duration_s == FOR_EVER_S
     )

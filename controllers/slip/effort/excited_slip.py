@@ -8,6 +8,7 @@ from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.slip.effort.ground_knowledge import GYRO_WAS_WRONG, KnownSlip, SlipSource
 from controllers.slip.effort.gyro_in_place import GyroInPlace
 from controllers.slip.effort.gyro_response import GyroResponse
+from controllers.slip.effort.learned_bracket import LearnedBracket
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.slip_bracket import (
     IDLE_WHEELS,
@@ -72,6 +73,7 @@ class ExcitedSlip:
         rover: Geometry of the wheels.
         kinematics: Of the same rover.
         gyro: Constants of the gyro; None where they were not identified.
+        learned: What was learned of the reading on the rover's ground; None for nothing.
         wheel_age_s: Age of the wheels' positions at their time stamp; None where it is unknown.
         travel_m_s: Speed of the mission; None without one.
         rest_s: How long the excitation may rest.
@@ -83,6 +85,7 @@ class ExcitedSlip:
         in_place: Judges scale and sign of the gyro before the rover travels; None where it is not to turn.
         lost_response: Why the rover may not get on: the body answered before and does not any more, or wheels
             turn with hardly any force. Empty where it does.
+        reading: By the newest window, without what was learned, and its travel; None where it gave none.
         unanswered_m: Travel of the wheels since the begin of the last window in which the body answered.
     """
 
@@ -93,6 +96,7 @@ class ExcitedSlip:
         kinematics: Kinematics,
         *,
         gyro: GyroResponse | None = None,
+        learned: LearnedBracket | None = None,
         wheel_age_s: float | None = None,
         travel_m_s: float | None = None,
         rest_s: float = 0.0,
@@ -108,7 +112,8 @@ class ExcitedSlip:
         self.excitation = YawExcitation(settings, amplitude_rad_s, sensors)
         self.swing = SwingFilter(frequency_hz)
         self.in_place = GyroInPlace(rover.base_radius_m) if proves_gyro and travel_m_s is not None else None
-        self._gyro = gyro
+        self._gyro, self._learned, self._not_learned = gyro, learned, ""
+        self.reading: tuple[SlipReading, DrivenTravel] | None = None
         self._lag_sd_rad = math.tau * frequency_hz * _lag_sd_s(gyro, frequency_hz, wheel_age_s)
         self._gain_sd = 0.0 if gyro is None else _gain_sd(gyro, frequency_hz)
         self._valid_windows = 0
@@ -130,7 +135,7 @@ class ExcitedSlip:
 
     @property
     def _unsure(self) -> str:
-        return UNKNOWN_GYRO if self._gyro is None else ""
+        return UNKNOWN_GYRO if self._gyro is None else self._not_learned
 
     def doubt_gyro(self) -> None:
         """Return to the encoders' slip: that in use was read from a gyro that was wrong.
@@ -174,15 +179,20 @@ class ExcitedSlip:
             force_n: Mean drive force along the travel; None where it is unknown.
             known: Slip by the drive force; None where it is not to be used.
         """
+        self.reading = None
         is_travel = abs(travelled_m) >= EFFORT.excitation.least_distance_m
         if not response.reason and not is_travel and self.slip.source is SlipSource.EXCITATION:
             return self.slip
-        found = self._read(response, travelled_m, force_n)
+        travel = DrivenTravel(abs(travelled_m) / self._settings.window_s, force_n)
+        found = self._read(response, travelled_m, travel)
         self._was_off = False
         self._follow_response(response, found.problem, abs(travelled_m))
         if self._is_doubted:
             found = found._replace(problem=found.problem or GYRO_WAS_WRONG)
             self._is_doubted = False
+        self.reading = (found, travel)
+        if self._learned is not None:
+            found, self._not_learned = self._learned.read(found, travel)
         reason = found.problem
         self._valid_windows = 0 if reason else self._valid_windows + 1
         slip, sd, source = found.slip, found.sd, SlipSource.EXCITATION
@@ -209,13 +219,12 @@ class ExcitedSlip:
         elif self._has_answered:
             self.lost_response = NO_ANSWER
 
-    def _read(self, response: ExcitationResponse, travelled_m: complex, force_n: float | None) -> SlipReading:
+    def _read(self, response: ExcitationResponse, travelled_m: complex, travel: DrivenTravel) -> SlipReading:
         """Return the slip by this window alone."""
         problem = self._problem(response, travelled_m)
         if problem:
             return SlipReading(0.0, 1.0, problem)
         body = BodyResponse(response.share, response.noise, self._lag_sd_rad, self._gain_sd)
-        travel = DrivenTravel(abs(travelled_m) / self._settings.window_s, force_n)
         direction_rad = math.atan2(travelled_m.imag, travelled_m.real)
         lever = YawLever(
             frequency_hz=self._settings.frequency_hz,

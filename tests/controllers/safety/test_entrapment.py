@@ -16,7 +16,7 @@ from drivers.samples import PoseFixSample
 from tests.controllers.floor_fixes import FLOOR, on_floor
 
 CYCLE_NS = 20_000_000
-ROLES = DeviceRoles(wheels="wheels", fixes=("overhead",), required={})
+ROLES = DeviceRoles(wheels="wheels", gyro="imu", fixes=("overhead",), required={})
 
 
 class Travel:
@@ -371,10 +371,12 @@ def test_a_suspicion_that_nothing_decides_stops_once_and_counts_anew_after_a_res
     for _ in range(11):
         (reason,) = travel.go(0.1)
         assert (reason.cause, reason.severity) == ("lost response", Severity.SUSPICION)
-        assert reason.text == "rover: may be entrapped, no answer"
+        assert reason.text == "rover: may be entrapped, or imu has no signal: no answer"
     (reason,) = travel.go(0.1)
     assert reason.severity is Severity.RECOVERABLE
-    assert reason.text == "rover: progress unknown on 1.50 m of its wheels, may be entrapped, no answer"
+    assert reason.text == (
+        "rover: progress unknown on 1.50 m of its wheels, may be entrapped, or imu has no signal: no answer"
+    )
     # All that the wheels turned since the rover may have got stuck, but for the first cycle.
     assert reason.wheel_rad == pytest.approx((25.0 * 1.5, 0.0), rel=0.1)
     assert travel.go(0.1) == [reason]
