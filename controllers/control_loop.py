@@ -236,7 +236,7 @@ class ControlLoop:
         """Look for what is wrong with a drive that somebody else controls; return whether it widens."""
         check.update(cycle, self._estimator.suspicion)
         for doubt in check.doubts:
-            self._estimator.doubt(doubt.wheel_rad, doubt.yaw_rad, is_unseen=doubt.is_unseen)
+            self._estimator.doubt(*doubt)
         if check.is_open:
             self._estimator.leave_open()
         return check.is_open or bool(check.doubts)
@@ -258,6 +258,7 @@ class ControlLoop:
     def _cycle(self, now_ns: int, estimate: PoseEstimate, innovations: tuple[Innovation, ...]) -> Cycle:
         """Return what the rules see of this cycle."""
         odometry, contradiction = self._estimator.odometry, self._estimator.contradiction.report
+        excited = None if self._effort is None else self._effort.excited
         driven_from, self._driven_to = self._driven_to, odometry.pose
         driven_m = complex(odometry.pose.x_m - driven_from.x_m, odometry.pose.y_m - driven_from.y_m)
         return Cycle(
@@ -276,8 +277,11 @@ class ControlLoop:
             rejected_rate_rad_s=self._estimator.rejected_rate_rad_s,
             unseen_m=self._estimator.unseen_m,
             unseen_rad=self._estimator.unseen_rad,
+            doubted_rad=self._estimator.doubted_rad,
             ground_pairs=self._estimator.ground_pairs,
             slip=self._valid_slip(),
+            lost_response="" if excited is None else excited.lost_response,
+            unanswered_m=0.0 if excited is None else excited.unanswered_m,
             sees_no_motion=self._scomp is not None and self._scomp.sees_no_motion,
             set_steering_rad=self._steering_rad,
             steering_rad=self._estimator.steering.angles_rad,
@@ -294,7 +298,7 @@ class ControlLoop:
         supervisor = self._supervisor
         supervisor.update(self._cycle(now_ns, estimate, innovations))
         for doubt in supervisor.doubts:
-            self._estimator.doubt(doubt.wheel_rad, doubt.yaw_rad, is_unseen=doubt.is_unseen)
+            self._estimator.doubt(*doubt)
         if supervisor.mode is not Mode.RUNNING or self._is_paused:
             return None
         drift_rad = 0.0

@@ -14,6 +14,7 @@ from rover_hil.console.json_text import print_json
 from rover_hil.console.steps import show_steps
 from rover_hil.doctor.config_consistency import check_consistency
 from rover_hil.doctor.finding import Finding, Level
+from rover_hil.doctor.progress_sources import describe_progress
 from rover_hil.doctor.slip_sources import describe_slip_sources
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.ready.ages import check_ages
@@ -61,6 +62,7 @@ def check_config(
             "warnings": [f"{each.subject}: {each.what}: {each.fix}" for each in warnings],
             "commands": commands,
             "slip": "" if mistakes else describe_slip_sources(load_config(name)),
+            "entrapment": "" if mistakes else describe_progress(load_config(name)),
         }
         print_json(record)
         return EXIT_NO if mistakes else EXIT_OK
@@ -77,6 +79,7 @@ def check_config(
     for command, lack in commands.items():
         console.print(f"  {command}: {lack or 'yes'}")
     console.print(f"  slip: {describe_slip_sources(load_config(name))}")
+    console.print(f"  entrapment: {describe_progress(load_config(name))}")
     for option, path in (("schema", schema), ("preview", preview)):
         if path is not None:
             console.print(f"{option}: {path}")

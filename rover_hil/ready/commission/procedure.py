@@ -23,6 +23,7 @@ from rover_hil.pages.atomic_write import refuse_overwrite, write_file
 from rover_hil.pages.picture import Drawing
 from rover_hil.ready.commission.drive import Poses, read_poses
 from rover_hil.ready.commission.figures import draw_drives, draw_errors
+from rover_hil.ready.commission.learning import LearnedReading, learn_reading
 from rover_hil.ready.commission.worth import Worth, find_worth
 from rover_hil.ready.procedure import LOG_SUFFIX, Drive, Entry, Facts, Procedure, Request, Results, run
 from rover_hil.ready.turns import DEFAULT_SPEED_M_S, with_gains
@@ -30,6 +31,7 @@ from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 
 PAGE_NAME = "commissioning.html"
+LEARNED_NAME = "learned_bracket.toml"
 LINE = "line"
 LINE_STOPS = 2
 WAIT_S = 4.0
@@ -156,6 +158,7 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
         self._rng = np.random.default_rng(SEED)
         self._is_virtual = False
         self._presses_ns: list[int] = []
+        self._learned: LearnedReading | None = None
 
     def configure(self, request: Request, config: Config | None) -> Path | None:
         self._config = config
@@ -191,7 +194,7 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
         folder = out or Path()
         page = folder / PAGE_NAME
         logs = [folder / f"{drive.name}{LOG_SUFFIX}" for drive in drives]
-        refuse_overwrite(page, force=force or not is_recorded)
+        refuse_overwrite(page, folder / LEARNED_NAME, force=force or not is_recorded)
         refuse_overwrite(*logs, force=force)
         return Results(folder, page, logs)
 
@@ -221,6 +224,10 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
         return [_read(log, log.stem) for log in logs]
 
     def fit(self, record: Sequence[MeasuredDrive]) -> Worth:
+        """Return what the drives are worth; with pose fixes also learn how to read the slip."""
+        if self._is_excited and self._config is not None and self._config.fix_sources:
+            logs = [poses.path for _, poses, _ in record]
+            self._learned = learn_reading(logs, logs[0].parent / LEARNED_NAME)
         return find_worth(record)
 
     def title(self, record: Sequence[MeasuredDrive], result: Worth) -> str:
@@ -255,9 +262,12 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
             is_entered = self._enters and not result.doubts
             words = _excitation_words(result, is_virtual=is_virtual, is_entered=is_entered)
             facts.append(("yaw excitation", words))
+        if self._learned is not None:
+            facts.append(("learned reading", self._learned.words))
         return facts
 
     def json(self, record: Sequence[MeasuredDrive], result: Worth, out: Path | None) -> dict[str, object]:
+        learned = None if self._learned is None else self._learned.bracket
         return {
             "odometry_rms_m": result.odometry_rms_m,
             "estimate_rms_m": result.estimate_rms_m,
@@ -267,6 +277,7 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
             "marks_inside_95": result.inside,
             "covariance_factor": result.growth,
             "doubts": list(result.doubts),
+            "learned_bracket": None if learned is None else learned.model_dump(mode="json"),
             "report": str((out or Path()) / PAGE_NAME),
         }
 
