@@ -18,8 +18,8 @@ import numpy as np
 from benchmarks.ros2.latency import COMMANDER, config_of
 from controllers.operator import OperatorInput
 from drivers.clock import PacedClock
-from rover_hil.app.run import run_virtual
 from rover_hil.connect.ros2.connection import Ros2Connection
+from rover_hil.run.driving import run_virtual
 from rover_hil.run.executive import CycleView, End
 
 SECONDS = 60.0

@@ -15,10 +15,9 @@ from controllers.slip.effort.labelled_windows import LabelledReading
 from controllers.slip.effort.learned_bracket import PLAIN, SMOOTH, Driven, LearnedBracket
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.slip_bracket import DrivenTravel
-from drivers.clock import wall_time_ns
+from drivers.clock import date_of, wall_time_ns
 from rover_hil.datasets.arrays import Array, rms
 from rover_hil.datasets.toml_text import toml_text
-from rover_hil.doctor.clocks import today
 from rover_hil.pages.atomic_write import write_file
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
@@ -55,7 +54,7 @@ def learn_reading(logs: Sequence[Path], path: Path) -> LearnedReading:
             "are needed: drive more laps"
         )
         return LearnedReading(None, words)
-    learned = learn_bracket(labels, str(path.parent), today(wall_time_ns()).isoformat())
+    learned = learn_bracket(labels, str(path.parent), date_of(wall_time_ns()).isoformat())
     write_file(path, toml_text(learned.model_dump(exclude_none=True), digits=5))
     before = rms(np.array([each.slip - each.secant - EFFORT.bracket.weight * each.width for each in labels]))
     secant_share, width_share, *others = learned.weights

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from drivers.samples import AccelerationSample, PowerSample, RateSample, WheelSample
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.connect.cycle_bytes import FORCE, POWER, RATE, WHEEL, CyclePacker, CycleUnpacker, or_none
 from rover_hil.recording.schema import estimate_record, health_record
+from rover_hil.run.driving import run_virtual
 from rover_hil.run.executive import CycleView
 
 CONFIGS = ("robotino", "robotino-camera", "el-dorado", "el-dorado-crab")
