@@ -7,7 +7,8 @@ import numpy as np
 
 from tests.nature.omni_contact import OmniContact
 
-TRAPS = ("lifted", "dug in", "wall")
+ONE_WHEEL = "one wheel stuck"
+TRAPS = ("lifted", "dug in", "wall", ONE_WHEEL)
 CHECK_NS = 1_000_000
 """What holds the rover acts this often."""
 
@@ -19,12 +20,15 @@ class TrappedOmni(OmniContact):
     Args:
         trap: One of `TRAPS`. `lifted`: its wheels hang in the air, and the body stays where it is. `dug in`:
             the body stays where it is, and the wheels work against the ground. `wall`: a wall across x stops
-            the body without a bounce; it may slide along it, and turn.
+            the body without a bounce; it may slide along it, and turn. `one wheel stuck`: a wheel is wedged
+            and turns no more; the two others drive the rover, which drags it along.
         at_m: The distance.
+        wheel: The one that is wedged.
     """
 
     trap: str = "lifted"
     at_m: float = 0.5
+    wheel: int = 0
     is_trapped: bool = False
 
     def advance(self, t_ns: int) -> None:
@@ -33,10 +37,12 @@ class TrappedOmni(OmniContact):
             super().advance(self._t_ns + CHECK_NS)
             if not self.is_trapped and math.hypot(self._pose[0], self._pose[1]) >= self.at_m:
                 self.is_trapped = True
-                self._held = self._pose.copy()
+                self._held, self._held_rad = self._pose.copy(), float(self._angle[self.wheel])
                 self._loads_n = np.zeros(3) if self.trap == "lifted" else self._loads_n
             if self.is_trapped and self.trap == "wall":
                 self._stop_at_the_wall()
+            elif self.is_trapped and self.trap == ONE_WHEEL:
+                self._angle[self.wheel], self._speed[self.wheel] = self._held_rad, 0.0
             elif self.is_trapped:
                 self._pose[:], self._twist[:] = self._held, 0.0
         super().advance(t_ns)
