@@ -109,7 +109,7 @@ def main() -> int:
         missions = zip(seeds, found, strict=True)
         for seed, (end, stops) in track(missions, total=len(seeds), console=Console(stderr=True)):
             ends[end] += 1
-            stopped.update(stops)
+            stopped.update(list(stops))
             for name, text in stops.items():
                 print(f"{seed}, {name}: {text}", flush=True)
     print(f"{len(seeds)} missions without the rule: {dict(ends)}")
