@@ -1,7 +1,8 @@
 """The loop of the shipped El-Dorado with and without trace and tilt, on its simulated slope.
 
     python -m benchmarks.four_wheels.live_loop [--seeds 3]
-    python -m benchmarks.four_wheels.live_loop --way shipped --way "slip measured" --length-m 1
+    python -m benchmarks.four_wheels.live_loop --way shipped --way "slip measured" --length-m 1 --seeds 2
+    python -m benchmarks.four_wheels.live_loop --way "slip measured" --length-m 1 --approach-gain-per-s 10
 
 Each seed is other noise on the same slope, with `rover-hil run --virtual`: as shipped; with the course
 followed by the nose (`steer_against_drift = false`); with wheels that are taken to roll; and as shipped with
@@ -18,8 +19,9 @@ import argparse
 import json
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from unittest import mock
 
 import numpy as np
@@ -35,16 +37,18 @@ from rover_hil.report.summary import summarise
 from rover_hil.run.driving import run_virtual
 
 FIRST_SEED = 1000
+UNCHANGED: Mapping[str, float] = MappingProxyType({})
+CHANGEABLE = ("length_m", "approach_gain_per_s")
+"""Numbers of the mission that a run may change."""
 MEASURED = "slip measured"
 WAYS = ("shipped", "nose along the line", "wheels roll", MEASURED)
 
 
-def variant(way: str, seed: int, length_m: float | None = None) -> Config:
-    """Return the shipped configuration, changed as a way of driving wants it."""
+def variant(way: str, seed: int, changes: Mapping[str, float]) -> Config:
+    """Return the shipped configuration, changed as a way of driving wants it, and in its mission."""
     table = load_config("el-dorado").model_dump(by_alias=True)
     table["simulation"]["seed"] = seed
-    if length_m is not None:
-        table["mission"]["length_m"] = length_m
+    table["mission"].update(changes)
     if way == MEASURED:
         table["ground_motion"] = {"rig": table["scomp"]["rig"]}
     if way == "nose along the line":
@@ -54,9 +58,9 @@ def variant(way: str, seed: int, length_m: float | None = None) -> Config:
     return Config.model_validate(table)
 
 
-def drive(way: str, seed: int, path: Path, length_m: float | None = None) -> dict[str, float]:
+def drive(way: str, seed: int, path: Path, changes: Mapping[str, float] = UNCHANGED) -> dict[str, float]:
     """Return the figures of a drive; its log stays at the path."""
-    config = variant(way, seed, length_m)
+    config = variant(way, seed, changes)
     run_virtual(config, path, config.loop.time_limit_s, None)
     run = read_run(path)
     summary, truth = summarise(run), run.truth
@@ -103,13 +107,15 @@ def main() -> int:
     )
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--way", choices=WAYS, action="append", help="default: all, and the times of a step")
-    parser.add_argument("--length-m", type=float, help="default: as shipped")
+    for number in CHANGEABLE:
+        parser.add_argument(f"--{number.replace('_', '-')}", type=float, help="default: as shipped")
     arguments = parser.parse_args()
+    changes = {name: value for name in CHANGEABLE if (value := getattr(arguments, name)) is not None}
     report: dict[str, dict[str, list[float]]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for way in arguments.way or WAYS:
             found = [
-                drive(way, seed, Path(folder) / f"{way} {seed}.mcap", arguments.length_m)
+                drive(way, seed, Path(folder) / f"{way} {seed}.mcap", changes)
                 for seed in range(FIRST_SEED, FIRST_SEED + arguments.seeds)
             ]
             report[way] = {name: median_and_range([row[name] for row in found]) for name in found[0]}

@@ -23,17 +23,20 @@ class StallSettings(Settings):
         stall_ratio: A wheel follows when it turns faster than this share of what its set-point exceeds
             `stall_set_point_rad_s` by, and faster than `stall_speed_rad_s`.
         stall_speed_rad_s: A slower wheel does not turn. Not more: a loaded wheel creeps, and moves the rover.
+            Not less: a step of the encoder to and fro between two reports of a wheel at rest, 0.0098 rad/s of
+            the Robotino, is no turn.
         creep_set_point_rad_s: Smaller set-points are not watched: a drive with coarse steps sends zero.
         creep_rad: The rover stops when set-points between this and `stall_set_point_rad_s` would have turned
             a wheel by this angle without its turning.
-        reverse_s: The rover stops when a wheel has turned against its set-points for this long, and slower
-            than them by more than `stall_set_point_rad_s`.
+        reverse_s: The rover stops when a wheel has turned against its set-points for this long, faster than
+            twice `stall_speed_rad_s` (the ground drags a jammed wheel back, too), and slower than them by
+            more than `stall_set_point_rad_s`.
     """
 
     stall_s: Annotated[float, Field(ge=0.1, le=10.0)] = 1.0
     stall_set_point_rad_s: Annotated[float, Field(ge=0.01, le=50.0)] = 0.5
     stall_ratio: Annotated[float, Field(ge=0.01, le=0.9)] = 0.1
-    stall_speed_rad_s: Annotated[float, Field(ge=0.001, le=1.0)] = 0.02
+    stall_speed_rad_s: Annotated[float, Field(ge=0.001, le=1.0)] = 0.01
     creep_set_point_rad_s: Annotated[float, Field(ge=0.0, le=50.0)] = 0.2
     creep_rad: Annotated[float, Field(ge=0.1, le=100.0)] = 1.5
     reverse_s: Annotated[float, Field(ge=0.1, le=10.0)] = 0.5
@@ -116,7 +119,8 @@ class StallMonitor(StopRule):
 
     def _count(self, wheel: _Wheel, elapsed_ns: int, commanded: float, turning: float) -> None:
         settings, set_point = self._settings, abs(commanded)
-        if turning < -settings.stall_speed_rad_s and set_point - turning >= settings.stall_set_point_rad_s:
+        turns_back = turning < -2.0 * settings.stall_speed_rad_s
+        if turns_back and set_point - turning >= settings.stall_set_point_rad_s:
             wheel.reversed_ns += elapsed_ns
         else:
             wheel.reversed_ns = 0

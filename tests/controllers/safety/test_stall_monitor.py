@@ -64,7 +64,7 @@ def test_what_is_remembered_of_a_wheel_that_turns_has_the_time_of_a_stall() -> N
 
 @pytest.mark.parametrize(
     ("commanded", "measured"),
-    [(0.49, 0.0), (-0.49, 0.0), (0.5, 0.021), (-0.5, -0.021), (3.0, 0.251), (-3.0, -0.251)],
+    [(0.49, 0.0), (-0.49, 0.0), (0.52, 0.017), (0.5, 0.011), (-0.5, -0.011), (-3.0, -0.251)],
 )
 def test_small_set_points_and_wheels_that_turn_are_no_stall(commanded: float, measured: float) -> None:
     assert not Wheels().turn(3.0, (commanded,), (measured,))
@@ -113,7 +113,9 @@ def test_a_wheel_that_turns_against_its_set_point_is_named_after_half_a_second(
     assert reason.wheel_rad == pytest.approx((0.0, (commanded - measured) * 0.5))
 
 
-@pytest.mark.parametrize(("commanded", "measured"), [(0.3, -0.19), (0.48, -0.019), (-0.1, 0.3)])
+@pytest.mark.parametrize(
+    ("commanded", "measured"), [(0.3, -0.19), (0.48, -0.019), (0.495, -0.02), (-0.1, 0.3)]
+)
 def test_a_load_may_push_a_wheel_back_by_the_droop_of_its_loop(commanded: float, measured: float) -> None:
     assert not Wheels().turn(2.0, (commanded,), (measured,))
 
@@ -154,7 +156,7 @@ def test_the_time_of_a_reversal_can_be_set() -> None:
 
 
 @pytest.mark.parametrize(
-    ("commanded", "measured"), [(0.5, 0.02), (-0.5, -0.02), (3.0, 0.25), (-3.0, 0.25), (-3.0, 0.0)]
+    ("commanded", "measured"), [(0.5, 0.01), (-0.5, -0.01), (0.52, 0.0098), (3.0, 0.25), (-3.0, 0.25)]
 )
 def test_set_points_from_the_least_one_on_must_turn_a_wheel(commanded: float, measured: float) -> None:
     assert Wheels().turn(1.1, (commanded,), (measured,))
