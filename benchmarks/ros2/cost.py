@@ -82,8 +82,8 @@ def main() -> int:
             sides = InTurns(connection)
             run_virtual(config_of(), Path(folder) / "run.mcap", seconds, None, clock=clock, operator=sides)
         commander.kill()
-    call_us, most_us = np.percentile(sides.calls_ns[True], [50, 99]) / 1e3
     clock_us = np.median(sides.calls_ns[False]) / 1e3
+    call_us, most_us = np.percentile(sides.calls_ns[True], [50, 99]) / 1e3 - clock_us
     with_us, without_us = (np.median(sides.cycles_ns[is_called]) / 1e3 for is_called in (True, False))
     print(
         f"calls: median {call_us:.0f} us, 99 % {most_us:.0f} us a cycle; reading the clock {clock_us:.0f} us"
