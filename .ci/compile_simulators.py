@@ -5,8 +5,8 @@ import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config
+from rover_hil.run.driving import run_virtual
 from sim_backends.terramechanics.slope.rover import Conditions, paper_rover
 from sim_backends.terramechanics.slope.steady_state import solve_steady_state
 from sim_backends.terramechanics.soil.compiled import compiled_kernel

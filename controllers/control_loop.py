@@ -14,16 +14,12 @@ from controllers.estimation.pauses import PauseWatch
 from controllers.estimation.pose_filter import PoseEstimate
 from controllers.estimation.wheel_contradiction import ContradictionReport
 from controllers.estimator import Estimator
-from controllers.motion.by_hand import ByHand
 from controllers.motion.crab import CrabDrift, CrabReport
 from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.motion.limits import Limit, WheelLimiter
-from controllers.motion.path_following import Guidance, PathFollower
+from controllers.motion.missions.mission import Guidance
 from controllers.motion.planar import Pose
 from controllers.motion.rover_geometry import OmniRoverSettings
-from controllers.motion.settings import ByHandMission, SmallTurnsMission, WholeTurnsMission
-from controllers.motion.small_turns import SmallTurns
-from controllers.motion.whole_turns import WholeTurns
 from controllers.operator import OperatorInput, check_gains, gain_ranges
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
@@ -155,26 +151,7 @@ class ControlLoop:
         self._is_paused = False
         self._operator_reason = ""
         self._gain_ranges = gain_ranges(settings)
-        self._follower: PathFollower | SmallTurns | WholeTurns | ByHand | None = None
-        if isinstance(mission, SmallTurnsMission):
-            self._follower = SmallTurns(mission, turns_on_spot=kinematics.turns_on_spot)
-        elif isinstance(mission, WholeTurnsMission):
-            self._follower = WholeTurns(mission, turns_on_spot=kinematics.turns_on_spot)
-        elif isinstance(mission, ByHandMission):
-            self._follower = ByHand(
-                mission,
-                kinematics.moves_sideways,
-                turns_on_spot=kinematics.turns_on_spot,
-                turn_radius_m=kinematics.turn_radius_m,
-            )
-        elif mission is not None:
-            self._follower = PathFollower(
-                mission,
-                kinematics.moves_sideways,
-                turns_on_spot=kinematics.turns_on_spot,
-                turn_radius_m=kinematics.turn_radius_m,
-                crab_limit_rad=kinematics.crab_limit_rad,
-            )
+        self._follower = None if mission is None else mission.follower(kinematics)
 
     def operate(self, now_ns: int, wanted: OperatorInput) -> None:
         """Take what an operator wants, before the `step` at the same time.
@@ -187,10 +164,10 @@ class ControlLoop:
             self._is_paused = wanted.is_paused
         if wanted.stop_reason is not None:
             self._operator_reason = wanted.stop_reason
-        if wanted.motion is not None and isinstance(self._follower, ByHand):
+        if wanted.motion is not None and self._follower is not None:
             self._follower.command(now_ns, wanted.motion)
-        if wanted.gains and isinstance(self._follower, PathFollower | ByHand):
-            self._follower.mission = self._follower.mission.model_copy(update=dict(wanted.gains))
+        if wanted.gains and self._follower is not None:
+            self._follower.change_gains(wanted.gains)
 
     def follow_log(self, command: WheelCommand) -> None:
         """Replace the set-points of the last `step` by those that the rover was given then.
@@ -259,7 +236,7 @@ class ControlLoop:
         """Look for what is wrong with a drive that somebody else controls; return whether it widens."""
         check.update(cycle, self._estimator.suspicion)
         for doubt in check.doubts:
-            self._estimator.doubt(doubt.wheel_rad, doubt.yaw_rad, is_unseen=doubt.is_unseen)
+            self._estimator.doubt(*doubt)
         if check.is_open:
             self._estimator.leave_open()
         return check.is_open or bool(check.doubts)
@@ -281,6 +258,7 @@ class ControlLoop:
     def _cycle(self, now_ns: int, estimate: PoseEstimate, innovations: tuple[Innovation, ...]) -> Cycle:
         """Return what the rules see of this cycle."""
         odometry, contradiction = self._estimator.odometry, self._estimator.contradiction.report
+        excited = None if self._effort is None else self._effort.excited
         driven_from, self._driven_to = self._driven_to, odometry.pose
         driven_m = complex(odometry.pose.x_m - driven_from.x_m, odometry.pose.y_m - driven_from.y_m)
         return Cycle(
@@ -299,8 +277,11 @@ class ControlLoop:
             rejected_rate_rad_s=self._estimator.rejected_rate_rad_s,
             unseen_m=self._estimator.unseen_m,
             unseen_rad=self._estimator.unseen_rad,
+            doubted_rad=self._estimator.doubted_rad,
             ground_pairs=self._estimator.ground_pairs,
             slip=self._valid_slip(),
+            lost_response="" if excited is None else excited.lost_response,
+            unanswered_m=0.0 if excited is None else excited.unanswered_m,
             sees_no_motion=self._scomp is not None and self._scomp.sees_no_motion,
             set_steering_rad=self._steering_rad,
             steering_rad=self._estimator.steering.angles_rad,
@@ -317,7 +298,7 @@ class ControlLoop:
         supervisor = self._supervisor
         supervisor.update(self._cycle(now_ns, estimate, innovations))
         for doubt in supervisor.doubts:
-            self._estimator.doubt(doubt.wheel_rad, doubt.yaw_rad, is_unseen=doubt.is_unseen)
+            self._estimator.doubt(*doubt)
         if supervisor.mode is not Mode.RUNNING or self._is_paused:
             return None
         drift_rad = 0.0
@@ -326,13 +307,8 @@ class ControlLoop:
             if self._crab is not None:
                 drift_rad = self._crab.take(now_ns, drift_rad, self._scomp.source)
         pose = Pose(x_m=estimate.x_m, y_m=estimate.y_m, yaw_rad=estimate.yaw_rad)
-        if isinstance(self._follower, SmallTurns | WholeTurns):
-            guidance = self._follower.guide(pose, seconds(now_ns))
-        elif isinstance(self._follower, ByHand):
-            return self._follower.guide(now_ns)
-        else:
-            guidance = self._follower.guide(pose, drift_rad, seconds(now_ns))
-        if guidance.finished:
+        guidance = self._follower.guide(pose, now_ns, drift_rad)
+        if guidance is not None and guidance.finished:
             supervisor.finish()
         return guidance
 

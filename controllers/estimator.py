@@ -64,6 +64,8 @@ class Estimator:
         is_still: Whether the wheels have been at rest for a while, as commanded, at the last `advance`.
         suspicion: Why the wheels may not measure the motion of the rover; empty without a contradiction.
         ground_pairs: Motions over the ground that the last cycle took.
+        doubted_rad: Standard deviation of the yaw by doubts that are no unseen motion, before the corrections
+            of the last cycle.
     """
 
     def __init__(
@@ -137,6 +139,7 @@ class Estimator:
         self._compensated_m = (0.0, 0.0)
         self._driven_ns: int | None = None
         self._unseen = UnseenMotion(self._effects)
+        self._undecided_rad2 = self._doubted_to_m = self.doubted_rad = 0.0
         self.evidence: TurnEvidence | None = None
         self.is_still = False
         self._is_resting = False
@@ -222,6 +225,7 @@ class Estimator:
             set_speed_rad_s: Set-points of the wheels since the last cycle; empty for none.
             set_steering_rad: Steering set-points since the last cycle; empty for none.
         """
+        self.doubted_rad = math.sqrt(self._undecided_rad2)
         self._steer(now_ns, set_steering_rad)
         increment = self.odometry.take(self.steering.angles_rad)
         self.evidence = None
@@ -266,8 +270,10 @@ class Estimator:
             self._bias_seen_ns = gyro.t_ns
             innovations.append(self._filter.correct_bias(self._roles.gyro, gyro.rate_rad_s))
             self._is_bias_known |= innovations[-1].accepted
-        if self.unseen_m or self.unseen_rad:
-            self._unseen.limit(*self._variances())
+        if self.unseen_m or self.unseen_rad or self.doubted_rad:
+            position_m2, yaw_rad2 = self._variances()
+            self._unseen.limit(position_m2, yaw_rad2)
+            self._undecided_rad2 = min(self._undecided_rad2, yaw_rad2)
         return tuple(innovations)
 
     def _compensate(
@@ -351,7 +357,9 @@ class Estimator:
         x_m, y_m = self._compensated_m
         self._compensated_m = (kept * x_m + removed_x_m, kept * y_m + removed_y_m)
 
-    def doubt(self, wheel_rad: tuple[float, ...], yaw_rad: float, *, is_unseen: bool = True) -> None:
+    def doubt(
+        self, wheel_rad: tuple[float, ...], yaw_rad: float, is_unseen: bool = True, path_m: float = 0.0
+    ) -> None:
         """Widen the estimate by motion that was measured wrongly.
 
         A gyro that was wrong has also misled the slip compensation: a gyro without a signal looks like wheels
@@ -363,6 +371,8 @@ class Estimator:
             yaw_rad: Greatest error of the yaw.
             is_unseen: Whether the doubt counts as motion that was not measured, which may keep the rover
                 stopped; else the estimate only becomes as uncertain as it is.
+            path_m: Distance driven before, on which the yaw may have become wrong: its end may be off by the
+                chord of that path turned by the yaw.
         """
         x_m, y_m, by_wheels_rad = greatest_motion(self._effects, wheel_rad or (0.0,) * len(self._effects))
         if yaw_rad:
@@ -371,11 +381,18 @@ class Estimator:
             self._filter.doubt_slip()
             if self._slip is not None:
                 self._slip.doubt_gyro()
+        if path_m:
+            chord_m = min(path_m, self._path_m - self._doubted_to_m)  # the path before is doubted already
+            chord_m *= 2.0 * math.sin(0.5 * min(yaw_rad, math.pi))
+            x_m, y_m, self._doubted_to_m = x_m + chord_m, y_m + chord_m, self._path_m
         greatest = (x_m, y_m, yaw_rad + (by_wheels_rad if self._roles.gyro is None else 0.0))
         if is_unseen:
             self._widen(greatest)
-        else:
-            self._filter.widen(*greatest)
+            return
+        # No yaw is more uncertain than one that may be any.
+        added_rad2 = min(greatest[2] ** 2 / 3.0, max(0.0, math.pi**2 / 3.0 - self._undecided_rad2))
+        self._filter.widen(x_m, y_m, math.sqrt(3.0 * added_rad2))
+        self._undecided_rad2 += added_rad2
 
     def leave_open(self) -> None:
         """Widen the estimate to all that is left where a sensor of the motion may be wrong all the time.

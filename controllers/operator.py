@@ -6,24 +6,10 @@ from dataclasses import dataclass, field
 from annotated_types import Ge, Le
 
 from controllers.motion.body_motion import BodyMotion
-from controllers.motion.settings import (
-    PathSettings,
-    SmallTurnsMission,
-    WaypointsMission,
-    WholeTurnsMission,
-)
+from controllers.motion.missions.mission import GAIN_UNITS, PathSettings
 from controllers.settings import ControlSettings
 from drivers.errors import ConfigError
 from drivers.samples import PoseFixSample
-
-GAIN_UNITS = {
-    "speed_m_s": "m/s",
-    "lookahead_m": "m",
-    "approach_gain_per_s": "1/s",
-    "heading_gain_per_s": "1/s",
-    "yaw_rate_limit_rad_s": "rad/s",
-}
-"""The keys of [mission] that may be changed while it is driven, with their units."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,14 +47,13 @@ def merge(first: OperatorInput, then: OperatorInput) -> OperatorInput:
 def gain_ranges(settings: ControlSettings) -> dict[str, tuple[float, float]]:
     """Return the least and greatest allowed value of each gain; empty for a mission that has none."""
     mission = settings.mission
-    if mission is None or isinstance(mission, SmallTurnsMission | WholeTurnsMission):
+    if mission is None:
         return {}
-    ranges = {name: _field_range(name) for name in GAIN_UNITS}
-    low_m_s, high_m_s = ranges["speed_m_s"]
-    stall_m_s = settings.safety.stall_set_point_rad_s * settings.rover.wheel_radius_m
-    ranges["speed_m_s"] = (max(low_m_s, stall_m_s), high_m_s)
-    if isinstance(mission, WaypointsMission) and mission.speeds_m_s:
-        del ranges["speed_m_s"]  # no leg is driven with it: a slower speed would not slow the rover
+    ranges = {name: _field_range(name) for name in mission.gains()}
+    if "speed_m_s" in ranges:
+        low_m_s, high_m_s = ranges["speed_m_s"]
+        stall_m_s = settings.safety.stall_set_point_rad_s * settings.rover.wheel_radius_m
+        ranges["speed_m_s"] = (max(low_m_s, stall_m_s), high_m_s)
     return ranges
 
 

@@ -7,7 +7,6 @@ from pydantic import AliasChoices, Field, model_validator
 
 from controllers.estimation.ground_settings import GroundMotionSettings
 from controllers.estimation.settings import FilterSettings
-from controllers.motion.mission import mission_legs
 from controllers.motion.rover_geometry import (
     OmniRoverSettings,
     RoverSettings,
@@ -73,7 +72,7 @@ def find_stall_conflicts(
     """Yield why no stall could be noticed on a mission, with the fix."""
     if mission is None:
         return
-    slowest_m_s = min(leg.speed_m_s or mission.speed_m_s for leg in mission_legs(mission))
+    slowest_m_s = min(leg.speed_m_s or mission.speed_m_s for leg in mission.legs())
     wheel_rad_s, least_rad_s = slowest_m_s / rover.wheel_radius_m, safety.stall_set_point_rad_s
     if wheel_rad_s < least_rad_s:
         yield (
@@ -91,12 +90,12 @@ def find_slip_conflicts(
         yield f"slip.use is '{YAW_PROBE}', but {_why_not_excited(rover)}: leave [slip] out"
     elif slip is not None and not isinstance(rover, OmniRoverSettings):
         yield (
-            f"slip: its maps are of three omnidirectional wheels, but rover.kinematics is "
+            "slip: its maps are of three omnidirectional wheels, but rover.kinematics is "
             f"'{rover.kinematics}': leave [slip] out"
         )
     if scomp is not None and not has_four_wheels(rover):
         yield (
-            f"scomp: it is for a rover with four wheels, front left, front right, rear left, rear right, but "
+            "scomp: it is for a rover with four wheels, front left, front right, rear left, rear right, but "
             f"rover.kinematics is '{rover.kinematics}' with others: leave [scomp] out"
         )
 

@@ -1,14 +1,9 @@
 """Whether anything in a mission would notice a yaw that is wrong."""
 
-import cmath
-from itertools import pairwise
 from typing import NamedTuple
 
 from controllers.motion.kinematics import make_kinematics
-from controllers.motion.mission import corner_points
-from controllers.motion.path_following import SPOT_TURN_RAD
 from controllers.motion.rover_geometry import OmniRoverSettings
-from controllers.motion.settings import ByHandMission, MissionSettings, SmallTurnsMission, WholeTurnsMission
 from controllers.roles import DeviceRoles
 from controllers.settings import ControlSettings
 from controllers.slip.effort.settings import YAW_PROBE
@@ -48,7 +43,8 @@ def find_unwatched_yaw(settings: ControlSettings, roles: DeviceRoles) -> Unwatch
         return UnwatchedYaw(
             "nothing compares the turn by the wheels", "a gyro, a compass or pose fixes would watch it"
         )
-    if (slip is not None and slip.use == YAW_PROBE) or _turns(settings, mission):
+    kinematics = make_kinematics(settings.rover)
+    if (slip is not None and slip.use == YAW_PROBE) or mission.turns_beside_travel(kinematics):
         return None
     excitation = ""
     if isinstance(settings.rover, OmniRoverSettings):
@@ -57,15 +53,3 @@ def find_unwatched_yaw(settings: ControlSettings, roles: DeviceRoles) -> Unwatch
         f"nothing in this mission would notice that {roles.gyro} measures no turns",
         f"{excitation}a compass, pose fixes or a mission that turns on the spot would watch it",
     )
-
-
-def _turns(settings: ControlSettings, mission: MissionSettings) -> bool:
-    """Return whether the mission turns the rover on the spot, or while it moves on sideways."""
-    if isinstance(mission, SmallTurnsMission | WholeTurnsMission):
-        return True
-    if isinstance(mission, ByHandMission) or mission.heading == "hold":
-        return False
-    corners_m = [complex(*corner) for corner in corner_points(mission)]
-    ways_m = [1.0 + 0j, *(end - start for start, end in pairwise(corners_m) if end != start)]
-    greatest_rad = max((abs(cmath.phase(after / before)) for before, after in pairwise(ways_m)), default=0.0)
-    return make_kinematics(settings.rover).turns_on_spot and greatest_rad > SPOT_TURN_RAD

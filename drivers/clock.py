@@ -1,5 +1,6 @@
 """The only module that reads a clock or sleeps (a lint rule bans it everywhere else)."""
 
+import datetime as dt
 import time
 from typing import Protocol
 
@@ -102,6 +103,11 @@ class PacedClock(VirtualClock):
 def wall_time_ns() -> int:
     """Return wall-clock time in nanoseconds since 1970: for the header of a log, never for control."""
     return time.time_ns()
+
+
+def date_of(wall_ns: int) -> dt.date:
+    """Return the date of a wall-clock reading in UTC."""
+    return dt.datetime.fromtimestamp(wall_ns / NANOSECONDS_PER_SECOND, tz=dt.UTC).date()
 
 
 def wall_time_text() -> str:

@@ -1,12 +1,13 @@
 """Every device the configuration may name; a new device adds its settings class here."""
 
-from typing import Annotated, TypeAlias
+from typing import Annotated, TypeAlias, get_args
 
 from pydantic import Field
 
 from drivers.camera.settings import CameraSettings
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.canopen_wheels.settings import CanopenWheelsSettings
+from drivers.device_settings import DeviceSettings
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.nmea_gnss.settings import NmeaGnssSettings
 from drivers.overhead_camera.settings import OverheadCameraSettings
@@ -32,3 +33,9 @@ AnyDeviceSettings: TypeAlias = Annotated[
     | XsensSettings,
     Field(discriminator="type"),
 ]
+
+
+def device_types() -> tuple[type[DeviceSettings], ...]:
+    """Return the settings classes of all devices."""
+    union, *_ = get_args(AnyDeviceSettings)
+    return get_args(union)

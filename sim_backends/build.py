@@ -1,62 +1,54 @@
 """Builds a simulated world: a plant, and an emulator for every device of the configuration."""
 
 import zlib
-from collections.abc import Iterator, Mapping
-from typing import TypeAlias, TypeVar, cast
+from collections.abc import Callable, Iterator, Mapping
+from typing import TypeAlias
 
 import numpy as np
+from pydantic import TypeAdapter
 
-from drivers.camera.settings import CameraSettings
-from drivers.can_wheels.settings import CanWheelsSettings
-from drivers.canopen_wheels.settings import CanopenWheelsSettings
 from drivers.errors import ConfigError
 from drivers.link import CameraImage
-from drivers.nmea_compass.settings import NmeaCompassSettings
-from drivers.nmea_gnss.settings import NmeaGnssSettings
-from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.registry import AnyDeviceSettings
-from drivers.robotino3_board.settings import Robotino3BoardSettings
-from drivers.robotino_board.settings import RobotinoBoardSettings
-from drivers.vectornav.settings import VectorNavSettings
-from drivers.vesc.settings import VescSettings
-from drivers.witmotion.settings import WitMotionSettings
-from drivers.xsens.settings import XsensSettings
 from sim_backends.devices.camera import make_camera
-from sim_backends.devices.can_wheels import CanNodeSettings, make_can_node
-from sim_backends.devices.canopen_wheels import CanopenWheelsEmulatorSettings, make_canopen_wheels
-from sim_backends.devices.nmea_compass import CompassEmulatorSettings, make_compass
-from sim_backends.devices.nmea_gnss import GnssEmulatorSettings, make_gnss
+from sim_backends.devices.can_wheels import make_can_node
+from sim_backends.devices.canopen_wheels import make_canopen_wheels
+from sim_backends.devices.nmea_compass import make_compass
+from sim_backends.devices.nmea_gnss import make_gnss
 from sim_backends.devices.overhead_camera import make_overhead_camera
-from sim_backends.devices.robotino3_board import Robotino3BoardEmulatorSettings, make_robotino3_board
-from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings, make_robotino_board
-from sim_backends.devices.vectornav import VectorNavEmulatorSettings, make_vectornav
-from sim_backends.devices.vesc import VescEmulatorSettings, make_vesc
-from sim_backends.devices.witmotion import ImuEmulatorSettings, make_imu
-from sim_backends.devices.xsens import XsensEmulatorSettings, make_xsens
-from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
+from sim_backends.devices.robotino3_board import make_robotino3_board
+from sim_backends.devices.robotino_board import make_robotino_board
+from sim_backends.devices.vectornav import make_vectornav
+from sim_backends.devices.vesc import make_vesc
+from sim_backends.devices.witmotion import make_imu
+from sim_backends.devices.xsens import make_xsens
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
-from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.settings import EmulatorSettings, SimulationSettings
 from sim_backends.world.faults import flip_bit, grey_lower_half, schedule_faults
 from sim_backends.world.plant import Plant
 from sim_backends.world.world import EmulatedDevice, World
 
 Devices: TypeAlias = Mapping[str, AnyDeviceSettings]
-ByteSensor: TypeAlias = (
-    NmeaCompassSettings | NmeaGnssSettings | VectorNavSettings | WitMotionSettings | XsensSettings
-)
-ByteDevice: TypeAlias = (
-    ByteSensor
-    | CanWheelsSettings
-    | CanopenWheelsSettings
-    | Robotino3BoardSettings
-    | RobotinoBoardSettings
-    | VescSettings
-)
-EmulatorT = TypeVar("EmulatorT", bound=EmulatorSettings)
-"""A device whose settings are missing in `EmulatorSettings` is an error of types at its `_errors_of`."""
+IMAGE_DEVICES: Mapping[str, Callable[..., EmulatedDevice[CameraImage]]] = {
+    "camera": make_camera,
+    "overhead_camera": make_overhead_camera,
+}
+BYTE_DEVICES: Mapping[str, Callable[..., EmulatedDevice[bytes]]] = {
+    "can_wheels": make_can_node,
+    "canopen_wheels": make_canopen_wheels,
+    "nmea_compass": make_compass,
+    "nmea_gnss": make_gnss,
+    "robotino3_board": make_robotino3_board,
+    "robotino_board": make_robotino_board,
+    "vectornav": make_vectornav,
+    "vesc": make_vesc,
+    "witmotion": make_imu,
+    "xsens": make_xsens,
+}
+"""What makes the emulator of each type of device."""
+EMULATOR: TypeAdapter[EmulatorSettings] = TypeAdapter(EmulatorSettings)
 
 
 def build_world(devices: Devices, simulation: SimulationSettings, start_ns: int) -> World:
@@ -85,12 +77,13 @@ def build_world(devices: Devices, simulation: SimulationSettings, start_ns: int)
         fault_rng = _generator(simulation.seed, f"faults {name}")
         faults = [fault for fault in simulation.faults if fault.device == name]
         try:
-            if isinstance(settings, CameraSettings | OverheadCameraSettings):
-                camera = _make_image_device(name, settings, simulation, plant, rng, start_ns)
+            errors = simulation.devices.get(name) or EMULATOR.validate_python({"type": settings.type})
+            if settings.type in IMAGE_DEVICES:
+                camera = IMAGE_DEVICES[settings.type](name, settings, errors, plant, rng, start_ns)
                 schedule_faults(camera, faults, grey_lower_half, fault_rng, start_ns)
                 image_devices[name] = camera
             else:
-                device = _make_byte_device(name, settings, simulation, plant, rng, start_ns)
+                device = BYTE_DEVICES[settings.type](name, settings, errors, plant, rng, start_ns)
                 schedule_faults(device, faults, flip_bit, fault_rng, start_ns)
                 byte_devices[name] = device
         except ConfigError as error:
@@ -135,84 +128,6 @@ def _make_plant(simulation: SimulationSettings, start_ns: int) -> Plant:
             from sim_backends.plants.wheels.plant import WheelsPlant
 
             return WheelsPlant(any_wheels, rng, start_ns)
-
-
-def _make_image_device(
-    name: str,
-    device: CameraSettings | OverheadCameraSettings,
-    simulation: SimulationSettings,
-    plant: Plant,
-    rng: np.random.Generator,
-    start_ns: int,
-) -> EmulatedDevice[CameraImage]:
-    match device:
-        case CameraSettings():
-            camera = _errors_of(CameraEmulatorSettings, name, device, simulation)
-            return make_camera(name, device, camera, plant, rng, start_ns)
-        case OverheadCameraSettings():
-            overhead = _errors_of(OverheadCameraEmulatorSettings, name, device, simulation)
-            return make_overhead_camera(name, device, overhead, plant, rng, start_ns)
-
-
-def _make_byte_device(
-    name: str,
-    device: ByteDevice,
-    simulation: SimulationSettings,
-    plant: Plant,
-    rng: np.random.Generator,
-    start_ns: int,
-) -> EmulatedDevice[bytes]:
-    match device:
-        case CanWheelsSettings():
-            node = _errors_of(CanNodeSettings, name, device, simulation)
-            return make_can_node(name, device, node, plant, rng, start_ns)
-        case CanopenWheelsSettings():
-            drives = _errors_of(CanopenWheelsEmulatorSettings, name, device, simulation)
-            return make_canopen_wheels(name, device, drives, plant, rng, start_ns)
-        case Robotino3BoardSettings():
-            board_3 = _errors_of(Robotino3BoardEmulatorSettings, name, device, simulation)
-            return make_robotino3_board(name, device, board_3, plant, rng)
-        case RobotinoBoardSettings():
-            board = _errors_of(RobotinoBoardEmulatorSettings, name, device, simulation)
-            return make_robotino_board(name, device, board, plant, rng, start_ns)
-        case VescSettings():
-            vesc = _errors_of(VescEmulatorSettings, name, device, simulation)
-            return make_vesc(name, device, vesc, plant, rng, start_ns)
-        case sensor:
-            return _make_sensor(name, sensor, simulation, plant, rng, start_ns)
-
-
-def _make_sensor(
-    name: str,
-    device: ByteSensor,
-    simulation: SimulationSettings,
-    plant: Plant,
-    rng: np.random.Generator,
-    start_ns: int,
-) -> EmulatedDevice[bytes]:
-    match device:
-        case NmeaCompassSettings():
-            compass = _errors_of(CompassEmulatorSettings, name, device, simulation)
-            return make_compass(name, device, compass, plant, rng, start_ns)
-        case NmeaGnssSettings():
-            gnss = _errors_of(GnssEmulatorSettings, name, device, simulation)
-            return make_gnss(name, device, gnss, plant, rng, start_ns)
-        case VectorNavSettings():
-            vectornav = _errors_of(VectorNavEmulatorSettings, name, device, simulation)
-            return make_vectornav(name, device, vectornav, plant, rng, start_ns)
-        case WitMotionSettings():
-            imu = _errors_of(ImuEmulatorSettings, name, device, simulation)
-            return make_imu(name, device, imu, plant, rng, start_ns)
-        case XsensSettings():
-            xsens = _errors_of(XsensEmulatorSettings, name, device, simulation)
-            return make_xsens(name, device, xsens, plant, rng, start_ns)
-
-
-def _errors_of(
-    kind: type[EmulatorT], name: str, device: AnyDeviceSettings, simulation: SimulationSettings
-) -> EmulatorT:
-    """Return the errors of a device, the default ones when the configuration has none."""
-    return cast("EmulatorT", kind.model_validate(simulation.devices.get(name) or {"type": device.type}))
 
 
 def _generator(seed: int, name: str) -> np.random.Generator:

@@ -31,10 +31,10 @@ from controllers.motion.settings import LineMission
 from controllers.safety import Mode
 from drivers.clock import stopwatch_ns
 from drivers.samples import Sample
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import summarise
+from rover_hil.run.driving import run_virtual
 
 FIRST_SEED = 1000
 UNCHANGED: Mapping[str, float] = MappingProxyType({})

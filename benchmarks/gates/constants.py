@@ -29,7 +29,6 @@ from rich.progress import track
 from benchmarks.safety import missions
 from benchmarks.safety.missions import drive, robotino
 from benchmarks.sensitivity import FACTORS, varied
-from controllers.motion.mission import corner_points
 from controllers.motion.settings import RectangleMission
 from controllers.safety import Mode
 from drivers.clock import wall_time_text
@@ -50,7 +49,7 @@ NUMBERS_OF_CAMERA = (
 FOLDERS = ("controllers/slip", "controllers/estimation", "controllers/safety")
 SITE = 500
 CONFIGURE = load_config
-CORNERS = corner_points(RectangleMission(type="rectangle", length_m=0.9, width_m=0.4))
+CORNERS = RectangleMission(type="rectangle", length_m=0.9, width_m=0.4).corners()
 
 
 @dataclass(frozen=True, slots=True)

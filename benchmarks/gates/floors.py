@@ -9,7 +9,6 @@ import numpy as np
 
 from benchmarks.safety.missions import Driven, Falsify, MakeCamera, drive, ground_camera, with_fixes
 from benchmarks.wilson import interval_percent
-from controllers.motion.mission import corner_points
 from controllers.safety import Mode
 from controllers.slip.effort.gyro_response import GyroResponse
 from controllers.slip.effort.parameters import EFFORT
@@ -160,7 +159,7 @@ def drive_config(
     )
     x_m, y_m, yaw_rad = np.array([moment.truth for moment in driven.moments]).T
     assert config.mission is not None
-    path, corners = TruePath(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad), corner_points(config.mission)
+    path, corners = TruePath(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad), config.mission.corners()
     way = Way(
         has_finished=driven.mode is Mode.FINISHED,
         path_m=path_rms_m(path, corners),

@@ -15,10 +15,10 @@ import zstandard
 from mcap.opcode import Opcode
 
 from benchmarks.hostile.values import change_somewhere, raw_json
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.recording.mcap_records import HEAD, MAGIC, MESSAGE_HEAD
 from rover_hil.recording.reader import LogReader
+from rover_hil.run.driving import run_virtual
 
 RUN_S = 1.6
 BOMB_BYTES = 3_200_000_000

@@ -35,11 +35,7 @@ from benchmarks.sensitivity import print_table
 from controllers.motion.kinematics import OmniKinematics
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError, ModelError
-from rover_hil.app.calibrate.imu import calibrate_imu
 from rover_hil.datasets.robotino_csv import ROBOTINO
-from rover_hil.identify.gyro.parameters import GYRO_FIT
-from rover_hil.identify.gyro.response_fit import fit_response
-from rover_hil.identify.gyro.turns import read_turns
 from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.record import MotorRecord
 from rover_hil.identify.motor.report import report_motor
@@ -51,6 +47,11 @@ from rover_hil.identify.slip.run_data import MeasuredRun
 from rover_hil.identify.slip.runs import find_runs
 from rover_hil.identify.slip.scores import Score
 from rover_hil.identify.slip.windows import form_windows
+from rover_hil.ready.imu.calibration import GyroCalibration
+from rover_hil.ready.imu.fit import fit_response
+from rover_hil.ready.imu.parameters import GYRO_FIT
+from rover_hil.ready.imu.turns import read_turns
+from rover_hil.ready.procedure import Request, run
 from tests.nature.four_wheel_drive import Recorded, field_test
 from tests.nature.motor import measure, staircase
 
@@ -207,7 +208,7 @@ def main() -> int:
         with TemporaryDirectory() as folder:
             found = Path(folder) / "gyro.toml"
             with redirect_stdout(StringIO()):
-                calibrate_imu("robotino", virtual=True, out=found, as_json=True)
+                run(GyroCalibration(), Request(source="robotino", virtual=True, out=found))
             score = partial(gyro_figures, found.with_suffix(".mcap"))
             print_table(GYRO_FIT, score, groups=given.groups, refusals=refusals, effects_only=True)
     return 0

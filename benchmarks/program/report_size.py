@@ -11,9 +11,9 @@ import tempfile
 from pathlib import Path
 
 from drivers.clock import SystemClock, seconds
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.report.write import REPORT_NAME, write_report
+from rover_hil.run.driving import run_virtual
 
 BAR_MB = 5.0
 LARGE = {"length_m": 12.0, "width_m": 12.0, "speed_m_s": 0.1}

@@ -16,10 +16,10 @@ from pathlib import Path
 
 from benchmarks.program.step_time import make_peer
 from drivers.clock import seconds, stopwatch_ns
-from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
+from rover_hil.run.driving import run_virtual
 from rover_hil.run.replay import replay
 
 PEER_CYCLES = 2000

@@ -22,11 +22,10 @@ from rich.progress import track
 from rich.table import Table
 
 from benchmarks.cluster_option import add_cluster_option
-from controllers.motion.mission import corner_points
 from controllers.safety import Mode
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config, load_slip_map
 from rover_hil.parallel.executor import open_executor
+from rover_hil.run.driving import run_virtual
 from rover_hil.tune.metrics import TruePath, closure_m, path_rms_m
 from rover_hil.tune.simulated_mission import drive
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
@@ -118,7 +117,7 @@ def run_once(job: tuple[Version, int, int]) -> Result:
     config = configure(*job)
     driven = drive(config)
     assert config.mission is not None
-    true_path, corners = TruePath.of(driven.truth), corner_points(config.mission)
+    true_path, corners = TruePath.of(driven.truth), config.mission.corners()
     truth, estimate = driven.truth, driven.estimate
     off_m = np.hypot(truth.x_m - estimate.x_m, truth.y_m - estimate.y_m)
     return Result(

@@ -23,7 +23,6 @@ from functools import partial
 import numpy as np
 
 from benchmarks.robotino.yaw_probe_faults import Fault, judge_slip, random_constants, spoil
-from controllers.motion.mission import corner_points
 from controllers.safety import Mode
 from drivers.clock import VirtualClock, nanoseconds, seconds
 from drivers.link import NoTap
@@ -133,7 +132,7 @@ def drive(slip: dict[str, object] | None, ground: Site | Floor, seed: int) -> Ru
             rows.append((seconds(now_ns - start_ns), *pose, *moves, *found))
     table = np.array(rows)
     assert config.mission is not None
-    path, corners = TruePath.of(Track.of(table[:, :4]).from_first_pose()), corner_points(config.mission)
+    path, corners = TruePath.of(Track.of(table[:, :4]).from_first_pose()), config.mission.corners()
     valid, wrong, square, _ = judge_slip(table)
     return Run(
         finished=mode is Mode.FINISHED,

@@ -15,9 +15,9 @@ import numpy as np
 
 from controllers.motion.rover_geometry import OmniRoverSettings
 from drivers.clock import nanoseconds
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.datasets.log import read_drive
+from rover_hil.run.driving import run_virtual
 
 FIRST_SEED = 900
 DURATION_S = 40.0

@@ -29,16 +29,16 @@ from rich.progress import track
 
 from benchmarks.cluster_option import add_cluster_option
 from benchmarks.wilson import share_text
-from controllers.motion.mission import corner_points
 from controllers.safety import Mode
 from controllers.slip.effort.gyro_response import GyroResponse
 from drivers.clock import VirtualClock, nanoseconds, seconds
 from drivers.link import NoTap
-from rover_hil.app.calibrate.imu import on_firm_floor, turning_config
 from rover_hil.config import Config, load_config
-from rover_hil.identify.gyro.response_fit import fit_response
-from rover_hil.identify.gyro.turns import read_turns
 from rover_hil.parallel.executor import open_executor
+from rover_hil.ready.imu.calibration import small_turns_config
+from rover_hil.ready.imu.fit import fit_response
+from rover_hil.ready.imu.turns import read_turns
+from rover_hil.ready.turns import on_firm_floor
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
 from rover_hil.report.tracks import Track
@@ -262,7 +262,7 @@ def drive(ground: Ground, seed: int, fault: Fault, *, probe: bool, gyro: GyroRes
     table = np.array(rows)
     path = TruePath.of(Track.of(table[:, :4]).from_first_pose())
     assert config.mission is not None
-    corners = corner_points(config.mission)
+    corners = config.mission.corners()
     finished = mode is Mode.FINISHED
     end = "" if finished else reason or mode.value
     valid, wrong, square, bias = judge_slip(table)
@@ -294,7 +294,7 @@ def judge_slip(table: np.ndarray) -> tuple[float, float, float | None, float | N
 
 def calibrate(fault: Fault) -> GyroResponse:
     """Return the constants of a gyro with a fault, as `rover-hil calibrate imu` identifies them."""
-    config = turning_config(load_config("robotino"))
+    config = small_turns_config(load_config("robotino"))
     config = config.model_copy(update={"simulation": on_firm_floor(config.require_simulation())})
     clock = VirtualClock()
     with TemporaryDirectory() as folder:

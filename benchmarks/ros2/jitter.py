@@ -20,8 +20,8 @@ import numpy as np
 
 from benchmarks.ros2.latency import MS, PEER, config_of
 from drivers.clock import PacedClock, SystemClock, nanoseconds
-from rover_hil.app.run import run_virtual
 from rover_hil.connect.ros2.connection import Ros2Connection
+from rover_hil.run.driving import run_virtual
 from rover_hil.run.executive import CycleView, End
 from rover_hil.run.operators import Operators
 from rover_hil.run.real_time import enter_realtime
@@ -39,8 +39,8 @@ STUDENT_95 = 1.729
 SEED = 36
 DAMAGE = f"""
 import random, socket, struct, sys, time
-first_port = 7400 + 250 * {DOMAIN}
-drawn = random.Random(int(sys.argv[1]))
+first_port = 7400 + 250 * int(sys.argv[1])
+drawn = random.Random(int(sys.argv[2]))
 listener = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
 listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
@@ -67,6 +67,11 @@ for number in range({DATAGRAMS}):
     time.sleep(max(0.0, begin + number * {PHASE_S - 2.0} / {DATAGRAMS} - time.monotonic()))
 print(len(genuine))
 """
+
+
+def damage_line(domain: int, seed: int) -> list[str]:
+    """Return the command line of what sends damaged datagrams to the first two programs in a domain."""
+    return [sys.executable, "-S", "-c", DAMAGE, str(domain), str(seed)]
 
 
 class Jitter:
@@ -118,7 +123,7 @@ def trouble(seed: int) -> None:
     begin_ns = clock.now_ns()
     topics = ["rt/odom=Odometry", "rt/tf=TFMessage"]
     line = [PEER, "read", str(DOMAIN), "reliable", "volatile", *topics]
-    damage = subprocess.Popen([sys.executable, "-S", "-c", DAMAGE, str(seed)], stdout=subprocess.DEVNULL)
+    damage = subprocess.Popen(damage_line(DOMAIN, seed), stdout=subprocess.DEVNULL)
     stopped, killed, slow = (
         subprocess.Popen(line, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL) for _ in range(3)
     )

@@ -14,7 +14,6 @@ import tempfile
 from pathlib import Path
 
 from drivers.clock import PacedClock
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.config.ros2_settings import Ros2Settings
 from rover_hil.connect.ros2.connection import Ros2Connection
@@ -23,6 +22,7 @@ from rover_hil.connect.ros2.messages import Odometry, Twist, Vector3
 from rover_hil.connect.ros2.node import Node
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
+from rover_hil.run.driving import run_virtual
 from rover_hil.run.executive import CycleView, End
 from rover_hil.run.operators import Operators
 from rover_hil.run.replay import replay

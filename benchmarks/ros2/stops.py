@@ -4,11 +4,16 @@ The simulated Robotino in real time, with a commander in a process of its own th
 greatest time from the event until set-points are zero; false stops: cycles at rest before the event, or after
 one that is none; and motion that nobody commands: set-points against the command, or after the rest.
 
-    python -m benchmarks.ros2.stops [RUNS_OF_EACH] [CASE]...
+Payloads that are too short or too long come from Fast DDS: they need ROS2_PEER, the program that
+`make test-ros2` builds. The network is taken away in a namespace of its own:
+
+    unshare --net sh -c "ip link set lo up; python -m benchmarks.ros2.stops [RUNS_OF_EACH] [CASE]..."
 """
 
 import os
+import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -19,10 +24,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.ros2.latency import DOMAIN, config_of
+from benchmarks.ros2.jitter import damage_line
+from benchmarks.ros2.latency import DOMAIN, PEER, config_of
 from drivers.clock import PacedClock, SystemClock, nanoseconds, seconds
-from rover_hil.app.run import run_virtual
 from rover_hil.connect.ros2.connection import Ros2Connection
+from rover_hil.run.driving import run_virtual
 from rover_hil.run.executive import CycleView, End, Operator
 from rover_hil.run.operators import Operators
 
@@ -30,6 +36,8 @@ RUNS = 10
 DRIVE_S, WATCHED_S = 2.0, 1.0
 LIMIT_S = 60.0
 CYCLE_S = 0.02
+SPEED_M_S = 0.1
+POLICIES = {os.SCHED_OTHER: "no real-time class", os.SCHED_FIFO: "SCHED_FIFO", os.SCHED_RR: "SCHED_RR"}
 COMMANDER = f"""
 import itertools, math, signal, sys, time
 from rover_hil.config.ros2_settings import Ros2Settings
@@ -61,6 +69,8 @@ for sent in itertools.count():
 """
 Commander = subprocess.Popen[bytes]
 Strike = Callable[[Commander, Ros2Connection], None]
+LOOPBACK = "lo"
+SEED = 36
 
 
 class Case(NamedTuple):
@@ -70,13 +80,36 @@ class Case(NamedTuple):
         strike: Makes it happen.
         bar_s: Longest time until the rover rests; None where it must drive on.
         kind: Of the commander.
-        rival: Whether another one drives backwards meanwhile.
+        longer_bytes: By how much the payloads of Fast DDS become longer; None for another commander.
+        has_rival: Whether another one drives backwards meanwhile.
+        is_damaged: Whether damaged datagrams arrive meanwhile.
+        needs_network: Whether the network is taken away, which must be that of this benchmark alone.
     """
 
     strike: Strike
     bar_s: float | None
     kind: str = "plain"
-    rival: bool = False
+    longer_bytes: int | None = None
+    has_rival: bool = False
+    is_damaged: bool = False
+    needs_network: bool = False
+
+    def hindrance(self) -> str:
+        """Return why it cannot be measured here; "" where it can."""
+        if self.longer_bytes is not None and not PEER:
+            return "needs ROS2_PEER"
+        is_alone = [name for _, name in socket.if_nameindex()] == [LOOPBACK]
+        return "needs a network of its own" if self.needs_network and not is_alone else ""
+
+    def line(self) -> list[str]:
+        """Return the command line of the commander."""
+        if self.longer_bytes is None:
+            return commander_line(self.kind, SPEED_M_S)
+        return [PEER, "drive", str(DOMAIN), str(SPEED_M_S), str(self.longer_bytes)]
+
+
+def commander_line(kind: str, speed_m_s: float) -> list[str]:
+    return [sys.executable, "-c", COMMANDER, kind, str(speed_m_s)]
 
 
 def strike_commander(number: signal.Signals) -> Strike:
@@ -87,19 +120,31 @@ def strike_process(number: signal.Signals) -> Strike:
     return lambda commander, connection: os.kill(connection.pid or 0, number)
 
 
+def set_network(state: str) -> None:
+    subprocess.run([shutil.which("ip") or "ip", "link", "set", LOOPBACK, state], check=True)
+
+
+def do_nothing(commander: Commander, connection: Ros2Connection) -> None:
+    """Strike with what goes on from the beginning."""
+
+
 TIMEOUT_S = 0.5 + CYCLE_S
 KILL, STOP, CHANGE = signal.SIGKILL, signal.SIGSTOP, signal.SIGUSR1
 CASES = {
     "commander killed": Case(strike_commander(KILL), TIMEOUT_S),
     "commander stopped": Case(strike_commander(STOP), TIMEOUT_S),
+    "network gone": Case(lambda commander, connection: set_network("down"), TIMEOUT_S, needs_network=True),
     "process of ROS 2 killed": Case(strike_process(KILL), 0.5),
     "process of ROS 2 stopped": Case(strike_process(STOP), 0.5),
-    "two commanders, the first stopped": Case(strike_commander(STOP), TIMEOUT_S, rival=True),
+    "two commanders, the first stopped": Case(strike_commander(STOP), TIMEOUT_S, has_rival=True),
     "commander's clock an hour ahead": Case(strike_commander(CHANGE), None, "3600"),
     "commander's clock an hour back": Case(strike_commander(CHANGE), TIMEOUT_S, "-3600"),
     "NaN": Case(strike_commander(CHANGE), TIMEOUT_S),
+    "payloads too short": Case(strike_commander(CHANGE), TIMEOUT_S, longer_bytes=-12),
+    "payloads too long": Case(strike_commander(CHANGE), None, longer_bytes=8),
     "commands a second late": Case(strike_commander(CHANGE), TIMEOUT_S, "late"),
-    "commands out of order": Case(lambda commander, connection: None, None, "disordered"),
+    "commands out of order": Case(do_nothing, None, "disordered"),
+    "damaged datagrams": Case(do_nothing, None, is_damaged=True),
 }
 
 
@@ -110,10 +155,11 @@ class Watcher:
         false_stops: Cycles at rest without need.
         uncommanded: Cycles of motion that the commander does not command.
         rest_s: Time from the event to set-points of zero.
+        late_s: How late that cycle was over: since the time at which it should have begun.
     """
 
-    def __init__(self, case: Case, strike: Callable[[], None]) -> None:
-        self._case, self._strike = case, strike
+    def __init__(self, case: Case, strike: Callable[[], None], simulated: PacedClock) -> None:
+        self._case, self._strike, self._simulated = case, strike, simulated
         self._clock = SystemClock()
         self._ahead: np.ndarray = np.zeros(0)
         self._driven_ns: int | None = None
@@ -121,6 +167,7 @@ class Watcher:
         self._is_over = False
         self.false_stops = self.uncommanded = 0
         self.rest_s: float | None = None
+        self.late_s = 0.0
 
     def wanted(self) -> None:
         """Want nothing."""
@@ -141,7 +188,7 @@ class Watcher:
         if not is_struck or self._case.bar_s is None:
             self.false_stops += not is_driven
         # After the time-out of the first commander its rival may drive.
-        is_rival = is_struck and self._case.rival
+        is_rival = is_struck and self._case.has_rival
         self.uncommanded += not is_rival and (is_back or (self.rest_s is not None and is_driven))
         if self._struck_ns is None:
             if now_ns - self._driven_ns > nanoseconds(DRIVE_S):
@@ -150,34 +197,45 @@ class Watcher:
             return
         if self.rest_s is None and (not is_driven or (is_rival and is_back)):
             self.rest_s = seconds(now_ns - self._struck_ns)
+            self.late_s = seconds(now_ns - self._simulated.now_ns() - self._simulated.offset_ns)
         self._is_over = now_ns - self._struck_ns > nanoseconds(WATCHED_S)
 
 
 def measure(case: Case, path: Path) -> Watcher:
     """Return what was seen in a run."""
     clock = PacedClock()
-    line = [sys.executable, "-c", COMMANDER]
     with Ros2Connection(config_of(), lambda: clock.offset_ns) as connection, ExitStack() as started:
-        commander = started.enter_context(subprocess.Popen([*line, case.kind, "0.1"]))
-        started.callback(commander.kill)
 
-        def strike() -> None:
-            case.strike(commander, connection)
+        def start(line: list[str]) -> Commander:
+            # Cyclone writes a line there for each damaged datagram.
+            errors = subprocess.DEVNULL if case.is_damaged else None
+            process = started.enter_context(subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=errors))
+            started.callback(process.kill)
+            return process
 
-        watcher = Watcher(case, strike)
+        if case.is_damaged:
+            start(damage_line(DOMAIN, SEED))
+        if case.needs_network:
+            started.callback(set_network, "up")
+        commander = start(case.line())
+        watcher = Watcher(case, lambda: case.strike(commander, connection), clock)
         sides: list[Operator] = [connection, watcher]
-        if case.rival:
-            sides.append(Rival(started, [*line, "plain", "-0.1"]))
+        if case.has_rival:
+            sides.append(Rival(lambda: start(commander_line("plain", -SPEED_M_S))))
         run_virtual(config_of(), path, LIMIT_S, None, clock=clock, operator=Operators(sides))
     assert watcher.rest_s is not None or case.bar_s is None, "the rover did not rest"
     return watcher
 
 
 class Rival:
-    """Starts the other commander when the first one is followed."""
+    """Starts the other commander when the first one is followed.
 
-    def __init__(self, started: ExitStack, line: list[str]) -> None:
-        self._started, self._line = started, line
+    Args:
+        start: Starts it.
+    """
+
+    def __init__(self, start: Callable[[], Commander]) -> None:
+        self._start = start
         self._is_there = False
 
     def wanted(self) -> None:
@@ -190,29 +248,39 @@ class Rival:
         """Start it once."""
         if not self._is_there and any(view.sent.speed_rad_s):
             self._is_there = True
-            rival = self._started.enter_context(subprocess.Popen(self._line))
-            self._started.callback(rival.kill)
+            self._start()
 
 
 def main() -> int:
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
-    is_good = True
+    is_good, count = True, 0
     with tempfile.TemporaryDirectory() as folder:
         for name in sys.argv[2:] or CASES:
             case = CASES[name]
+            hindrance = case.hindrance()
+            if hindrance:
+                print(f"{name}: not measured, {hindrance}", flush=True)
+                is_good = False
+                continue
             found = [measure(case, Path(folder) / "run.mcap") for _ in range(runs)]
-            rests_s = sorted(each.rest_s for each in found if each.rest_s is not None)
+            count += runs
+            rests = sorted((each.rest_s, each.late_s) for each in found if each.rest_s is not None)
             false_stops = sum(each.false_stops for each in found)
             uncommanded = sum(each.uncommanded for each in found)
             is_good &= not false_stops and not uncommanded
-            is_good &= not rests_s or case.bar_s is None or rests_s[-1] <= case.bar_s
-            rested = f"at rest after {rests_s[0]:.3f} to {rests_s[-1]:.3f} s" if rests_s else "drives on"
+            is_good &= not rests or case.bar_s is None or rests[-1][0] <= case.bar_s
+            rested = "drives on"
+            if rests:
+                last_s, late_s = rests[-1]
+                rested = f"at rest after {rests[0][0]:.3f} to {last_s:.3f} s (cycle late by {late_s:.3f} s)"
             bar = "drives on" if case.bar_s is None else f"{case.bar_s:g} s"
             print(
                 f"{name}: {rested} (bar: {bar}), {false_stops} cycles of false stops, {uncommanded} of "
                 f"motion that nobody commands, {runs} runs",
                 flush=True,
             )
+    print(f"{count} runs, {POLICIES[os.sched_getscheduler(0)]}, load {os.getloadavg()[0]:.0f} at the end")
+    print("within the bars" if is_good else "NOT within the bars")
     return 0 if is_good else 1
 
 

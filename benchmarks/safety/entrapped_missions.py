@@ -4,9 +4,10 @@
 
 The Robotino of `tests/nature` drives its rectangle on random ground, every other one slippery, with fixes by
 an overhead camera, with the yaw excitation and without; or without fixes, with a camera that measures the
-motion over the ground. After 0.2 to 0.8 m it is lifted, digs in, meets a wall, or one of the two wheels that
-drive it there sticks. Prints the greatest travel of the wheels from there to the first stop, and how many
-were stopped by which reason. Exit code 1 where one travels further than its bar.
+motion over the ground, or with the yaw excitation alone, which does not notice a wall. After 0.2 to 0.8 m it
+is lifted, digs in, meets a wall, or one of the two wheels that drive it there sticks. Prints the greatest
+travel of the wheels from there to the first stop, and how many were stopped by which reason. Exit code 1
+where one travels further than its bar.
 """
 
 import argparse
@@ -33,8 +34,10 @@ from rover_hil.parallel.executor import open_executor
 from tests.nature.omni_contact import Floor
 from tests.nature.omni_trapped import TRAPS, TrappedOmni
 
-BARS_M = {"excitation": 0.8, "encoders": 0.8, "camera": 0.3}
-LIMIT_S = 120.0
+ALONE = "excitation alone"
+BARS_M = {"excitation": 0.8, "encoders": 0.8, "camera": 0.3, ALONE: 1.5}
+LIMIT_S = 240.0
+"""Wheels of droopy drives turn slowly where the rover has dug in."""
 DRIVING = (0, 2)
 """Wheels that drive the first side of the rectangle; the third one only steers there."""
 
@@ -44,10 +47,10 @@ def stopped_after(trap: str, sensors: str, seed: int, fixes_per_s: float) -> tup
     rng = np.random.default_rng(seed)
     at_m, wheel = float(rng.uniform(0.2, 0.8)), DRIVING[seed // 2 % 2]
     floor = slippery_floor(seed) if seed % 2 else Floor.random(rng, rng.uniform(0.001, 0.015))
-    config = with_drooping_drives(equipped(robotino(seed), sensors))
+    config = with_drooping_drives(equipped(robotino(seed), "excitation" if sensors == ALONE else sensors))
     has_camera = sensors == "camera"
     driven = drive(
-        config if has_camera else with_fixes(config, fixes_per_s),
+        config if has_camera or sensors == ALONE else with_fixes(config, fixes_per_s),
         limit_s=LIMIT_S,
         make_camera=ground_camera(seed) if has_camera else None,
         make_plant=lambda start_ns: TrappedOmni(floor, start_ns, trap=trap, at_m=at_m, wheel=wheel),
@@ -81,6 +84,7 @@ def main() -> int:
     jobs = [
         (*case, seed, arguments.fixes_per_s)
         for case in product(TRAPS, arguments.sensors or BARS_M)
+        if case != ("wall", ALONE)
         for seed in seeds
     ]
     found: dict[tuple[str, str], list[tuple[float, str]]] = {}

@@ -63,6 +63,7 @@ CASE_S = 4.0
 MOST_TRIES = 5
 UNWRITTEN_S = 0.6
 """So much of the log's end is lost where a loop is killed (docs/results/benchmarks.md)."""
+LAST_LINES = 3
 STALL_S = 0.15
 """The simulator writes its wheels' speed every 0.01 s."""
 MEMORY_GROUP = Path(f"/sys/fs/cgroup/memory/rover_hil_hung_loop_{os.getpid()}")
@@ -208,7 +209,7 @@ def measure_once(name: str, case: str) -> tuple[bool, str] | None:
             CASES[case](program.pid, folder)
             CLOCK.sleep_until(act_ns + nanoseconds(CASE_S))
             after = [(t_ns, speed) for t_ns, speed in speeds(folder) if t_ns > act_ns]
-            is_loop_alive = program.poll() is None
+            exit_code = program.poll()
             if group is not None:
                 (group / "memory.limit_in_bytes").write_text("-1")
         said = (folder / "--loop.txt").read_text(errors="replace")
@@ -219,10 +220,14 @@ def measure_once(name: str, case: str) -> tuple[bool, str] | None:
         return None
     slower_s = first_s(after, act_ns, SLOWER * before)
     rest_s = first_s(after, act_ns, REST_RAD_S)
-    told = next((line.strip() for line in said.splitlines() if "watchdog:" in line), "")
+    lines = [line.strip() for line in said.splitlines() if line.strip()]
+    told = next((line for line in lines if "watchdog:" in line), "")
     if case in MAY_DRIVE_ON:
         silence_s = longest_drive_without_a_loop_s(cycles_ns, after, SLOWER * before)
-        is_well = silence_s <= BAR_S if is_loop_alive else bool(told) and silence_s <= BAR_S + UNWRITTEN_S
+        if exit_code is not None and exit_code >= 0:  # the loop ended by itself, and says why
+            told = f"exit {exit_code}: {' '.join(lines[-LAST_LINES:])}"
+        unwritten_s = UNWRITTEN_S if exit_code is not None and exit_code < 0 else 0.0
+        is_well = silence_s <= BAR_S + unwritten_s and (exit_code is None or bool(told))
         told = f"{silence_s:.2f} s of driving without a cycle in the log {told}"
     else:
         is_well = slower_s is not None and slower_s <= BAR_S and rest_s is not None

@@ -3,9 +3,10 @@
     python -m benchmarks.safety.sensor_faults [--seeds 3] [--rover robotino] [--fault NAME]
 
 Both shipped rovers on random slippery ground; the truth is the plant's. Per fault: runs in which it was
-noticed, the longest time and true travel from its begin to the stop, the greatest NEES of the pose while the
-rover drives again (99.9 % bound 16.3), the reason. Faults that slip can explain are marked: they need not be
-noticed at once. Exit code 1 where another one is missed, or a rover drives on with a NEES beyond the bound.
+noticed, the longest time and true travel from its begin to the stop, or to the suspicion that is shown where
+nothing can decide, the greatest NEES of the pose while the rover drives on (99.9 % bound 16.3), the reason.
+Faults that slip can explain are marked: they need not be noticed at once. Exit code 1 where
+another one is missed, or a rover drives on with a NEES beyond the bound.
 """
 
 import argparse
@@ -20,7 +21,7 @@ from rich.progress import track
 from rich.table import Table
 
 from benchmarks.cluster_option import add_cluster_option
-from benchmarks.safety.missions import ROVERS, Driven, Falsify, drive
+from benchmarks.safety.missions import ROVERS, Driven, Falsify, Moment, drive
 from controllers.safety import Mode
 from drivers.samples import RateSample, Sample
 from rover_hil.config import Config
@@ -132,23 +133,35 @@ def run_once(job: tuple[str, str, int]) -> Result:
 
 
 def judge(driven: Driven) -> Result:
-    """Return when the rover stopped, and how honest the estimate was when it drove again."""
-    stop = next((moment for moment in driven.stops() if moment.t_s >= START_S), None)
+    """Return when the fault was named, and how honest the estimate was when the rover drove on."""
+    stop = next((moment for moment in _named(driven) if moment.t_s >= START_S), None)
     until_s = math.inf if stop is None else stop.t_s
     way = [moment.truth for moment in driven.moments if START_S <= moment.t_s <= until_s]
     travel_m = sum(math.dist(before[:2], after[:2]) for before, after in pairwise(way))
+    # Of two suspicions the second may be the one that widens the estimate.
+    honest_s = until_s if stop is None or stop.output.reason else max(until_s, START_S + LONGEST_S)
     again = [
         moment.nees
         for moment in driven.moments
-        if moment.t_s > until_s and moment.output.mode in (Mode.RUNNING, Mode.FINISHED)
+        if moment.t_s > honest_s and moment.output.mode in (Mode.RUNNING, Mode.FINISHED)
     ]
     return Result(
         time_s=None if stop is None else stop.t_s - START_S,
         travel_m=travel_m,
         nees=max(again, default=None),
         end=driven.mode,
-        reason="" if stop is None else stop.output.reason,
+        reason="" if stop is None else stop.output.reason or stop.output.suspicion,
     )
+
+
+def _named(driven: Driven) -> list[Moment]:
+    """Return the first cycle of every stop, and of every suspicion that is shown."""
+    begun = [
+        after
+        for before, after in pairwise(driven.moments)
+        if after.output.suspicion and not before.output.suspicion
+    ]
+    return sorted([*driven.stops(), *begun], key=lambda moment: moment.t_s)
 
 
 def _unplug(config: Config, roles: tuple[str, ...]) -> Config:

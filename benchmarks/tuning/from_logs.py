@@ -15,9 +15,9 @@ import tempfile
 from importlib import resources
 from pathlib import Path
 
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.parallel.executor import open_executor
+from rover_hil.run.driving import run_virtual
 from rover_hil.tune.comparison import compare_by
 from rover_hil.tune.logs.judged_log import JudgedLog, read_judged_logs, split
 from rover_hil.tune.logs.objective import evaluate_logs

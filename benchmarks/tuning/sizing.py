@@ -22,11 +22,11 @@ from pathlib import Path
 
 from benchmarks.tuning.tasks import make_task
 from drivers.clock import SystemClock, nanoseconds
-from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config
 from rover_hil.datasets.log import read_drive
 from rover_hil.parallel.cluster import ClusterExecutor
 from rover_hil.recording.data_files import PackedConfig
+from rover_hil.run.driving import run_virtual
 from rover_hil.tune.simulated_mission import simulate_mission
 
 HOST = "127.0.0.1"

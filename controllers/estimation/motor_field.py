@@ -22,7 +22,7 @@ GREATEST_SHARE = 0.9
 
 
 class MotorFields(Settings):
-    """Field of each motor at a compass, by `rover-hil calibrate compass CONFIG --motors`.
+    """Field of each motor at a compass, by `rover-hil calibrate motors CONFIG`.
 
     Attributes:
         source: The log that they were found from.

@@ -35,7 +35,7 @@ class FilterSettings(Settings):
         heading_noise_rad: Standard deviation of one heading reading; larger where successive errors are
             correlated.
         heading_lag_s: Delay of the heading device behind the rover.
-        motor_fields: Field of the motors at a compass by `rover-hil calibrate compass CONFIG --motors`:
+        motor_fields: Field of the motors at a compass by `rover-hil calibrate motors CONFIG`:
             path of the file. A heading for which a current is not known is then not used: the rover stops
             where the compass is required.
         standstill_s: Wheels that have not moved for this long mean that the rover is at rest.

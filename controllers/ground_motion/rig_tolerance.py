@@ -13,7 +13,7 @@ class RigTolerance(Settings):
     """What is not known about a rig: standard deviations, and how deep the rover sinks.
 
     Attributes:
-        scale: True travel over that by the rig alone: `rover-hil calibrate camera CONFIG --scale` finds it.
+        scale: True travel over that by the rig alone: `rover-hil calibrate scale CONFIG` finds it.
         scale_sd: Standard deviation of it; None where it is not calibrated. The deviations of height, pitch
             and focal length do not count beside it.
         scale_date: Day of the drive that it was found on, like 2026-11-27.

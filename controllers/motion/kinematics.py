@@ -9,29 +9,21 @@ import numpy as np
 
 from controllers.matrices import inverse
 from controllers.motion.body_motion import BodyMotion, Residuals, SetPoints
+from controllers.motion.missions.mission import Mobility
 from controllers.motion.rover_geometry import OmniRoverSettings, RoverSettings, SkidSteerRoverSettings
 from controllers.motion.wheels_kinematics import WheelsKinematics
 
 
-class Kinematics(Protocol):
+class Kinematics(Mobility, Protocol):
     """Geometry of a rover's wheels.
 
     Attributes:
         wheel_count: Number of wheels.
-        moves_sideways: Whether the rover can move in any direction at any heading.
-        turns_on_spot: Whether it can turn without moving forwards.
-        turn_radius_m: Least radius of an arc, 0 where every arc is possible.
-        crab_limit_rad: Greatest angle, to either side, by which all wheels can be turned together; 0 where
-            not all wheels steer.
         steering_rates_rad_s: Greatest steering speed of each wheel, 0 for one that does not steer; empty
             where none steers.
     """
 
     wheel_count: int
-    moves_sideways: bool
-    turns_on_spot: bool
-    turn_radius_m: float
-    crab_limit_rad: float
     steering_rates_rad_s: tuple[float, ...]
 
     def wheel_speeds(

@@ -2,13 +2,15 @@
 
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason
-from controllers.safety.rule_set import Doubt, RuleSet, stops_of
+from controllers.safety.rule_set import Doubt, RuleSet
 from controllers.safety.settings import SafetySettings, make_drive_rules
 from drivers.record import record
 from drivers.samples import Sample
 
 SUSPICION = "wheels contradicted"
 """Cause of a finding of the estimator."""
+
+OF_HEALTHY_ROVERS = (Severity.DOUBT, Severity.RECOVERABLE)
 
 
 @record(frozen=True, slots=True, kw_only=True)
@@ -71,15 +73,15 @@ class DriveCheck:
         if suspicion and suspicion not in self._lasting:
             self.findings += (Finding(cause=SUSPICION, text=suspicion),)
         self._lasting = {suspicion, *(reason.cause for reason in found)}
-        self.doubts = list(self._rules.doubts(stops_of(reasons)))
+        self.doubts = list(self._rules.doubts(reasons))
         self.is_open |= any(reason.leaves_motion_open for reason in found)
-        recoverable = {reason.cause for reason in reasons if reason.severity is Severity.RECOVERABLE}
+        recoverable = {reason.cause for reason in reasons if reason.severity in OF_HEALTHY_ROVERS}
         for cause in recoverable.union(self._suspected):
             # It is found where it comes again after it had ended.
             self._suspected[cause] = self._suspected.get(cause, False) or cause not in recoverable
 
     def _is_found(self, reason: StopReason) -> bool:
-        """Return whether a reason is a finding; a healthy rover may show a recoverable one once."""
-        if reason.severity is Severity.RECOVERABLE:
+        """Return whether a reason is a finding; a healthy rover may show some once."""
+        if reason.severity in OF_HEALTHY_ROVERS:
             return self._suspected.get(reason.cause, False)
         return reason.severity is not Severity.SIGN

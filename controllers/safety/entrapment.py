@@ -2,6 +2,7 @@
 
 import cmath
 import math
+import operator
 from collections import deque
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
@@ -12,6 +13,7 @@ from controllers.estimation.ground_travel import GroundPair
 from controllers.estimation.pose_fixes import HISTORY_NS
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from drivers.clock import seconds
 from drivers.samples import PoseFixSample, Sample
 from drivers.settings import Settings
 
@@ -25,6 +27,9 @@ class EntrapmentSettings(Settings):
             this travel is shown as a suspicion.
         entrapment_slip: Slip from which on the yaw excitation raises the suspicion. Fixes must be able to
             show it: where they are noisier, a longer travel is needed.
+        progress_unknown_m: The rover also stops, and goes on once, when the response of the yaw has been lost
+            or a rear camera has seen no motion for this travel of the wheels, and nothing has shown progress
+            meanwhile. The pose becomes uncertain by it. Greater than the mission is long for never.
         entrapment_ground_m: The rover also stops until restart when its wheels have travelled this far while
             a camera measured no progress over the ground.
     """
@@ -32,6 +37,7 @@ class EntrapmentSettings(Settings):
     entrapment_m: Annotated[float, Field(ge=0.02, le=100.0)] = 0.5
     entrapment_ground_m: Annotated[float, Field(ge=0.02, le=100.0)] = 0.15
     entrapment_slip: Annotated[float, Field(ge=0.5, le=1.0)] = 0.85
+    progress_unknown_m: Annotated[float, Field(ge=0.1, le=1000.0)] = 1.5
 
 
 DEVIATIONS = 2.0
@@ -51,6 +57,9 @@ with one before: the sum of 17 was 0.03 mm (four rendered drives). The least pro
 LEAST_ASIDE = 0.1
 """Travel over the ground across that of the wheels, as a share of it, from which on a rover slides, or its
 camera is turned. Along a wall it slides by less: 3 % of 0.15 m (`benchmarks.safety.entrapped_missions`)."""
+
+BEFORE_SHARE = 0.5
+"""At most this share of `progress_unknown_m` lies before the suspicion."""
 
 STRAIGHT = 0.7
 """Least distance between the ends of a travel over its length: that of a right angle of equal sides."""
@@ -122,6 +131,7 @@ class ProgressByFixes:
 
     Attributes:
         lost_m: Travel of the wheels on which the fixes have shown no progress; 0 where they cannot tell.
+        is_seen: Whether the newest fix that was compared has shown progress.
     """
 
     def __init__(self, settings: EntrapmentSettings) -> None:
@@ -130,6 +140,7 @@ class ProgressByFixes:
         self._last: _Seen | None = None
         self._before_m = 0.0
         self.lost_m = 0.0
+        self.is_seen = False
 
     def take(self, seen: _Seen) -> None:
         """Take a fix; those on less than a `LOOKS`-th of `entrapment_m` are left out."""
@@ -141,7 +152,7 @@ class ProgressByFixes:
             return
         self._last = seen
         whole, newest = _compare(begin, seen), _compare(last, seen)
-        self.lost_m = 0.0
+        self.lost_m, self.is_seen = 0.0, whole.is_seen
         if whole.is_seen:
             self._begin = seen
             self._before_m = max(0.0, newest.wheels_m - abs(newest.moved_m))
@@ -183,14 +194,19 @@ class ProgressOverGround:
     @property
     def lost_m(self) -> float:
         """Travel of the wheels without progress; 0 where there is some, or where the window is not full."""
-        if self._wheels_m < self._travel_m:
+        if self._wheels_m < self._travel_m or self.is_seen:
             return 0.0
         if abs(sum(piece.wheels_m for piece in self._pieces)) < STRAIGHT * self._wheels_m:
             return 0.0
-        moved_m = sum(piece.ground_m / piece.course for piece in self._pieces)
+        return self._wheels_m
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether the window shows progress."""
+        moved_m = sum((piece.ground_m / piece.course for piece in self._pieces), 0j)
         is_along = abs(moved_m.real) > LEAST_GROUND_PROGRESS * self._wheels_m
         is_aside = abs(moved_m.imag) > LEAST_ASIDE * self._wheels_m
-        return 0.0 if is_along or is_aside else self._wheels_m
+        return is_along or is_aside
 
 
 class _Travels(NamedTuple):
@@ -221,11 +237,14 @@ def _compare(begin: _Seen, end: _Seen) -> _Progress:
 
 
 class EntrapmentRule(StopRule):
-    """Stops where fixes, or a camera, show that the rover does not get on.
+    """Stops where fixes, or a camera, show that the rover does not get on, and where nothing decides.
 
-    The slip reading alone is a suspicion. Progress is the displacement along the travel of the wheels. A
-    rover that slips much and moves is not entrapped. A fix is compared with the newest travel up to its
-    capture. One that was captured more than `HISTORY_NS` before the newest motion does not count.
+    The slip reading alone is a suspicion that stops nothing. Others are a response of the yaw that is lost,
+    and a rear camera that sees no motion: one that lasts while nothing decides stops the rover once.
+
+    Progress is the displacement along the travel of the wheels. A rover that slips much and moves is not
+    entrapped. A fix is compared with the newest travel up to its capture. One that was captured more than
+    `HISTORY_NS` before the newest motion does not count.
     """
 
     observes = (PoseFixSample,)
@@ -233,12 +252,14 @@ class EntrapmentRule(StopRule):
     def __init__(self, settings: EntrapmentSettings, roles: DeviceRoles) -> None:
         self._settings = settings
         self._ground = ProgressOverGround(settings.entrapment_ground_m)
-        self._camera = roles.camera
+        self._camera, self._gyro = roles.camera, roles.gyro
         self._fixes = {device: ProgressByFixes(settings) for device in roles.fixes}
         self._arrived: list[PoseFixSample] = []
         self._wheels_m, self._length_m = 0j, 0.0
         self._history: deque[_Travelled] = deque()
-        self._slipped_m = 0.0
+        self._slipped_m = self._unknown_m = self._before_m = 0.0
+        self._unknown_rad: tuple[float, ...] = ()
+        self._before_ns: int | None = None
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take a pose fix."""
@@ -247,22 +268,22 @@ class EntrapmentRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Take the travel and the fixes of a cycle; return a reason when the rover does not get on."""
+        is_decided = False
         for pair in cycle.ground_pairs:
             self._ground.take(pair)
+            is_decided = self._ground.is_seen
         if self._ground.lost_m:
             yield _entrapped(self._ground.lost_m, self._camera or "")
         self._travel(cycle)
-        self._take_fixes()
+        is_decided |= self._take_fixes()
         for device, progress in self._fixes.items():
             if progress.lost_m >= self._settings.entrapment_m:
                 yield _entrapped(progress.lost_m, device)
-        yield from self._suspect(cycle)
-        if cycle.sees_no_motion:
-            text = (
-                "rover: may be entrapped, the rear camera sees no motion of the ground: it is stuck, or the "
-                "camera is covered, turned, or in the dark"
-            )
-            yield StopReason("no motion seen", text, Severity.SUSPICION)
+        yield from self._suspect_slip(cycle)
+        suspicion = self._suspicion(cycle)
+        self._count(cycle, is_open=suspicion is not None and not is_decided)
+        if suspicion is not None:
+            yield self._stop(suspicion) if self._is_over else suspicion
 
     def _travel(self, cycle: Cycle) -> None:
         """Note what the wheels have travelled by the time of their newest motion."""
@@ -275,16 +296,23 @@ class EntrapmentRule(StopRule):
         while history[0].t_ns < t_ns - HISTORY_NS:
             history.popleft()
 
-    def _take_fixes(self) -> None:
-        """Compare each fix with what the wheels had travelled when it was captured."""
+    def _take_fixes(self) -> bool:
+        """Compare each fix with what the wheels had travelled when it was captured.
+
+        Returns:
+            Whether one of them has shown progress.
+        """
+        is_seen = False
         for fix in self._arrived:
             travels = reversed(self._history)
             before = next((each for each in travels if each.t_ns <= fix.t_capture_ns), None)
             if before is not None:
                 self._fixes[fix.device].take(_Seen(fix, before))
+                is_seen |= self._fixes[fix.device].is_seen
         self._arrived.clear()
+        return is_seen
 
-    def _suspect(self, cycle: Cycle) -> Iterator[StopReason]:
+    def _suspect_slip(self, cycle: Cycle) -> Iterator[StopReason]:
         """Add up the travel at a slip near 1. Smaller slip clears; unknown slip does not."""
         settings = self._settings
         if cycle.slip is not None:
@@ -292,10 +320,57 @@ class EntrapmentRule(StopRule):
             self._slipped_m = self._slipped_m + cycle.distance_m if is_held else 0.0
         if self._slipped_m >= settings.entrapment_m:
             text = (
-                f"rover: may be entrapped, by the yaw excitation its wheels travelled "
+                "rover: may be entrapped, by the yaw excitation its wheels travelled "
                 f"{settings.entrapment_m:g} m at a slip of at least {settings.entrapment_slip:g}"
             )
             yield StopReason("may be entrapped", text, Severity.SUSPICION)
+
+    def _suspicion(self, cycle: Cycle) -> StopReason | None:
+        """Return what may be wrong with the progress, beside the slip that is read."""
+        if cycle.sees_no_motion:
+            text = (
+                "rover: may be entrapped, the rear camera sees no motion of the ground: it is stuck, or the "
+                "camera is covered, turned, or in the dark"
+            )
+            return StopReason("no motion seen", text, Severity.SUSPICION)
+        if cycle.lost_response:
+            text = f"rover: may be entrapped, or {self._gyro} has no signal: {cycle.lost_response}"
+            return StopReason("lost response", text, Severity.SUSPICION)
+        return None
+
+    @property
+    def _is_over(self) -> bool:
+        return self._unknown_m >= self._settings.progress_unknown_m
+
+    def _count(self, cycle: Cycle, *, is_open: bool) -> None:
+        """Add up what the wheels do while a suspicion stands and nothing decides.
+
+        What is over lasts until the wheels are at rest. Then the travel counts anew.
+        """
+        elapsed_s = 0.0 if self._before_ns is None else seconds(cycle.now_ns - self._before_ns)
+        self._before_ns = cycle.now_ns
+        if not is_open or (self._is_over and cycle.is_still):
+            self._unknown_m, self._unknown_rad = 0.0, ()
+        elif not self._is_over:
+            if not self._unknown_rad:
+                before_m = cycle.unanswered_m if cycle.lost_response else 0.0
+                self._before_m = min(before_m, BEFORE_SHARE * self._settings.progress_unknown_m)
+                self._unknown_m = self._before_m
+            self._unknown_m += cycle.distance_m
+            turned_rad = [speed_rad_s * elapsed_s for speed_rad_s in cycle.measured_rad_s]
+            before_rad = self._unknown_rad or (0.0,) * len(turned_rad)
+            self._unknown_rad = tuple(map(operator.add, before_rad, turned_rad))
+
+    def _stop(self, suspicion: StopReason) -> StopReason:
+        """Return the stop of a suspicion that nothing has decided for too long."""
+        text = (
+            f"rover: progress unknown on {self._unknown_m:.2f} m of its wheels, "
+            f"{suspicion.text.removeprefix('rover: ')}"
+        )
+        # What the wheels turned before the suspicion stood, they turned as they did after it.
+        share = self._unknown_m / (self._unknown_m - self._before_m)
+        wheel_rad = tuple(share * turned_rad for turned_rad in self._unknown_rad)
+        return suspicion._replace(text=text, severity=Severity.RECOVERABLE, wheel_rad=wheel_rad)
 
 
 def _entrapped(lost_m: float, device: str) -> StopReason:

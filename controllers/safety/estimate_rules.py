@@ -1,5 +1,6 @@
 """Stop rules about the estimate: motion that is known, numbers that are finite."""
 
+import math
 from collections.abc import Iterator
 from typing import Annotated
 
@@ -52,6 +53,66 @@ def _unseen(what: str, by: str, severity: Severity) -> StopReason:
     needed = "a fix" if severity is Severity.STOP else "a restart at a known pose"
     text = f"pose filter: {what} uncertain by {by}, motion was not measured: needs {needed}"
     return StopReason(f"unseen {what}", text, severity)
+
+
+class YawDoubtSettings(Settings):
+    """How uncertain the yaw may be while gyro and wheels exclude each other.
+
+    Attributes:
+        yaw_doubt_rad: Where pose fixes or headings can decide, the rover stops when two standard deviations
+            of the yaw by this exceed this angle, and they decide while it rests.
+        unwatched_yaw_rad: Where nothing can decide, it stops until restart beyond this angle; None for never.
+    """
+
+    yaw_doubt_rad: Annotated[float, Field(ge=0.01, le=10.0)] = 0.15
+    unwatched_yaw_rad: Annotated[float | None, Field(ge=0.01, le=10.0)] = None
+
+
+TWO_SD = 2.0
+
+DECIDE_S = 3.0
+"""Fixes and headings have this time at rest to decide: one period and a half of fixes at 0.5 Hz."""
+
+
+class YawDoubtRule(StopRule):
+    """Stops where the yaw is uncertain because gyro and wheels exclude each other, so that others decide.
+
+    What is left after `DECIDE_S` at rest is accepted: fixes without a yaw tell it only while the rover moves.
+    A camera decides while the rover drives, or not at all.
+    """
+
+    is_for_drives = False
+
+    def __init__(self, settings: YawDoubtSettings, roles: DeviceRoles) -> None:
+        self._settings = settings
+        self._can_decide = bool(roles.fixes or roles.headings)
+        self._accepted_rad = 0.0
+        self._rests_since_ns: int | None = None
+
+    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+        """Return a reason while the yaw is too uncertain."""
+        two_sd_rad, limit_rad = TWO_SD * cycle.doubted_rad, self._settings.yaw_doubt_rad
+        if not self._can_decide:
+            limit_rad = self._settings.unwatched_yaw_rad or math.inf
+            if two_sd_rad > limit_rad:
+                yield _doubted(two_sd_rad, "put the rover on a known pose and restart", Severity.FINAL)
+            return
+        self._accepted_rad = min(self._accepted_rad, two_sd_rad)
+        is_over = two_sd_rad - self._accepted_rad > limit_rad
+        if not (is_over and cycle.is_still):
+            self._rests_since_ns = None
+        elif self._rests_since_ns is None:
+            self._rests_since_ns = cycle.now_ns
+        elif cycle.now_ns - self._rests_since_ns >= nanoseconds(DECIDE_S):
+            self._accepted_rad = two_sd_rad
+            return
+        if is_over:
+            yield _doubted(two_sd_rad, "waits for fixes or headings", Severity.RECOVERABLE)
+
+
+def _doubted(two_sd_rad: float, remedy: str, severity: Severity) -> StopReason:
+    text = f"pose filter: yaw uncertain by {two_sd_rad:.2f} rad, gyro and wheels exclude each other: {remedy}"
+    return StopReason("yaw doubt", text, severity)
 
 
 class DisplacedFixRule(StopRule):

@@ -63,7 +63,10 @@ class _Stuck:
 
 
 class StuckGyroRule(StopRule):
-    """Stops when the gyro repeats one reading while the wheels turn: noise changes every reading."""
+    """Stops when the gyro repeats one reading while the wheels turn: noise changes every reading.
+
+    It is dead until the reading changes, also at rest.
+    """
 
     observes = (RateSample,)
 
@@ -82,9 +85,10 @@ class StuckGyroRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Count the time while wheels turned and the reading stayed; return a reason when it is too long."""
-        if cycle.is_still:
+        is_dead = self._stuck.duration_s > self._settings.gyro_stuck_s
+        if cycle.is_still and not is_dead:
             self._stuck = _Stuck()
-        elif cycle.evidence is not None and self._reading_rad_s is not None:
+        elif not cycle.is_still and cycle.evidence is not None and self._reading_rad_s is not None:
             self._stuck.duration_s += cycle.evidence.wheels.duration_s
             self._stuck.difference_rad += abs(cycle.evidence.wheels.turn_rad - cycle.evidence.gyro_rad)
         if self._stuck.duration_s > self._settings.gyro_stuck_s:

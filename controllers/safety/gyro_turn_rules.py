@@ -10,7 +10,7 @@ from controllers.estimation.turn_evidence import TurnEvidence
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from controllers.safety.unproven_turn import UnprovenTurn
-from controllers.safety.yaw_fixes import YawFixes
+from controllers.safety.yaw_watch import YawWatch
 from drivers.settings import Settings
 
 
@@ -23,12 +23,12 @@ class GyroTurnSettings(Settings):
             further by up to `gyro_drag_share` of it.
         gyro_drag_share: Greatest motion of the ground under a dragged wheel beyond that of its rim, as a
             share of the latter.
-        gyro_follow_s: The rover stops when the gyro has not followed the changes of the wheels' turn rate
-            for this long.
+        gyro_follow_s: Gyro and wheels exclude each other when the gyro has not followed the changes of the
+            wheels' turn rate for this long.
         gyro_follow_share: Least share of these changes that the gyro measures.
         gyro_follow_rad_s: Standard deviation of the turn rate from which on its changes count.
-        gyro_turn_rad: The rover stops when its wheels have turned it by this much, on the spot or nearly, and
-            the gyro has measured less than `gyro_follow_share` of the turn.
+        gyro_turn_rad: They also do when the wheels have turned the rover by this much, on the spot or nearly,
+            and the gyro has measured less than `gyro_follow_share` of the turn.
     """
 
     gyro_difference_rad: Annotated[float, Field(ge=0.005, le=3.0)] = 0.05
@@ -104,34 +104,38 @@ AGAINST = -0.5
 """Correlation of gyro and wheels below which the gyro turns against them: slip does not change a sign."""
 
 
+WHY_NO_TURN = "no signal, wrong axis, wrong sign, or wheels without grip"
+
+
 RESONANCE = 1.0 / 3.0
 """A contact near its resonance lets the rover swing against its wheels by up to 0.3 of their turn, on the
 floors of `benchmarks.safety.healthy_missions`: a gyro that turns back no further may be right."""
 
 
 class GyroFollowsRule(StopRule):
-    """Stops when the gyro does not follow the changes of the wheels' turn rate: dead, wrong axis, wrong sign.
+    """Notices a gyro that does not follow the changes of the wheels' turn rate: dead, wrong axis or sign.
 
     Slip takes away part of a change, never the sign. The regression of the gyro on the wheels over a moving
     average is free of the bias and of steady slip.
 
-    Wheels that sweep without grip look like a gyro without a signal: the stop is recoverable. While pose
-    fixes agree with the yaw it is a suspicion only: they decide. A gyro that has turned against the wheels
-    all the time is wrong: that stop is final.
+    Wheels that sweep without grip look like a gyro without a signal. While pose fixes or a camera agree with
+    the yaw it is a suspicion; where they contradict it the gyro is dead. Where they say neither, the yaw
+    becomes uncertain enough for both. A gyro that has turned against the wheels all the time is wrong: that
+    stop is final.
 
     Wheels with time stamps of their own seem to turn the rover when a stamp is wrong, and back again in the
     next increment: such noise is known by successive turn rates that go opposite ways, and does not count.
 
     Args:
         settings: Thresholds.
-        roles: Gyro and devices that give fixes.
-        unproven: Shared with `MissedTurnRule`; this rule adds to it.
+        roles: Gyro, devices that give fixes, camera.
+        unproven: Shared with `MissedTurnRule` and `DeadGyroRule`; this rule adds to it.
     """
 
     def __init__(self, settings: GyroTurnSettings, roles: DeviceRoles, unproven: UnprovenTurn) -> None:
         self._settings = settings
         self._gyro = roles.gyro
-        self._fixes = YawFixes(roles)
+        self._watch = YawWatch(roles)
         self._unproven = unproven
         self._begin_anew()
 
@@ -144,31 +148,33 @@ class GyroFollowsRule(StopRule):
         if cycle.is_still:
             self._begin_anew()
         if cycle.evidence is not None:
+            self._unproven.add(cycle.evidence.wheels, cycle.distance_m)
             self._take(cycle.evidence)
-        self._fixes.take(cycle)
+        self._watch.take(cycle)
         if self._lost_s:
             share = self._moments.covariance / self._moments.wheel_variance
             text = (
                 f"{self._gyro}: yaw rate follows {100.0 * share:.0f} % of the changes of the wheels' turn "
-                f"rate for {self._settings.gyro_follow_s:g} s: no signal, wrong axis, wrong sign, or wheels "
-                "without grip"
+                f"rate for {self._settings.gyro_follow_s:g} s: {WHY_NO_TURN}"
             )
             yaw_rad = self._unproven.error_rad(self._wheels_rad)
             severity = self._severity(cycle.now_ns)
+            text += self._watch.consequence(severity)
+            self._unproven.is_dead |= severity is Severity.STOP
             is_final = severity is Severity.FINAL
-            yield StopReason("gyro follows", text, severity, yaw_rad=yaw_rad, leaves_motion_open=is_final)
+            path_m = self._unproven.path_m
+            yield StopReason("gyro follows", text, severity, (), yaw_rad, path_m, leaves_motion_open=is_final)
 
     def _severity(self, now_ns: int) -> Severity:
         follow_s = self._settings.gyro_follow_s
         if self._lost_s < follow_s:
             return Severity.SIGN
-        return Severity.FINAL if self._against_s >= follow_s else self._fixes.severity(now_ns)
+        return Severity.FINAL if self._against_s >= follow_s else self._watch.severity(now_ns)
 
     def _take(self, evidence: TurnEvidence) -> None:
         settings, moments, wheels = self._settings, self._moments, evidence.wheels
         moments.add(wheels.duration_s, wheels.turn_rad, evidence.gyro_rad)
         self._noise.add(wheels.duration_s, wheels.turn_rad)
-        self._unproven.add(wheels)
         wheel_variance = moments.wheel_variance
         least_variance = settings.gyro_follow_rad_s**2 + NOISE_SHARE * self._noise.variance
         is_turning = wheel_variance > least_variance

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 
 from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
-from controllers.safety.gyro_turn_rules import AGAINST, AVERAGE_S, GyroTurnSettings
+from controllers.safety.gyro_turn_rules import AGAINST, AVERAGE_S, WHY_NO_TURN, GyroTurnSettings
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from controllers.safety.unproven_turn import UnprovenTurn
-from controllers.safety.yaw_fixes import YawFixes
+from controllers.safety.yaw_watch import YawWatch
 
 ON_THE_SPOT = 0.9
 """Least share of the turn in what the wheels of both senses add up to. On the spot all wheels turn the rover
@@ -20,27 +20,27 @@ NO_TURN = TurnEvidence(0.0, WheelTurn())
 
 
 class MissedTurnRule(StopRule):
-    """Stops when the wheels have turned the rover and the gyro has not measured it.
+    """Notices that the wheels have turned the rover and the gyro has not measured it.
 
     A steady turn does not change the turn rate, so `GyroFollowsRule` does not see it. Straight ahead uneven
     slip lets the wheels turn while the rover keeps its heading: only turns on the spot or nearly so count.
 
     Args:
         settings: Thresholds.
-        roles: Gyro and devices that give fixes.
+        roles: Gyro, devices that give fixes, camera.
         unproven: Shared with `GyroFollowsRule`, which adds to it and is checked before.
     """
 
     def __init__(self, settings: GyroTurnSettings, roles: DeviceRoles, unproven: UnprovenTurn) -> None:
         self._settings = settings
         self._gyro = roles.gyro
-        self._fixes = YawFixes(roles)
+        self._watch = YawWatch(roles)
         self._part = self._turn = NO_TURN
         self._unproven = unproven
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Take the evidence of a cycle; return a reason when a turn is missing."""
-        self._fixes.take(cycle)
+        self._watch.take(cycle)
         if cycle.evidence is None:
             return
         self._part = _sum(self._part, cycle.evidence)
@@ -56,12 +56,15 @@ class MissedTurnRule(StopRule):
         if share < self._settings.gyro_follow_share:
             text = (
                 f"{self._gyro}: measures {100.0 * share:.0f} % of a turn of {abs(turn_rad):.2f} rad by the "
-                "wheels: no signal, wrong axis, wrong sign, or wheels without grip"
+                f"wheels: {WHY_NO_TURN}"
             )
-            severity = Severity.FINAL if share < AGAINST else self._fixes.severity(cycle.now_ns)
+            severity = Severity.FINAL if share < AGAINST else self._watch.severity(cycle.now_ns)
+            text += self._watch.consequence(severity)
+            self._unproven.is_dead |= severity is Severity.STOP
             yaw_rad = self._unproven.error_rad((1.0 - share) * abs(turn_rad))
             is_final = severity is Severity.FINAL
-            yield StopReason("missed turn", text, severity, yaw_rad=yaw_rad, leaves_motion_open=is_final)
+            path_m = self._unproven.path_m
+            yield StopReason("missed turn", text, severity, (), yaw_rad, path_m, leaves_motion_open=is_final)
         else:
             self._unproven.prove()
 

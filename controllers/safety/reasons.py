@@ -17,6 +17,8 @@ class Severity(StrEnum):
 
     SIGN: nothing yet, but distance driven meanwhile is no evidence that the cause is gone.
     SUSPICION: nothing but to be shown: it does not decide whether something is wrong.
+    DOUBT: nothing but to be shown, and the estimate becomes as uncertain as the reason says: also a healthy
+        rover may show this, and nothing decides.
     STOP: stop; motion resumes when the reason is gone.
     RECOVERABLE: stop, also a healthy rover may show this. Motion resumes after a rest, with a wider pose, but
         only once: see `SafetySupervisor`.
@@ -25,6 +27,7 @@ class Severity(StrEnum):
 
     SIGN = "sign"
     SUSPICION = "suspicion"
+    DOUBT = "doubt"
     STOP = "stop"
     RECOVERABLE = "recoverable"
     FINAL = "final"
@@ -39,6 +42,7 @@ class StopReason(NamedTuple):
         severity: What the reason requires.
         wheel_rad: By how much the angle of each wheel may have been measured wrongly; empty for not at all.
         yaw_rad: By how much the yaw may be wrong.
+        path_m: Distance driven before, on which the yaw may have become wrong.
         leaves_motion_open: Whether a sensor of the motion itself may be wrong, all the time.
     """
 
@@ -47,6 +51,7 @@ class StopReason(NamedTuple):
     severity: Severity = Severity.STOP
     wheel_rad: tuple[float, ...] = ()
     yaw_rad: float = 0.0
+    path_m: float = 0.0
     leaves_motion_open: bool = False
 
 
@@ -69,8 +74,13 @@ class Cycle(NamedTuple):
         rejected_rate_rad_s: Newest reading of the gyro if the rover cannot turn that fast; else None.
         unseen_m: Standard deviation of the position from motion that was not measured.
         unseen_rad: The same of the yaw.
+        doubted_rad: Standard deviation of the yaw because gyro and wheels excluded each other and nothing
+            decided, before the corrections of this cycle; these reduce it.
         ground_pairs: Motions over the ground that a camera has measured in this cycle.
         slip: Valid slip of the rover; None where it is unknown.
+        lost_response: Why the yaw's response to the excitation shows that the rover may not get on; "" where
+            it does not.
+        unanswered_m: Travel of the wheels since the rover may have got stuck, by that response.
         sees_no_motion: Whether the rear camera has seen no motion of the ground for some travel.
         set_steering_rad: Steering set-points of the cycle before; empty where no wheel steers.
         steering_rad: Steering angles, one per wheel; empty where no wheel steers.
@@ -95,8 +105,11 @@ class Cycle(NamedTuple):
     rejected_rate_rad_s: float | None = None
     unseen_m: float = 0.0
     unseen_rad: float = 0.0
+    doubted_rad: float = 0.0
     ground_pairs: tuple[GroundPair, ...] = ()
     slip: float | None = None
+    lost_response: str = ""
+    unanswered_m: float = 0.0
     sees_no_motion: bool = False
     set_steering_rad: tuple[float, ...] = ()
     steering_rad: tuple[float, ...] = ()

@@ -15,11 +15,13 @@ class Doubt(NamedTuple):
         wheel_rad: Greatest error of the angle of each wheel, signed; empty for none.
         yaw_rad: Greatest error of the yaw.
         is_unseen: Whether it may keep the rover stopped, as motion that was not measured.
+        path_m: Distance driven before, on which the yaw may have become wrong.
     """
 
     wheel_rad: tuple[float, ...]
     yaw_rad: float
     is_unseen: bool
+    path_m: float = 0.0
 
 
 class RuleSet:
@@ -52,19 +54,26 @@ class RuleSet:
         """Return the reasons of this cycle."""
         return [reason for rule in self._rules for reason in rule.check(cycle)]
 
-    def doubts(self, stops: Sequence[StopReason]) -> Iterator[Doubt]:
-        """Yield the doubt of each stop when it begins, and what is added to the yaw's while it lasts."""
+    def doubts(self, reasons: Sequence[StopReason]) -> Iterator[Doubt]:
+        """Yield the doubt of each reason when it begins, and what is added to the yaw's while it lasts.
+
+        Signs and suspicions are no doubt.
+        """
         before, self._doubted_rad = self._doubted_rad, {}
-        for stop in stops:
+        for stop in reasons:
+            if stop.severity in (Severity.SIGN, Severity.SUSPICION):
+                continue
             known = {**before, **self._doubted_rad}
             before_rad = known.get(stop.cause, 0.0)
             self._doubted_rad[stop.cause] = max(before_rad, stop.yaw_rad)
             # Variances add up.
             added_rad = math.sqrt(max(0.0, stop.yaw_rad**2 - before_rad**2))
-            wheel_rad = () if stop.cause in known else stop.wheel_rad
-            yield Doubt(wheel_rad, added_rad, is_unseen=stop.severity is not Severity.RECOVERABLE)
+            wheel_rad, path_m = ((), 0.0) if stop.cause in known else (stop.wheel_rad, stop.path_m)
+            is_unseen = stop.severity not in (Severity.DOUBT, Severity.RECOVERABLE)
+            yield Doubt(wheel_rad, added_rad, is_unseen, path_m)
 
 
 def stops_of(reasons: Sequence[StopReason]) -> list[StopReason]:
     """Return the reasons that stop a mission."""
-    return [reason for reason in reasons if reason.severity not in (Severity.SIGN, Severity.SUSPICION)]
+    stops_nothing = (Severity.SIGN, Severity.SUSPICION, Severity.DOUBT)
+    return [reason for reason in reasons if reason.severity not in stops_nothing]

@@ -5,6 +5,7 @@ from typing import Annotated
 from pydantic import Field
 
 from controllers.roles import DeviceRoles
+from controllers.safety.dead_gyro_rule import DeadGyroRule
 from controllers.safety.device_rules import BumperRule, BumperSettings, FaultRule, FreshnessRule, LinkRule
 from controllers.safety.entrapment import EntrapmentRule, EntrapmentSettings
 from controllers.safety.estimate_rules import (
@@ -13,6 +14,8 @@ from controllers.safety.estimate_rules import (
     MotionRule,
     UnseenMotionRule,
     UnseenSettings,
+    YawDoubtRule,
+    YawDoubtSettings,
 )
 from controllers.safety.gyro_reading_rules import (
     GreatestRateRule,
@@ -49,6 +52,7 @@ class SafetySettings(
     GyroSampleRateSettings,
     HeadingTurnSettings,
     UnseenSettings,
+    YawDoubtSettings,
     EntrapmentSettings,
 ):
     """When the rover stops, and when it moves again.
@@ -96,6 +100,7 @@ def make_rules(
         GyroDifferenceRule(settings, roles),
         GyroFollowsRule(settings, roles, unproven),
         MissedTurnRule(settings, roles, unproven),
+        DeadGyroRule(settings, roles, unproven),
         GyroRestRule(settings, roles),
         GyroSampleRateRule(settings, roles),
         *(() if roles.gyro is None else (HeadingTurnRule(settings, roles, heading_lag_s),)),
@@ -105,6 +110,7 @@ def make_rules(
         EntrapmentRule(settings, roles),
         SteeringMonitor(settings),
         UnseenMotionRule(settings, roles),
+        YawDoubtRule(settings, roles),
     )
 
 

@@ -102,8 +102,9 @@ class SafetySupervisor:
         """Decide the mode of this cycle."""
         reasons = self._rules.reasons(cycle)
         stops = stops_of(reasons)
-        self.suspicion = next((each.text for each in reasons if each.severity is Severity.SUSPICION), "")
-        self.doubts = list(self._rules.doubts(stops))
+        shown = (Severity.SUSPICION, Severity.DOUBT)
+        self.suspicion = next((each.text for each in reasons if each.severity in shown), "")
+        self.doubts = list(self._rules.doubts(reasons))
         if self.mode is Mode.EMERGENCY_STOP:
             return
         if self.mode is Mode.RUNNING:

@@ -1,4 +1,4 @@
-"""Turn on which the gyro has not been seen to measure anything."""
+"""Turn on which the gyro has not been seen to measure anything, and whether it is known to be dead."""
 
 import math
 
@@ -11,18 +11,25 @@ class UnprovenTurn:
 
     A gyro that does not follow now may have lost its signal at any time since. On all of this turn the yaw
     is only as certain as the wheels.
+
+    Attributes:
+        path_m: Distance driven meanwhile.
+        is_dead: Whether the rover was known to turn without a signal of the gyro, which has shown none since.
     """
 
     def __init__(self) -> None:
-        self._rad = 0.0
+        self._rad = self.path_m = 0.0
+        self.is_dead = False
 
-    def add(self, wheels: WheelTurn) -> None:
-        """Add a turn of the wheels."""
+    def add(self, wheels: WheelTurn, distance_m: float = 0.0) -> None:
+        """Add a turn of the wheels, and the distance that they drove meanwhile."""
         self._rad += wheels.both_ways_rad
+        self.path_m += distance_m
 
     def prove(self) -> None:
         """Forget the turn: the gyro follows."""
-        self._rad = 0.0
+        self._rad = self.path_m = 0.0
+        self.is_dead = False
 
     def error_rad(self, missed_rad: float) -> float:
         """Return the greatest error of the yaw, 0 to pi.

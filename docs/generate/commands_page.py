@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
-from typer import Typer
+from typer.main import get_command
 from typer.models import ArgumentInfo, OptionInfo
 
 from rover_hil.app.app import app
@@ -49,7 +49,7 @@ def commands_page() -> str:
 
 def commands() -> Iterator[Command]:
     """Yield every command of the program."""
-    return _commands_of(app, "rover-hil")
+    return _commands_of(get_command(app), "rover-hil")
 
 
 def options_of(command: Command) -> Iterator[Option]:
@@ -67,13 +67,12 @@ def options_of(command: Command) -> Iterator[Option]:
         )
 
 
-def _commands_of(group: Typer, prefix: str) -> Iterator[Command]:
-    for command in group.registered_commands:
-        if command.callback is not None and not command.hidden:
-            yield Command(f"{prefix} {command.name or command.callback.__name__}", command.callback)
-    for inner in group.registered_groups:
-        if inner.typer_instance is not None:
-            yield from _commands_of(inner.typer_instance, f"{prefix} {inner.name}")
+def _commands_of(group: Any, prefix: str) -> Iterator[Command]:
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from _commands_of(command, f"{prefix} {name}")
+        elif not command.hidden:
+            yield Command(f"{prefix} {name}", inspect.unwrap(command.callback))
 
 
 def _describe(command: Command) -> str:

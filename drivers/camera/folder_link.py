@@ -28,7 +28,7 @@ class FolderLink(PlaybackLink):
         if not paths:
             raise NotConnectedError(
                 f"frames folder {folder} holds no images ({', '.join(sorted(IMAGE_SUFFIXES))}): "
-                f"correct the camera's `path`"
+                "correct the camera's `path`"
             )
         offsets_ns = [index * self._period_ns for index in range(len(paths))]
         if all(_is_stamp(path) for path in paths):
@@ -116,7 +116,7 @@ def _find_images(folder: Path) -> set[Path]:
     except OSError as error:
         raise NotConnectedError(
             f"frames folder {folder} cannot be read ({error.strerror}): correct the camera's `path`, "
-            f"or start what fills the folder"
+            "or start what fills the folder"
         ) from error
 
 

@@ -12,12 +12,12 @@ from typing import Annotated, NoReturn
 import typer
 
 from drivers.errors import ConfigError, RoverHilError
-from rover_hil.app.calibrate.commands import calibrate_app
 from rover_hil.app.error_message import check_name_lengths, readable
-from rover_hil.app.exit_codes import EXIT_BAD_INPUT
 from rover_hil.app.identify.commands import identify_app
 from rover_hil.app.memory import prepare_linear_algebra, require_loading_memory, sentence_of
-from rover_hil.app.options import (
+from rover_hil.app.terrain.commands import terrain_app
+from rover_hil.console.exit_codes import EXIT_BAD_INPUT
+from rover_hil.console.options import (
     LIVE_PORT,
     LONGEST_S,
     ClusterOption,
@@ -31,8 +31,8 @@ from rover_hil.app.options import (
     number_option,
     out_option,
 )
-from rover_hil.app.output import end_output, open_missing_streams, output_problem, tell
-from rover_hil.app.terrain.commands import terrain_app
+from rover_hil.console.output import end_output, open_missing_streams, output_problem, tell
+from rover_hil.ready.commands import calibrate_app
 from rover_hil.run.end_signals import held_signals
 
 app = typer.Typer(
@@ -356,8 +356,8 @@ def commission(
     Data: your rover, chalk and a tape measure; docs/how-to/commission_a_rover.md.
     """
     with held_signals():
-        from rover_hil.app.commission import Plan
-        from rover_hil.app.commission import commission as commission_rover
+        from rover_hil.ready.commission.procedure import Plan
+        from rover_hil.ready.commission.procedure import commission as commission_rover
 
     plan = Plan(side_m=side, laps=laps, tape_sd_m=tape_sd)
     sys.exit(

@@ -4,15 +4,15 @@ from pathlib import Path
 
 from drivers.clock import PacedClock
 from drivers.errors import ConfigError
-from rover_hil.app.drive import order_drive
-from rover_hil.app.exit_codes import EXIT_OK
-from rover_hil.app.run import run_real, run_virtual
 from rover_hil.bench.views import RunOrder
 from rover_hil.config import load_config
 from rover_hil.connect.connections import connected
+from rover_hil.console.exit_codes import EXIT_OK
 from rover_hil.report.write import write_report
 from rover_hil.run.checks import CONNECTION_CHECKS, ROVER_CHECKS
 from rover_hil.run.drive_order import rover_words
+from rover_hil.run.drive_permission import order_drive
+from rover_hil.run.driving import run_real, run_virtual
 from rover_hil.run.executive import Operator, RunResult
 from rover_hil.terminal import Terminal
 

@@ -4,20 +4,20 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from controllers.control_loop import ControlLoop
-from drivers.clock import VirtualClock, wall_time_ns
+from drivers.clock import VirtualClock, date_of, wall_time_ns
 from drivers.errors import ConfigError
 from rover_hil.app.error_message import readable_line
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.json_text import print_json
-from rover_hil.app.steps import show_steps
 from rover_hil.config import Config, Draft, Rule, load_config, read_config_table, schema_text
 from rover_hil.config.schema import find_conflicts
-from rover_hil.doctor.calibration import check_calibration
-from rover_hil.doctor.clocks import today
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.steps import show_steps
 from rover_hil.doctor.config_consistency import check_consistency
 from rover_hil.doctor.finding import Finding, Level
+from rover_hil.doctor.progress_sources import describe_progress
 from rover_hil.doctor.slip_sources import describe_slip_sources
 from rover_hil.pages.atomic_write import check_file, write_file
+from rover_hil.ready.ages import check_ages
 from rover_hil.run.checks import RUN_CHECKS, SIMULATE_CHECKS, VIRTUAL_RUN_CHECKS
 from rover_hil.terminal import Terminal
 from rover_hil.tune.parameters import MISSING_TUNE, check_parameters
@@ -62,6 +62,7 @@ def check_config(
             "warnings": [f"{each.subject}: {each.what}: {each.fix}" for each in warnings],
             "commands": commands,
             "slip": "" if mistakes else describe_slip_sources(load_config(name)),
+            "entrapment": "" if mistakes else describe_progress(load_config(name)),
         }
         print_json(record)
         return EXIT_NO if mistakes else EXIT_OK
@@ -78,6 +79,7 @@ def check_config(
     for command, lack in commands.items():
         console.print(f"  {command}: {lack or 'yes'}")
     console.print(f"  slip: {describe_slip_sources(load_config(name))}")
+    console.print(f"  entrapment: {describe_progress(load_config(name))}")
     for option, path in (("schema", schema), ("preview", preview)):
         if path is not None:
             console.print(f"{option}: {path}")
@@ -94,7 +96,7 @@ def examine_config(name: str) -> tuple[list[str], list[Finding], dict[str, str]]
     except ConfigError as error:
         return list(dict.fromkeys(str(error).splitlines())), [], {}
     mistakes = [f"{name}: {mistake}" for mistake in _find_build_mistakes(config)]
-    findings = [*check_consistency(config), *check_calibration(config, today(wall_time_ns()))]
+    findings = [*check_consistency(config), *check_ages(config, date_of(wall_time_ns()))]
     mistakes += [
         f"{name}: {finding.subject}: {finding.what}: {finding.fix}"
         for finding in findings

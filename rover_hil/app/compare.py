@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drivers.errors import ConfigError
-from rover_hil.app.exit_codes import EXIT_OK
-from rover_hil.app.json_text import print_json
-from rover_hil.app.options import check_inputs, log_at
-from rover_hil.app.steps import show_steps
+from rover_hil.console.exit_codes import EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.options import check_inputs, log_at
+from rover_hil.console.steps import show_steps
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.report.compare import MOST_RUNS, compare_runs, render_comparison
 from rover_hil.terminal import Terminal

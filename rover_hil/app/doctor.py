@@ -5,13 +5,14 @@ from collections.abc import Sequence
 from rich.table import Table
 from rich.text import Text
 
-from drivers.clock import SystemClock
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.json_text import print_json
-from rover_hil.app.steps import show_progress
+from drivers.clock import SystemClock, date_of, wall_time_ns
 from rover_hil.config import load_config
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.steps import show_progress
 from rover_hil.doctor.examination import examine_computer, examine_rover
 from rover_hil.doctor.finding import Finding, Level, SystemPaths
+from rover_hil.ready.ages import check_ages
 from rover_hil.run.checks import RUN_CHECKS
 from rover_hil.terminal import Terminal, printable
 
@@ -33,7 +34,7 @@ def examine(config_name: str, *, as_json: bool) -> int:
         def show(listened_s: float) -> None:
             progress.update(task, completed=listened_s, description="listening to all devices")
 
-        findings = examine_computer(paths)
+        findings = [*examine_computer(paths), *check_ages(config, date_of(wall_time_ns()))]
         findings += examine_rover(config, paths, SystemClock(), listen_s=LISTEN_S, on_progress=show)
     if as_json:
         print_json(record_of(findings))

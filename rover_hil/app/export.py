@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from drivers.errors import ConfigError, LogError
-from rover_hil.app.exit_codes import EXIT_OK
-from rover_hil.app.json_text import print_json
-from rover_hil.app.options import log_at
-from rover_hil.app.steps import show_progress
+from rover_hil.console.exit_codes import EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.options import log_at
+from rover_hil.console.steps import show_progress
 from rover_hil.exporting.can import check_name, write_can
 from rover_hil.exporting.rosbag2 import write_rosbag2
 from rover_hil.exporting.tables import read_tables

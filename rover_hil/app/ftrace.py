@@ -12,11 +12,11 @@ from controllers.ftrace.estimator import Method, TraceEstimator
 from controllers.ground_motion.rig import RigFile
 from drivers.camera.images import NO_PIXELS
 from drivers.errors import ConfigError
-from rover_hil.app.exit_codes import EXIT_INTERRUPTED, EXIT_OK
-from rover_hil.app.json_text import print_json
-from rover_hil.app.options import check_inputs
-from rover_hil.app.steps import show_progress
 from rover_hil.config import read_rig
+from rover_hil.console.exit_codes import EXIT_INTERRUPTED, EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.options import check_inputs
+from rover_hil.console.steps import show_progress
 from rover_hil.ftrace.frames import FrameSource
 from rover_hil.ftrace.log_frames import LogFrames
 from rover_hil.ftrace.overlay import OverlayWriter

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError, LogError
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.json_text import print_json, print_json_text
-from rover_hil.app.options import check_inputs
-from rover_hil.app.steps import show_steps
 from rover_hil.config import load_config
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.json_text import print_json, print_json_text
+from rover_hil.console.options import check_inputs
+from rover_hil.console.steps import show_steps
 from rover_hil.gap import verdict_rules
 from rover_hil.gap.checks import object_to, slower_channels
 from rover_hil.gap.data.cut import cut_runs, without_warm_up

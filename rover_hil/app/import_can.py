@@ -6,11 +6,11 @@ from pathlib import Path
 from drivers.can_wheels.mapping_file import load_mapping, read_dbc
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.errors import ConfigError
-from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.import_contents import WriteDrive, import_files
-from rover_hil.app.json_text import print_json
-from rover_hil.app.steps import show_steps
 from rover_hil.config import load_config
+from rover_hil.console.exit_codes import EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.steps import show_steps
 from rover_hil.datasets.can_frames import CanFrames, read_can_log
 from rover_hil.importing.can.listing import ListedIdentifier, absence_of, list_frames, motion_kinds
 from rover_hil.importing.can.rover import rover_of_log

@@ -8,8 +8,8 @@ from typing import TypeAlias
 
 from drivers.clock import seconds
 from drivers.errors import ConfigError
-from rover_hil.app.json_text import print_json
-from rover_hil.app.steps import show_steps
+from rover_hil.console.json_text import print_json
+from rover_hil.console.steps import show_steps
 from rover_hil.datasets.truth_check import truth_findings
 from rover_hil.importing.drive import START_NS, Contents
 from rover_hil.pages.atomic_write import check_file, unfinished

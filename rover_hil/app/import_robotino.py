@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from rover_hil.app.exit_codes import EXIT_OK
-from rover_hil.app.steps import show_progress
 from rover_hil.config import load_config
+from rover_hil.console.exit_codes import EXIT_OK
+from rover_hil.console.steps import show_progress
 from rover_hil.importing.robotino_csv import read_run
 from rover_hil.importing.to_log import observing_config, write_run_as_log
 from rover_hil.pages.atomic_write import check_file, unfinished

@@ -4,11 +4,11 @@ from dataclasses import asdict
 from pathlib import Path
 
 from drivers.clock import seconds
-from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.import_contents import add_truth_findings, print_contents
-from rover_hil.app.json_text import print_json
-from rover_hil.app.steps import show_steps
 from rover_hil.config import load_config
+from rover_hil.console.exit_codes import EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.steps import show_steps
 from rover_hil.importing.drive import START_NS, Contents
 from rover_hil.importing.rosbag.bag import bounded_memory
 from rover_hil.importing.rosbag.to_log import write_bag_as_log

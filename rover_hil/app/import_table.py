@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.import_contents import WriteDrive, import_files
-from rover_hil.app.json_text import print_json
+from rover_hil.console.exit_codes import EXIT_OK
+from rover_hil.console.json_text import print_json
 from rover_hil.importing.table.columns import read_columns, rover_of
 from rover_hil.importing.table.propose import proposal_text, propose
 from rover_hil.importing.table.to_log import write_table_as_log

@@ -13,19 +13,17 @@ from drivers.driver import SteeringCodec
 from drivers.errors import ConfigError, NotConnectedError
 from drivers.registry import AnyDeviceSettings
 from drivers.vesc.settings import VescSettings
-from rover_hil.app.ask import ask, ask_choice, ask_number, ask_yes
 from rover_hil.app.check import examine_config
-from rover_hil.app.drive import permit_turning
 from rover_hil.app.error_message import readable_line
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.steps import show_steps
 from rover_hil.config import schema_text
 from rover_hil.config.loader import SCHEMA_NAME
+from rover_hil.console.ask import ask, ask_choice, ask_number, ask_yes
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.steps import show_steps
 from rover_hil.doctor.finding import SystemPaths
 from rover_hil.pages.atomic_write import check_file, unfinished, write_file
-from rover_hil.run.drive_order import port_of
-from rover_hil.setting_up.config_text import Answers, config_text
-from rover_hil.setting_up.drives import (
+from rover_hil.ready.set_up.config_text import Answers, config_text
+from rover_hil.ready.set_up.drives import (
     canopen_nodes,
     guess_mapping,
     read_messages,
@@ -34,8 +32,8 @@ from rover_hil.setting_up.drives import (
     vesc_nodes,
     write_mapping,
 )
-from rover_hil.setting_up.places import find_places
-from rover_hil.setting_up.probing import (
+from rover_hil.ready.set_up.places import find_places
+from rover_hil.ready.set_up.probing import (
     Found,
     busy_words,
     probe_camera,
@@ -43,8 +41,10 @@ from rover_hil.setting_up.probing import (
     probe_can_log,
     probe_serial,
 )
-from rover_hil.setting_up.simulated_rover import simulation_table
-from rover_hil.setting_up.turning import Turner
+from rover_hil.ready.set_up.simulated_rover import simulation_table
+from rover_hil.ready.set_up.turning import Turner
+from rover_hil.run.drive_order import port_of
+from rover_hil.run.drive_permission import permit_turning
 from rover_hil.terminal import Terminal
 
 TURN_SPEED_RAD_S = 1.0
@@ -249,7 +249,7 @@ def _drive_of(
     if not ask_yes("Is that right?", default=True):
         raise ConfigError(
             f"{dbc}: write the mapping by hand, docs/how-to/drive_your_own_rover.md, or rename signals and "
-            f"units"
+            "units"
         )
     if guess.needs_ticks:
         ticks = ask_number("Encoder ticks per turn of the encoder", 1, 1e8)

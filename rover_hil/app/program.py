@@ -1,6 +1,6 @@
 """The `rover-hil` program: loads the commands in a way that a signal ends even that with one sentence."""
 
-from rover_hil.app.exit_codes import exit_interrupted, exit_terminated
+from rover_hil.console.exit_codes import exit_interrupted, exit_terminated
 from rover_hil.run.end_signals import Terminated, held_signals, take_signals
 
 

@@ -9,12 +9,12 @@ from controllers.slip.effort.settings import YAW_PROBE
 from drivers.clock import SystemClock, seconds
 from drivers.errors import LogError
 from rover_hil.app.error_message import readable_line
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.json_text import print_json
-from rover_hil.app.options import log_at
 from rover_hil.app.run import live_mirror
-from rover_hil.app.steps import show_progress
 from rover_hil.config import Config, load_config
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.options import log_at
+from rover_hil.console.steps import show_progress
 from rover_hil.datasets.truth_check import truth_findings
 from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.recording.data_files import restore_config, with_controller_of

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from controllers.slip.scomp.parameters import ScompParameters
-from rover_hil.app.exit_codes import EXIT_OK
-from rover_hil.app.json_text import print_json
-from rover_hil.app.steps import show_progress
+from rover_hil.console.exit_codes import EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.steps import show_progress
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.scomp.files import ReadDrive, read_drive, read_parameters, track_text
 from rover_hil.scomp.odometry import estimate_track

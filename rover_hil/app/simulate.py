@@ -8,8 +8,8 @@ from rich.live import Live
 from rich.text import Text
 
 from drivers.clock import Clock, SystemClock, seconds
-from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.config import load_config
+from rover_hil.console.exit_codes import EXIT_OK
 from rover_hil.run.checks import SIMULATE_CHECKS
 from rover_hil.run.end_signals import end_signals
 from rover_hil.terminal import Terminal

@@ -11,11 +11,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedCo
 
 from drivers.clock import SystemClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.json_text import print_json_text
-from rover_hil.app.steps import show_progress
 from rover_hil.config import Config, load_config, read_config_text
 from rover_hil.config.tune_settings import TuneSettings
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.json_text import print_json_text
+from rover_hil.console.steps import show_progress
 from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.terminal import Terminal, words_column
 from rover_hil.tune.comparison import Comparison, Verdict, compare
@@ -84,15 +84,20 @@ def tune(
         )
     result = summarise(study, config_name, wall_time_text(), config, attempts, comparison, changed_rovers)
     result_json = write_results(folder, text, config, attempts, comparison, result)
-    if as_json:
+    return tell_result(folder, result.verdict, sentence(result), result_json if as_json else None)
+
+
+def tell_result(folder: Path, verdict: Verdict, words: str, result_json: str | None) -> int:
+    """Print the result and the names of its files, or its JSON; returns the exit code."""
+    is_acceptable = verdict is not Verdict.NONE_ACCEPTABLE
+    if result_json is not None:
         print_json_text(result_json)
     else:
         console = Terminal()
-        console.print(sentence(result), soft_wrap=True)
-        names = [REPORT_NAME] if result.verdict is Verdict.NONE_ACCEPTABLE else [CONFIG_NAME, REPORT_NAME]
-        for name in names:
+        console.print(words, soft_wrap=True)
+        for name in (CONFIG_NAME, REPORT_NAME) if is_acceptable else (REPORT_NAME,):
             console.print(str(folder / name), soft_wrap=True)
-    return EXIT_NO if result.verdict is Verdict.NONE_ACCEPTABLE else EXIT_OK
+    return EXIT_OK if is_acceptable else EXIT_NO
 
 
 def prepare_folder(study: str, out: Path | None, *, force: bool) -> Path:

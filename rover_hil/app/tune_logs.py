@@ -5,22 +5,19 @@ from pathlib import Path
 
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.json_text import print_json_text
-from rover_hil.app.options import log_at
-from rover_hil.app.steps import show_steps
-from rover_hil.app.tune import STUDY_NAME, prepare_folder, search
+from rover_hil.app.tune import STUDY_NAME, prepare_folder, search, tell_result
 from rover_hil.config import load_config, read_config_text
+from rover_hil.console.options import log_at
+from rover_hil.console.steps import show_steps
 from rover_hil.parallel.executor import open_executor
 from rover_hil.run.checks import ROVER_CHECKS
 from rover_hil.terminal import Terminal
-from rover_hil.tune.comparison import Verdict, compare_by
+from rover_hil.tune.comparison import compare_by
 from rover_hil.tune.logs.judged_log import read_judged_logs, split
 from rover_hil.tune.logs.objective import evaluate_logs
 from rover_hil.tune.logs.results import log_sentence, summarise_logs, write_log_results
 from rover_hil.tune.logs.study import LogStudy, replays_on
 from rover_hil.tune.parameters import MISSING_LOGS, check_log_parameters, start_values
-from rover_hil.tune.results import CONFIG_NAME, REPORT_NAME
 from rover_hil.tune.tuned_config import tuned_text
 
 
@@ -94,12 +91,4 @@ def tune_by_logs(
         comparison,
     )
     result_json = write_log_results(folder, text, settings, attempts, comparison, result)
-    if as_json:
-        print_json_text(result_json)
-    else:
-        console = Terminal()
-        console.print(log_sentence(result), soft_wrap=True)
-        names = [REPORT_NAME] if result.verdict is Verdict.NONE_ACCEPTABLE else [CONFIG_NAME, REPORT_NAME]
-        for name in names:
-            console.print(str(folder / name), soft_wrap=True)
-    return EXIT_NO if result.verdict is Verdict.NONE_ACCEPTABLE else EXIT_OK
+    return tell_result(folder, result.verdict, log_sentence(result), result_json if as_json else None)

@@ -9,7 +9,7 @@ from html import escape
 from nicegui import Client, ui
 from nicegui.events import GenericEventArguments, ValueChangeEventArguments
 
-from controllers.operator import GAIN_UNITS
+from controllers.motion.missions.mission import GAIN_UNITS
 from drivers.errors import RoverHilError
 from rover_hil.bench.finished_runs import RunReader
 from rover_hil.bench.session import LOG_NAME, Kind, Session, State

@@ -11,16 +11,13 @@ from uuid import uuid4
 
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.kinematics import make_kinematics
-from controllers.motion.mission import corner_points
-from controllers.motion.path_following import find_mission_conflicts
+from controllers.motion.missions.mission import GAIN_UNITS, LARGEST_COORDINATE_M, PathSettings
 from controllers.motion.settings import (
-    LARGEST_COORDINATE_M,
     ByHandMission,
     MissionSettings,
-    PathSettings,
     WaypointsMission,
 )
-from controllers.operator import GAIN_UNITS, OperatorInput, check_gains, gain_ranges
+from controllers.operator import OperatorInput, check_gains, gain_ranges
 from controllers.slip.effort.settings import SURFACES, YAW_PROBE
 from drivers.camera.settings import CameraSettings
 from drivers.clock import SystemClock, nanoseconds, wall_time_text
@@ -428,13 +425,7 @@ class Session:
         if mission is None:
             raise ConfigError("the configuration has no mission: add [mission], or drive by hand")
         mission = mission.model_copy(update=self._gains)
-        kinematics = make_kinematics(config.rover)
-        for conflict in find_mission_conflicts(
-            mission,
-            kinematics.moves_sideways,
-            turns_on_spot=kinematics.turns_on_spot,
-            crab_limit_rad=kinematics.crab_limit_rad,
-        ):
+        for conflict in mission.conflicts(make_kinematics(config.rover)):
             raise ConfigError(conflict)
         return config.model_copy(update={**update, "mission": mission})
 
@@ -496,7 +487,7 @@ def _check_points(points: tuple[tuple[float, float], ...]) -> None:
 
 
 def _corners(mission: MissionSettings | None) -> list[tuple[float, float]]:
-    return [] if mission is None or isinstance(mission, ByHandMission) else list(corner_points(mission))
+    return list(mission.corners()) if mission is not None and mission.has_path else []
 
 
 def _size(order: RunOrder) -> int:

@@ -1,10 +1,9 @@
-"""Enter a value into the text of a configuration; its comments and order stay."""
+"""Enter values into the text of a configuration; its comments and order stay."""
 
-import json
-import re
-import tomllib
+from collections.abc import Mapping
+from typing import Any
 
-from drivers.errors import ConfigError
+import tomlkit
 
 
 def with_entry(text: str, section: str, key: str, value: str | float) -> str:
@@ -15,39 +14,41 @@ def with_entry(text: str, section: str, key: str, value: str | float) -> str:
         section: Name of the table, with dots.
         key: Key in it.
         value: Its new value.
-
-    Raises:
-        ConfigError: The section is written in a way that cannot be edited.
     """
-    expected = tomllib.loads(text)
-    place = expected
-    for part in section.split("."):
-        place = place.setdefault(part, {})
-    place[key] = value
-    edited = _edited(text, section, key, json.dumps(value, ensure_ascii=False))
-    try:
-        is_right = tomllib.loads(edited) == expected
-    except tomllib.TOMLDecodeError:
-        is_right = False
-    if not is_right:
-        raise ConfigError(
-            f"cannot enter {section}.{key} into the configuration: write it as a 'key = value' line below "
-            f"[{section}]"
-        )
-    return edited
+    document = tomlkit.parse(text)
+    place: Any = document
+    *outer, last = section.split(".")
+    for part in outer:
+        place = place.setdefault(part, tomlkit.table(is_super_table=True))
+    place.setdefault(last, tomlkit.table())[key] = value
+    return document.as_string()
 
 
-def _edited(text: str, section: str, key: str, shown: str) -> str:
-    header = re.search(rf"^[ \t]*\[[ \t]*{re.escape(section)}[ \t]*\][ \t]*(#.*)?\n", text, re.MULTILINE)
-    line = f"{key} = {shown}\n"
-    if header is None:
-        return f"{text.rstrip()}\n\n[{section}]\n{line}"
-    following = re.compile(r"^\s*\[", re.MULTILINE).search(text, header.end())
-    end = len(text) if following is None else following.start()
-    body = text[header.end() : end]
-    pattern = re.compile(rf"^([ \t]*{re.escape(key)}[ \t]*=[ \t]*)(\"[^\"\n]*\"|[^\s#]+)", re.MULTILINE)
-    edited, count = pattern.subn(lambda found: found[1] + shown, body)
-    if not count:
-        kept = body.rstrip()
-        edited = f"{kept}\n{line}{body[len(kept) :].removeprefix(chr(10))}" if kept else line + body
-    return text[: header.end()] + edited + text[end:]
+def with_table(text: str, section: str, name: str, table: Mapping[str, object]) -> str:
+    """Return the text of a configuration with a table; it replaces an earlier one.
+
+    Args:
+        text: A valid configuration with the section.
+        section: Name of the table that holds it, without dots.
+        name: Its name there.
+        table: Its content; tables in it become one line for each of their keys.
+    """
+    document = tomlkit.parse(text)
+    place: Any = document[section]
+    place.pop(name, None)
+    place[name] = {key: _with_inline_tables(value) for key, value in table.items()}
+    return document.as_string()
+
+
+def _with_inline_tables(value: object) -> object:
+    if not isinstance(value, Mapping):
+        return value
+    table = tomlkit.table()
+    for key, inner in value.items():
+        if isinstance(inner, Mapping):
+            line = tomlkit.inline_table()
+            line.update(inner)
+            table[key] = line
+        else:
+            table[key] = inner
+    return table

@@ -200,6 +200,7 @@ INLINED = (
     ("filter", "motor_fields", "motor fields", "motor_fields/{}.toml"),
     ("slip", "maps", "slip map", "slip_maps/{}.toml"),
     ("slip", "gyro_response", "gyro response", "gyro_responses/{}.toml"),
+    ("slip", "learned_bracket", "learned bracket", "learned_brackets/{}.toml"),
     ("scomp", "parameters", "parameters", "scomp_parameters/{}.toml"),
     ("scomp", "rig", "rig file", "rigs/{}.json"),
     ("ground_motion", "rig", "rig file", "rigs/{}.json"),

@@ -1,6 +1,8 @@
 """Makes the record of a cycle that other programs get while the rover drives."""
 
+import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from controllers.motion.kinematics import make_kinematics
 from controllers.safety import Mode
@@ -9,7 +11,7 @@ from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.driver import DeviceState
 from rover_hil.config import Config
 from rover_hil.config.ros2_joints import steered_wheels
-from rover_hil.connect.cycle_facts import HEALTH, CycleFacts, Values, estimate_of
+from rover_hil.connect.cycle_bytes import FORCE, POWER, RATE, WHEEL, CycleFacts, SampleFacts, or_none
 from rover_hil.connect.odometry_record import OdometryRecorder, is_finite, map_to_odom, slip_of
 from rover_hil.connect.records import (
     CycleRecord,
@@ -43,7 +45,6 @@ class CycleRecorder:
 
     def __init__(self, config: Config, offset: WallOffset) -> None:
         self._odometry = OdometryRecorder(config.filter)
-        self._gyro, self._wheels = config.roles.gyro, config.roles.wheels
         wheel_count = make_kinematics(config.rover).wheel_count
         self._position_rad: list[float | None] = [None] * wheel_count
         self._speed_rad_s: list[float | None] = [None] * wheel_count
@@ -51,7 +52,6 @@ class CycleRecorder:
         self._force_m_s2: Triple | None = None
         self._offset = offset
         self._yaw_unwatched = str(find_unwatched_yaw(config, config.device_roles()) or "")
-        self._healths: Sequence[Values] = ()
         self._told: object = None
         self._due_ns = 0
 
@@ -63,9 +63,7 @@ class CycleRecorder:
             now_ns: Real monotonic time.
         """
         to_wall_ns = self._offset.at(now_ns) + facts.offset_ns
-        if facts.healths is not None:
-            self._healths = facts.healths
-        cycle = estimate_of(facts)
+        cycle = facts.cycle
         wheels_ns, imu, power = self._sort(facts.samples, to_wall_ns)
         return {
             "time_ns": to_wall_ns + cycle["t_ns"],
@@ -74,41 +72,37 @@ class CycleRecorder:
             "wheels": None if wheels_ns is None else self._wheels_of(wheels_ns, cycle),
             "imu": imu,
             "power": power,
-            "status": self._status(cycle, now_ns, facts.extra),
+            "status": self._status(cycle, now_ns, facts),
         }
 
     def _sort(
-        self, samples: Sequence[tuple[str, Values]], to_wall_ns: int
+        self, samples: Sequence[SampleFacts], to_wall_ns: int
     ) -> tuple[int | None, list[ImuRecord], list[PowerRecord]]:
         """Return the time of the newest wheel position, the readings of the IMU, and of the supply."""
         wheels_ns: int | None = None
         imu: list[ImuRecord] = []
         power: list[PowerRecord] = []
-        for kind, (t_ns, *values) in samples:
+        for kind, t_ns, (first, second, third) in samples:
             time_ns = to_wall_ns + t_ns
-            if kind == "WheelSample":
-                if self._take_wheel(*values):
+            if kind == WHEEL:
+                if self._take_wheel(int(first), second, third):
                     wheels_ns = time_ns
-            elif kind == "PowerSample":
-                voltage_v, current_a = values
-                power.append({"time_ns": time_ns, "voltage_v": voltage_v, "current_a": current_a})
-            elif values[0] == self._gyro:
-                _, x, y, z = values
-                if kind == "AccelerationSample":
-                    self._force_m_s2 = x, y, z
-                else:
-                    imu.append({"time_ns": time_ns, "rate_rad_s": (x, y, z), "force_m_s2": self._force_m_s2})
+            elif kind == POWER:
+                power.append({"time_ns": time_ns, "voltage_v": first, "current_a": or_none(second)})
+            elif kind == FORCE:
+                self._force_m_s2 = first, second, third
+            elif kind == RATE:
+                rate_rad_s = or_none(first), or_none(second), third
+                imu.append({"time_ns": time_ns, "rate_rad_s": rate_rad_s, "force_m_s2": self._force_m_s2})
         return wheels_ns, imu, power
 
-    def _take_wheel(
-        self, device: str, wheel: int, position_rad: float | None, speed_rad_s: float | None
-    ) -> bool:
+    def _take_wheel(self, wheel: int, position_rad: float, speed_rad_s: float) -> bool:
         """Take a sample of a wheel; return whether it has a position."""
-        if device != self._wheels or not 0 <= wheel < len(self._position_rad):
+        if not 0 <= wheel < len(self._position_rad):
             return False
-        if speed_rad_s is not None:
+        if not math.isnan(speed_rad_s):
             self._speed_rad_s[wheel] = speed_rad_s
-        if position_rad is None:
+        if math.isnan(position_rad):
             return False
         self._position_rad[wheel] = position_rad
         return True
@@ -122,11 +116,10 @@ class CycleRecorder:
             "steering_rad": [angles_rad[wheel] for wheel in self._steered] if angles_rad else [],
         }
 
-    def _status(
-        self, cycle: EstimateRecord, now_ns: int, extra: Mapping[str, object]
-    ) -> list[StatusRecord] | None:
+    def _status(self, cycle: EstimateRecord, now_ns: int, facts: CycleFacts) -> list[StatusRecord] | None:
+        extra = facts.extra
         mode, reason, suspicion = cycle["mode"], cycle["reason"], cycle["suspicion"]
-        told = (mode, reason, suspicion, dict(extra))
+        told = (mode, reason, suspicion, extra)
         if told == self._told and now_ns < self._due_ns:
             return None
         self._told, self._due_ns = told, now_ns + STATUS_PERIOD_NS
@@ -147,12 +140,10 @@ class CycleRecorder:
         level = ERROR if mode == Mode.EMERGENCY_STOP else WARNING if any(warnings) else GOOD
         message = ": ".join(filter(None, (mode, reason or suspicion)))
         run: StatusRecord = {"level": level, "name": "run", "message": message, "values": values}
-        return [run, *map(_device_status, self._healths)]
+        return [run, *map(_device_status, facts.healths)]
 
 
-def _device_status(values: Values) -> StatusRecord:
-    *known, rejected = values
-    health = dict(zip(HEALTH, known, strict=True))
+def _device_status(health: Mapping[str, Any]) -> StatusRecord:
     return {
         "level": LEVELS[health["state"]],
         "name": health["device"],
@@ -161,7 +152,7 @@ def _device_status(values: Values) -> StatusRecord:
             "rate in Hz": f"{health['rate_hz']:.1f}",
             "age in s": None if health["age_s"] is None else f"{health['age_s']:.3f}",
             "accepted": health["accepted"],
-            "rejected": rejected,
+            "rejected": sum(health["rejected"].values()),
             "lost": health["lost"],
             "breaks": health["breaks"],
             "link": health["last_link_reason"],

@@ -7,7 +7,7 @@ from controllers.operator import OperatorInput
 from drivers.clock import Clock, SystemClock
 from drivers.errors import ConfigError
 from rover_hil.config import Config
-from rover_hil.connect.cycle_facts import facts_of
+from rover_hil.connect.cycle_bytes import CyclePacker, CycleUnpacker
 from rover_hil.connect.cycle_record import CycleRecorder
 from rover_hil.connect.wall_clock import WallOffset
 from rover_hil.recording.text import strict_json
@@ -39,6 +39,7 @@ class JsonLines:
         family, self._address = _resolve(target)
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
+        self._packer, self._unpacker = CyclePacker(config), CycleUnpacker()
         self._recorder = CycleRecorder(config, WallOffset())
         self._simulated_offset_ns = simulated_offset_ns
         self._clock: Clock = SystemClock()
@@ -57,7 +58,7 @@ class JsonLines:
 
     def show(self, view: CycleView) -> None:
         """Send the record of a cycle."""
-        facts = facts_of(view, self._simulated_offset_ns(), view.healths, NO_FACTS)
+        facts = self._unpacker.unpack(self._packer.pack(view, self._simulated_offset_ns(), NO_FACTS))
         line = strict_json(self._recorder.record(facts, self._clock.now_ns())) + b"\n"
         try:
             self._socket.sendto(line, self._address)

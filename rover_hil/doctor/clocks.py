@@ -1,9 +1,8 @@
 """Check whether the clocks run evenly."""
 
-import datetime as dt
 from typing import NamedTuple
 
-from drivers.clock import NANOSECONDS_PER_SECOND, Clock, seconds, wall_time_ns
+from drivers.clock import Clock, date_of, seconds, wall_time_ns
 from rover_hil.doctor.finding import Finding, ok, warning
 from rover_hil.doctor.listening import Reception
 
@@ -28,11 +27,6 @@ def read_clocks(clock: Clock) -> ClockPair:
     return ClockPair(wall_time_ns(), clock.now_ns())
 
 
-def today(wall_ns: int) -> dt.date:
-    """Return the date of a wall-clock reading."""
-    return dt.datetime.fromtimestamp(wall_ns / NANOSECONDS_PER_SECOND, tz=dt.UTC).date()
-
-
 def check_host_clock(before: ClockPair, after: ClockPair) -> list[Finding]:
     """Compare the advance of the wall clock and of the monotonic clock between two readings."""
     step_s = seconds((after.wall_ns - before.wall_ns) - (after.monotonic_ns - before.monotonic_ns))
@@ -47,12 +41,12 @@ def check_host_clock(before: ClockPair, after: ClockPair) -> list[Finding]:
                 "wait until `timedatectl` reports that the system clock is synchronized",
             )
         )
-    if today(after.wall_ns).year < EARLIEST_YEAR:
+    if date_of(after.wall_ns).year < EARLIEST_YEAR:
         findings.append(
             warning(
                 CHECK,
                 "host",
-                f"the date is {today(after.wall_ns)}",
+                f"the date is {date_of(after.wall_ns)}",
                 "the computer has no battery-backed clock and found no time server; logs get wrong dates",
                 "sudo timedatectl set-ntp true; without a network: sudo date -s 'YYYY-MM-DD HH:MM'",
             )

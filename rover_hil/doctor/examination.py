@@ -11,10 +11,9 @@ from drivers.device_settings import CanDeviceSettings
 from drivers.errors import NotConnectedError
 from drivers.registry import AnyDeviceSettings
 from rover_hil.config import Config
-from rover_hil.doctor.calibration import check_calibration
 from rover_hil.doctor.can_interface import check_interface, read_ip_details
 from rover_hil.doctor.can_traffic import check_traffic
-from rover_hil.doctor.clocks import check_device_clock, check_host_clock, read_clocks, today
+from rover_hil.doctor.clocks import check_device_clock, check_host_clock, read_clocks
 from rover_hil.doctor.config_consistency import check_consistency
 from rover_hil.doctor.faults import check_faults
 from rover_hil.doctor.finding import Finding, Level, SystemPaths, problem, warning
@@ -59,7 +58,6 @@ def examine_rover(
     before = read_clocks(clock)
     findings = [
         *check_consistency(config),
-        *check_calibration(config, today(before.wall_ns)),
         *check_ros2(config.ros2),
     ]
     with ExitStack() as stack:

@@ -6,8 +6,7 @@ from math import isfinite
 import numpy as np
 from typing_extensions import TypedDict
 
-from controllers.motion.mission import corner_points
-from controllers.motion.settings import ByHandMission, MissionSettings
+from controllers.motion.settings import MissionSettings
 from rover_hil.datasets.arrays import Array
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import position_error_m, summarise
@@ -185,4 +184,4 @@ def _rounded(values: Array, decimals: int) -> list[float]:
 
 
 def _corners(mission: MissionSettings | None) -> list[tuple[float, float]]:
-    return [] if mission is None or isinstance(mission, ByHandMission) else list(corner_points(mission))
+    return list(mission.corners()) if mission is not None and mission.has_path else []

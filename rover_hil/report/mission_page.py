@@ -7,13 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from controllers.motion.mission import Leg, corner_points, mission_legs
-from controllers.motion.settings import (
-    ByHandMission,
-    MissionSettings,
-    SmallTurnsMission,
-    WholeTurnsMission,
-)
+from controllers.motion.missions.mission import Leg
+from controllers.motion.settings import MissionSettings
 from drivers.errors import ConfigError
 from rover_hil.pages import style
 from rover_hil.pages.picture import Drawing, draw_pictures
@@ -33,10 +28,10 @@ def mission_page(name: str, mission: MissionSettings | None) -> str:
     Raises:
         ConfigError: It has no path.
     """
-    if mission is None or isinstance(mission, SmallTurnsMission | WholeTurnsMission | ByHandMission):
+    if mission is None or not mission.has_path:
         raise ConfigError(f"{name}: the mission has no path to draw: leave --preview out")
-    legs = mission_legs(mission)
-    lengths_m = [math.dist(*line) for line in pairwise(corner_points(mission))]
+    legs = mission.legs()
+    lengths_m = [math.dist(*line) for line in pairwise(mission.corners())]
     waits_s = sum(leg.wait_s for leg in legs)
     least_s = sum(
         length_m / (leg.speed_m_s or mission.speed_m_s) for leg, length_m in zip(legs, lengths_m, strict=True)
@@ -52,7 +47,7 @@ def mission_page(name: str, mission: MissionSettings | None) -> str:
         lambda: _draw(mission, legs),
     )
     return render(
-        "identify/report.html",
+        "pages/facts.html",
         grade="plain",
         title=f"Mission of {name}",
         facts=facts,
@@ -76,10 +71,10 @@ def _draw(mission: MissionSettings, legs: tuple[Leg, ...]) -> Figure:
                 label="area",
             )
         )
-    corners = np.array(corner_points(mission))
+    corners = np.array(mission.corners())
     axes.plot(*corners.T, color=style.COMMANDED)
     axes.plot(0, 0, "o", color="white", markeredgecolor=style.TRUTH, markersize=9, label="start")
-    for (start, end), leg in dict(zip(pairwise(corner_points(mission)), legs, strict=True)).items():
+    for (start, end), leg in dict(zip(pairwise(mission.corners()), legs, strict=True)).items():
         middle = (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]))
         axes.annotate(
             "", middle, start, arrowprops={"arrowstyle": "-|>", "color": style.COMMANDED, "shrinkA": 0}

@@ -7,7 +7,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
-from controllers.motion.mission import corner_points
 from rover_hil.pages import style
 from rover_hil.report import run_plots
 from rover_hil.report.run_data import RunData
@@ -29,7 +28,7 @@ def draw_path(run: RunData, summary: Summary) -> Figure:
     axes = figure.add_subplot(aspect="equal", adjustable="datalim", xlabel="x (m)", ylabel="y (m)")
     axes.plot(0, 0, "o", color="white", markeredgecolor=style.TRUTH, markersize=9, zorder=5, label="start")
     if run.config.mission is not None:
-        corners = np.array(corner_points(run.config.mission))
+        corners = np.array(run.config.mission.corners())
         axes.plot(*corners.T, color=style.COMMANDED, linestyle=(0, (5, 3)), label="commanded")
     _draw_way(axes, run.encoders, style.ENCODERS, _with_error("encoders", summary.encoders_error), WIDE)
     if run.truth is not None:

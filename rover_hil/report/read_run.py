@@ -11,7 +11,6 @@ import numpy as np
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.limits import Limit
 from controllers.motion.rover_geometry import has_four_wheels
-from controllers.motion.settings import LineMission
 from controllers.motion.steering import mean_steering_rad
 from controllers.safety import Mode
 from controllers.safety.drive_check import Finding
@@ -348,7 +347,8 @@ class _Collector:
         t_s, *columns = np.array(self._rows["crab", ""]).T
         drift, steering, set_point = (Series(t_s, values) for values in columns)
         left = None
-        if len(truth) and isinstance(self._config.mission, LineMission):
+        mission = self._config.mission
+        if len(truth) and mission is not None and mission.is_along_x:
             path = Track.of(truth).from_first_pose()
             left = Series(path.t_s, path.y_m)
         return CrabData(

@@ -5,13 +5,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from statistics import fmean
 
-from controllers.motion.settings import (
-    ByHandMission,
-    LineMission,
-    RectangleMission,
-    SmallTurnsMission,
-    WholeTurnsMission,
-)
 from controllers.safety import Mode
 from rover_hil.report.drift_summary import CrabSummary, DriftSummary
 from rover_hil.report.ground_summary import GroundSummary
@@ -197,20 +190,7 @@ def time_text(time_us: float) -> str:
 
 def _what(run: RunData) -> str:
     mission = run.config.mission
-    if mission is None:
-        driven = "A drive that was only observed"
-    elif isinstance(mission, RectangleMission):
-        driven = f"Rectangle of {length(mission.length_m)} × {length(mission.width_m)}"
-    elif isinstance(mission, LineMission):
-        driven = f"Straight line of {length(mission.length_m)}"
-    elif isinstance(mission, SmallTurnsMission):
-        driven = "Small turns in place"
-    elif isinstance(mission, WholeTurnsMission):
-        driven = f"{mission.turns} turns in place in each sense"
-    elif isinstance(mission, ByHandMission):
-        driven = "Drive by hand"
-    else:
-        driven = f"Path through {len(mission.points)} points"
+    driven = "A drive that was only observed" if mission is None else mission.title
     rovers = {"virtual": " on the simulated rover", "real": " on the rover"}
     return driven + rovers.get(run.origin, f", {run.origin}")
 

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from controllers.motion.kinematics import make_kinematics
-from controllers.motion.path_following import find_mission_conflicts
 from controllers.motion.rover_geometry import WheelsRoverSettings
 from drivers.device_settings import DriveSettings
 from drivers.driver import SteeringCodec
@@ -97,26 +96,20 @@ def _find_motor_field_mistakes(draft: Draft) -> Iterator[str]:
     if fields.device not in draft.config.roles.headings:
         yield (
             f"filter.motor_fields: it is of the compass '{fields.device}', which is not in roles.headings: "
-            "calibrate the compass of this rover with `rover-hil calibrate compass CONFIG --motors`"
+            "calibrate the compass of this rover with `rover-hil calibrate motors CONFIG`"
         )
     wheels = make_kinematics(draft.config.rover).wheel_count
     if len(fields.per_ampere) != wheels:
         yield (
             f"filter.motor_fields: per_ampere has {len(fields.per_ampere)} motors, the rover has {wheels} "
-            "wheels: calibrate the compass of this rover with `rover-hil calibrate compass CONFIG --motors`"
+            "wheels: calibrate the compass of this rover with `rover-hil calibrate motors CONFIG`"
         )
 
 
 def _find_mission_conflicts(draft: Draft) -> Iterator[str]:
     mission = draft.config.mission
     if mission is not None:
-        kinematics = make_kinematics(draft.config.rover)
-        yield from find_mission_conflicts(
-            mission,
-            kinematics.moves_sideways,
-            turns_on_spot=kinematics.turns_on_spot,
-            crab_limit_rad=kinematics.crab_limit_rad,
-        )
+        yield from mission.conflicts(make_kinematics(draft.config.rover))
 
 
 def _find_rig_mistakes(draft: Draft) -> Iterator[str]:

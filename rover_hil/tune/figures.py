@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from controllers.motion.mission import Point
+from controllers.motion.missions.mission import Point
 from rover_hil.config.tune_settings import TuneSettings
 from rover_hil.pages import style
 from rover_hil.pages.picture import Drawing, Picture, draw_pictures

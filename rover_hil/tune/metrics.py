@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.motion.mission import Point
+from controllers.motion.missions.mission import Point
 from rover_hil.datasets.arrays import Array
 from rover_hil.report.tracks import Track
 

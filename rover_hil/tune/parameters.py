@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 
 from controllers.control_loop import ControlLoop
-from controllers.motion.mission import Point, corner_points
+from controllers.motion.missions.mission import Point
 from drivers.errors import ConfigError
 from rover_hil.config import Config, Draft, Rule, validated
 from rover_hil.config.tune_settings import TunableSettings, TuneSettings
@@ -185,7 +185,7 @@ def _plain(unit: str) -> str:
 
 
 def _path(config: Config) -> tuple[Point, ...]:
-    return () if config.mission is None else corner_points(config.mission)
+    return () if config.mission is None else config.mission.corners()
 
 
 def _number(table: Table, key: str, where: str) -> float:

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 from pydantic_core import to_json
 
-from controllers.motion.mission import corner_points
 from drivers.errors import ConfigError
 from drivers.files import parse_json, read_text
 from rover_hil.config import Config
-from rover_hil.config.tune_settings import ChangeRecord, ProvenanceRecord, StabilitySettings
+from rover_hil.config.tune_settings import ChangeRecord, ProvenanceRecord, StabilitySettings, TuneSettings
 from rover_hil.pages.atomic_write import write_files
 from rover_hil.pages.render import render
 from rover_hil.tune.comparison import Comparison, Verdict
@@ -49,20 +48,17 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TuningResult:
-    """Result of a tuning.
+class Result:
+    """What every tuning gives.
 
     Attributes:
         start: The configuration it started from.
-        trials: Finished trials; of these, `refused` were unstable and `given_up` certain not to be better.
-        cost_before, cost_after: On the held-out cases; None where the gains were rejected.
+        trials: Finished trials; of these, `refused` were unstable or their values rejected.
+        cost_before, cost_after: On what was held out; None where the values were rejected.
         start_refused: Why the old values are rejected; empty when they are acceptable.
         values: Every tunable value, changed or not.
-        held_out: Measured values on the held-out cases, by the objective's names.
-        declined: Candidates that a ranking or held-out case rejected, or that were not better than the start
-            on the held-out ones: their cost in the search and that of the start, and the reason.
+        declined: Candidates that were compared on what was held out, and not taken, with the reason.
         importance: See `importance`.
-        changed_rovers: Costs on rovers that are not quite the simulated one.
     """
 
     study: str
@@ -71,21 +67,86 @@ class TuningResult:
     start: str
     trials: int
     refused: int
-    given_up: int
     objective: str
+    cost_before: float | None
+    cost_after: float | None
+    start_refused: str
+    values: dict[str, ChangeRecord]
+    declined: tuple[str, ...]
+    importance: dict[str, float]
+
+    @property
+    def changes(self) -> dict[str, ChangeRecord]:
+        """The values that are not the old ones."""
+        return {key: change for key, change in self.values.items() if change.after != change.before}
+
+    def sentence(self, held_out: str, better: str = "") -> str:
+        """Return the result in one sentence.
+
+        Args:
+            held_out: What it was compared on.
+            better: How many of these are better, where that is known.
+        """
+        where = f"on {held_out} after {self.trials} trials"
+        if self.cost_after is None:
+            return f"No acceptable values {where}: the old ones are refused ({self.start_refused})"
+        if self.verdict is Verdict.CONFIRMED:
+            return f"Nothing better than the old values {where}: they are kept, cost {self.cost_after:.3g}"
+        if self.cost_before is None:
+            return f"Cost {self.cost_after:.3g} {where}; the old values were refused ({self.start_refused})"
+        return f"Cost {self.cost_before:.3g} before, {self.cost_after:.3g} now {where}{better}"
+
+    def provenance(self, **origin: object) -> ProvenanceRecord | None:
+        """Return what the new configuration notes; None where there is none.
+
+        Args:
+            origin: The seeds or logs that were searched and held out.
+        """
+        if self.cost_after is None:
+            return None
+        return ProvenanceRecord.model_validate(
+            {
+                "study": self.study,
+                "date": self.date,
+                "start": self.start,
+                "trials": self.trials,
+                "objective": self.objective,
+                "held_out_cost_before": self.cost_before,
+                "held_out_cost_after": self.cost_after,
+                "changes": self.changes,
+                **origin,
+            }
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TuningResult(Result):
+    """Result of a tuning on the simulated rover.
+
+    Attributes:
+        given_up: Trials that were certain not to be better.
+        held_out: Measured values on the held-out cases, by the objective's names.
+        changed_rovers: Costs on rovers that are not quite the simulated one.
+    """
+
+    given_up: int
     quantile: float
     stability: StabilitySettings
     train_seeds: tuple[int, int]
     ranking_seeds: tuple[int, int]
     held_out_seeds: tuple[int, int]
-    cost_before: float | None
-    cost_after: float | None
-    start_refused: str
-    values: dict[str, ChangeRecord]
     held_out: dict[str, Change]
-    declined: tuple[str, ...]
-    importance: dict[str, float]
     changed_rovers: tuple[ChangedRover, ...]
+
+
+def changes_of(
+    start: Mapping[str, float], values: Mapping[str, float], tune: TuneSettings
+) -> dict[str, ChangeRecord]:
+    """Return every tunable value before and after."""
+    return {
+        key: ChangeRecord(before=start[key], after=values[key], unit=parameter.unit)
+        for key, parameter in tune.parameters.items()
+    }
 
 
 def summarise(
@@ -128,10 +189,7 @@ def summarise(
         cost_before=comparison.start.cost,
         cost_after=comparison.tuned.cost,
         start_refused=comparison.start.refused,
-        values={
-            key: ChangeRecord(before=before[key], after=comparison.values[key], unit=parameter.unit)
-            for key, parameter in tune.parameters.items()
-        },
+        values=changes_of(before, comparison.values, tune),
         held_out={
             name: Change(before=old.get(name), after=new.get(name)) for name in dict.fromkeys((*old, *new))
         },
@@ -163,31 +221,43 @@ def write_results(
     if config.tune is None or config.mission is None:
         raise ConfigError("the configuration has no [tune] or no [mission]: add them")
     data = TuningData(
-        tune=config.tune, corners=corner_points(config.mission), attempts=attempts, comparison=comparison
+        tune=config.tune, corners=config.mission.corners(), attempts=attempts, comparison=comparison
     )
-    result_json = to_json(result, indent=2, inf_nan_mode="null").decode()
-    texts = {RESULT_NAME: result_json, REPORT_NAME: _page(data, result)}
-    write_files_of(folder, texts, config_text, _changed(result), _provenance(result))
-    return result_json
+    page = render(
+        "tune/report.html",
+        result=result,
+        grade=GRADES[result.verdict],
+        sentence=sentence(result),
+        pictures=draw_report(data),
+    )
+    provenance = result.provenance(
+        train_seeds=result.train_seeds,
+        ranking_seeds=result.ranking_seeds,
+        held_out_seeds=result.held_out_seeds,
+    )
+    return write_files_of(folder, config_text, result, page, provenance)
 
 
 def write_files_of(
-    folder: Path,
-    texts: Mapping[str, str],
-    config_text: str,
-    changed: Mapping[str, float],
-    provenance: ProvenanceRecord | None,
-) -> None:
-    """Write result files, and the new configuration; without provenance there is none.
+    folder: Path, config_text: str, result: Result, page: str, provenance: ProvenanceRecord | None
+) -> str:
+    """Write result and page, and the new configuration; without provenance there is none.
+
+    Returns:
+        The result as JSON text, as in the file.
 
     Raises:
         ConfigError: The folder cannot be written to, or the configuration's text cannot be edited.
     """
+    result_json = to_json(result, indent=2, inf_nan_mode="null").decode()
+    texts = {RESULT_NAME: result_json, REPORT_NAME: page}
     if provenance is None:
         write_files(folder, texts)
         (folder / CONFIG_NAME).unlink(missing_ok=True)
     else:
+        changed = {key: change.after for key, change in result.changes.items()}
         write_files(folder, {**texts, CONFIG_NAME: tuned_text(config_text, changed, provenance)})
+    return result_json
 
 
 def study_of(folder: Path) -> str:
@@ -202,41 +272,11 @@ def study_of(folder: Path) -> str:
 def sentence(result: TuningResult) -> str:
     """Return the result in one sentence."""
     scenarios = result.held_out_seeds[1] - result.held_out_seeds[0] + 1
-    where = f"on {scenarios} held-out scenarios after {result.trials} trials"
-    if result.cost_after is None:
-        return f"No acceptable values {where}: the old ones are refused ({result.start_refused})"
-    if result.verdict is Verdict.CONFIRMED:
-        return f"Nothing better than the old values {where}: they are kept, cost {result.cost_after:.3g}"
-    if result.cost_before is None:
-        return f"Cost {result.cost_after:.3g} {where}; the old values were refused ({result.start_refused})"
-    return f"Cost {result.cost_before:.3g} before, {result.cost_after:.3g} now {where}"
+    return result.sentence(f"{scenarios} held-out scenarios")
 
 
 def _cost(attempt: Attempt | None) -> str:
     return "refused" if attempt is None or attempt.cost is None else f"{attempt.cost:.3g}"
-
-
-def _changed(result: TuningResult) -> dict[str, float]:
-    return {key: change.after for key, change in result.values.items() if change.after != change.before}
-
-
-def _provenance(result: TuningResult) -> ProvenanceRecord | None:
-    if result.cost_after is None:
-        return None
-    changed = _changed(result)
-    return ProvenanceRecord(
-        study=result.study,
-        date=result.date,
-        start=result.start,
-        trials=result.trials,
-        objective=result.objective,
-        train_seeds=result.train_seeds,
-        ranking_seeds=result.ranking_seeds,
-        held_out_seeds=result.held_out_seeds,
-        held_out_cost_before=result.cost_before,
-        held_out_cost_after=result.cost_after,
-        changes={key: change for key, change in result.values.items() if key in changed},
-    )
 
 
 def _spreads(missions: Sequence[SimulatedMission], quantile: float) -> dict[str, Spread]:
@@ -247,13 +287,3 @@ def _spreads(missions: Sequence[SimulatedMission], quantile: float) -> dict[str,
         name: Spread(median=float(np.median(values)), quantile=float(np.quantile(values, quantile)))
         for name, values in terms.items()
     }
-
-
-def _page(data: TuningData, result: TuningResult) -> str:
-    return render(
-        "tune/report.html",
-        result=result,
-        grade=GRADES[result.verdict],
-        sentence=sentence(result),
-        pictures=draw_report(data),
-    )

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.motion.mission import corner_points
 from controllers.safety import Mode
 from controllers.slip.effort.settings import YAW_PROBE
 from drivers.clock import VirtualClock, nanoseconds, seconds
@@ -70,7 +69,7 @@ def simulate_mission(config: Config, seed: int) -> SimulatedMission:
         refused = f"the mission was not finished: mode '{words}' after {truth.t_s[-1]:.0f} s"
     elif reversals > stability.reversals_per_s:
         refused = f"a wheel set-point reversed {reversals:.2f} times per second"
-    corners, true_path = corner_points(config.mission), TruePath.of(truth)
+    corners, true_path = config.mission.corners(), TruePath.of(truth)
     along_path = config.mission.heading != "hold"
     terms = {
         "path_rms_m": path_rms_m(true_path, corners),

@@ -175,6 +175,7 @@ def make_robotino3_board(
     emulator: Robotino3BoardEmulatorSettings,
     plant: Plant,
     rng: np.random.Generator,
+    start_ns: int,
 ) -> EmulatedDevice[bytes]:
     """Return the simulated board on its USB port.
 

@@ -223,5 +223,5 @@ def _check_reach(rig: Rig) -> None:
     if (rays[:, 2] >= 0).any() or from_wheel.max() > FARTHEST_M:
         raise ConfigError(
             f"simulated camera views ground more than {FARTHEST_M:g} m from its wheel, or the horizon: "
-            f"raise its tilt_deg, lower its height_m or its horizontal_view_deg"
+            "raise its tilt_deg, lower its height_m or its horizontal_view_deg"
         )

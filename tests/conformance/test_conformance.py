@@ -11,9 +11,10 @@ from drivers.device_settings import FrameDeviceSettings
 from drivers.driver import AnyDriver, DeviceState
 from drivers.errors import NotConnectedError, StaleSampleError
 from drivers.link import CameraImage, LinkChange
-from drivers.registry import AnyDeviceSettings
+from drivers.registry import device_types
 from drivers.samples import LinkSample, Sample
 from rover_hil.run.replay_link import ReplayLink
+from sim_backends.build import BYTE_DEVICES, IMAGE_DEVICES
 from tests.conformance.benches import ADAPTER, BACKENDS, CASES, NAME, Bench, Case
 
 START_LIMIT_S = 3.0
@@ -34,10 +35,11 @@ def heard_all(bench: Bench, samples: list[Sample]) -> bool:
     return set(bench.case.says) <= {type(sample) for sample in samples}
 
 
-def test_every_device_type_has_a_case() -> None:
-    union = get_args(get_args(AnyDeviceSettings)[0])
-    known = {settings.model_fields["type"].annotation for settings in union}
-    assert {get_args(annotation)[0] for annotation in known} == {case.device_type for case in CASES}
+def test_every_device_type_has_a_case_and_an_emulator() -> None:
+    known = {get_args(settings.model_fields["type"].annotation)[0] for settings in device_types()}
+    assert known == {case.device_type for case in CASES}
+    assert known == {*BYTE_DEVICES, *IMAGE_DEVICES}
+    assert not BYTE_DEVICES.keys() & IMAGE_DEVICES.keys()
 
 
 def test_nothing_happens_before_connect(bench: Bench) -> None:

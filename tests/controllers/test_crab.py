@@ -11,7 +11,7 @@ from controllers.estimation.pose_filter import PoseFilter, Turn, YawSource
 from controllers.estimation.settings import FilterSettings
 from controllers.motion.crab import CrabDrift, DriftSource
 from controllers.motion.kinematics import make_kinematics
-from controllers.motion.path_following import PathFollower
+from controllers.motion.missions.path_following import PathFollower
 from controllers.motion.planar import Pose
 from controllers.motion.rover_geometry import WheelsRoverSettings
 from controllers.motion.settings import LineMission
@@ -23,6 +23,7 @@ from controllers.slip.scomp.settings import ScompSettings
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
 from drivers.samples import AttitudeSample, RateSample
+from tests.controllers.mobility import Wheels
 from tests.controllers.simulated import LIMITS, SKID
 from tests.controllers.test_scomp_compensator import SeenTrace, frame
 
@@ -40,12 +41,12 @@ def rover(low_deg: float = -60.0, high_deg: float = 60.0, **others: object) -> W
 
 
 def follower(crab_limit_rad: float = CRAB_LIMIT_RAD) -> PathFollower:
-    return PathFollower(LINE, moves_sideways=False, crab_limit_rad=crab_limit_rad)
+    return LINE.follower(Wheels(moves_sideways=False, crab_limit_rad=crab_limit_rad))
 
 
 def test_the_wheels_are_turned_against_the_drift_and_the_body_is_not() -> None:
     drift_rad = math.radians(-8.0)
-    guidance = follower().guide(Pose(), drift_rad)
+    guidance = follower().guide(Pose(), 0, drift_rad)
     assert math.atan2(guidance.velocity_y_m_s, guidance.velocity_x_m_s) == pytest.approx(-drift_rad)
     assert math.hypot(guidance.velocity_x_m_s, guidance.velocity_y_m_s) == pytest.approx(0.1)
     assert guidance.yaw_rate_rad_s == 0.0
@@ -53,23 +54,25 @@ def test_the_wheels_are_turned_against_the_drift_and_the_body_is_not() -> None:
 
 def test_beside_the_line_the_course_leads_back_and_the_body_is_turned_along_the_line() -> None:
     yaw_rad = math.radians(3.0)
-    guidance = follower().guide(Pose(y_m=0.1, yaw_rad=yaw_rad))
+    guidance = follower().guide(Pose(y_m=0.1, yaw_rad=yaw_rad), 0)
     wheels_rad = math.atan2(guidance.velocity_y_m_s, guidance.velocity_x_m_s)
     assert wheels_rad + yaw_rad == pytest.approx(-math.atan2(0.1, 0.4))
     assert guidance.yaw_rate_rad_s == pytest.approx(-LINE.heading_gain_per_s * yaw_rad)
 
 
 def test_the_wheels_are_not_turned_beyond_their_limit() -> None:
-    guidance = follower(0.2).guide(Pose(), -0.4)
+    guidance = follower(0.2).guide(Pose(), 0, -0.4)
     assert math.atan2(guidance.velocity_y_m_s, guidance.velocity_x_m_s) == pytest.approx(0.2)
 
 
 def test_far_from_the_direction_of_the_line_it_turns_on_the_spot() -> None:
-    guidance = follower().guide(Pose(yaw_rad=1.0), -0.1)
+    guidance = follower().guide(Pose(yaw_rad=1.0), 0, -0.1)
     assert (guidance.velocity_x_m_s, guidance.velocity_y_m_s) == (0.0, 0.0)
     assert guidance.yaw_rate_rad_s < 0.0
-    arc = PathFollower(LINE, False, turns_on_spot=False, turn_radius_m=0.5, crab_limit_rad=0.3)
-    guidance = arc.guide(Pose(yaw_rad=1.0), -0.1)
+    arc = LINE.follower(
+        Wheels(moves_sideways=False, turns_on_spot=False, turn_radius_m=0.5, crab_limit_rad=0.3)
+    )
+    guidance = arc.guide(Pose(yaw_rad=1.0), 0, -0.1)
     assert guidance.velocity_x_m_s == pytest.approx(0.02)
     assert guidance.velocity_y_m_s == 0.0
     assert guidance.yaw_rate_rad_s == pytest.approx(-0.02 / 0.5)
@@ -117,7 +120,7 @@ def test_settings_that_contradict_crabbing_are_refused(changes: dict[str, object
 
 def test_a_rover_that_does_not_steer_cannot_crab() -> None:
     with pytest.raises(ConfigError, match="this rover cannot crab, because not all of its wheels steer"):
-        PathFollower(LINE, moves_sideways=False)
+        LINE.follower(Wheels(moves_sideways=False))
 
 
 def test_slip_by_trace_and_tilt_needs_four_wheels_in_order() -> None:

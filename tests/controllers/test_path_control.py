@@ -6,18 +6,22 @@ from dataclasses import dataclass
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from controllers.motion.mission import corner_points
-from controllers.motion.path_following import Guidance, PathFollower
+from controllers.motion.missions.mission import Guidance, PathSettings
+from controllers.motion.missions.path_following import CornersMission, PathFollower
 from controllers.motion.planar import Pose, move
-from controllers.motion.settings import MissionSettings, PathSettings
+from controllers.motion.settings import MissionSettings
+from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
+from tests.controllers.mobility import OMNI, SKID, Wheels
 
 ADAPTER: TypeAdapter[MissionSettings] = TypeAdapter(MissionSettings)
 DT_S = 0.02
 
 
-def mission(**values: object) -> MissionSettings:
-    return ADAPTER.validate_python(values)
+def mission(**values: object) -> CornersMission:
+    path = ADAPTER.validate_python(values)
+    assert isinstance(path, CornersMission)
+    return path
 
 
 @dataclass
@@ -29,7 +33,7 @@ class Track:
 def follow(follower: PathFollower, pose: Pose, limit_s: float) -> Track:
     track = Track([pose], [])
     for _ in range(round(limit_s / DT_S)):
-        guidance = follower.guide(track.poses[-1], now_s=len(track.guidances) * DT_S)
+        guidance = follower.guide(track.poses[-1], nanoseconds(len(track.guidances) * DT_S))
         track.guidances.append(guidance)
         if guidance.finished:
             break
@@ -45,15 +49,15 @@ def follow(follower: PathFollower, pose: Pose, limit_s: float) -> Track:
 
 
 def test_missions_become_corners() -> None:
-    assert corner_points(mission(type="line", length_m=2.0)) == ((0.0, 0.0), (2.0, 0.0))
-    assert corner_points(mission(type="rectangle", length_m=0.9, width_m=0.4)) == (
+    assert mission(type="line", length_m=2.0).corners() == ((0.0, 0.0), (2.0, 0.0))
+    assert mission(type="rectangle", length_m=0.9, width_m=0.4).corners() == (
         (0.0, 0.0),
         (0.9, 0.0),
         (0.9, 0.4),
         (0.0, 0.4),
         (0.0, 0.0),
     )
-    assert corner_points(mission(type="waypoints", points=[[1, 2], [3, 4]])) == ((0, 0), (1, 2), (3, 4))
+    assert mission(type="waypoints", points=[[1, 2], [3, 4]]).corners() == ((0, 0), (1, 2), (3, 4))
 
 
 @pytest.mark.parametrize(
@@ -61,10 +65,10 @@ def test_missions_become_corners() -> None:
 )
 def test_the_rectangle_is_driven_through_all_corners(heading: str, moves_sideways: bool) -> None:
     rectangle = mission(type="rectangle", length_m=0.9, width_m=0.4, heading=heading, speed_m_s=0.1)
-    track = follow(PathFollower(rectangle, moves_sideways), Pose(), 120.0)
+    track = follow(rectangle.follower(Wheels(moves_sideways=moves_sideways)), Pose(), 120.0)
     assert track.guidances[-1].finished
     assert track.guidances[-1].velocity_x_m_s == track.guidances[-1].yaw_rate_rad_s == 0.0
-    for corner in corner_points(rectangle):
+    for corner in rectangle.corners():
         assert min(math.dist(corner, (pose.x_m, pose.y_m)) for pose in track.poses) < 0.015
     assert max(abs(guidance.cross_track_m) for guidance in track.guidances) < 0.03
     speeds = [math.hypot(guidance.velocity_x_m_s, guidance.velocity_y_m_s) for guidance in track.guidances]
@@ -79,10 +83,10 @@ def test_the_rectangle_is_driven_through_all_corners(heading: str, moves_sideway
 
 def test_speed_falls_towards_the_corner_and_not_below_a_fifth() -> None:
     line = mission(type="line", length_m=1.0, speed_m_s=0.1, approach_gain_per_s=1.0)
-    follower = PathFollower(line, moves_sideways=True)
+    follower = line.follower(OMNI)
     for x_m, expected in ((0.0, 0.1), (0.9, 0.1), (0.95, 0.05), (0.985, 0.02)):
-        assert follower.guide(Pose(x_m=x_m)).velocity_x_m_s == pytest.approx(expected)
-    assert follower.guide(Pose(x_m=0.991)).finished
+        assert follower.guide(Pose(x_m=x_m), 0).velocity_x_m_s == pytest.approx(expected)
+    assert follower.guide(Pose(x_m=0.991), 0).finished
 
 
 @pytest.mark.parametrize("moves_sideways", [True, False])
@@ -97,7 +101,7 @@ def test_a_deviation_decays_over_the_lookahead_distance(moves_sideways: bool, sp
         heading_gain_per_s=8.0,
         yaw_rate_limit_rad_s=5.0,
     )
-    track = follow(PathFollower(line, moves_sideways), Pose(y_m=0.1), 120.0)
+    track = follow(line.follower(Wheels(moves_sideways=moves_sideways)), Pose(y_m=0.1), 120.0)
     assert track.guidances[0].cross_track_m == 0.1
     one_lookahead = next(pose for pose in track.poses if pose.x_m > 0.5)
     assert one_lookahead.y_m == pytest.approx(0.1 * math.exp(-1.0), abs=0.008)
@@ -106,33 +110,33 @@ def test_a_deviation_decays_over_the_lookahead_distance(moves_sideways: bool, sp
 
 def test_a_skid_steer_rover_turns_on_the_spot_where_it_faces_away() -> None:
     line = mission(type="line", length_m=1.0, heading="along_path")
-    guidance = PathFollower(line, moves_sideways=False).guide(Pose(yaw_rad=1.0))
+    guidance = line.follower(SKID).guide(Pose(yaw_rad=1.0), 0)
     assert (guidance.velocity_x_m_s, guidance.yaw_rate_rad_s) == (0.0, -0.5)
 
 
 def test_the_omni_rover_turns_back_to_the_heading_it_holds() -> None:
-    follower = PathFollower(mission(type="line", length_m=1.0, speed_m_s=0.1), moves_sideways=True)
-    guidance = follower.guide(Pose(yaw_rad=0.1))
+    follower = mission(type="line", length_m=1.0, speed_m_s=0.1).follower(OMNI)
+    guidance = follower.guide(Pose(yaw_rad=0.1), 0)
     assert guidance.yaw_rate_rad_s == pytest.approx(-0.2)
     assert guidance.velocity_x_m_s == pytest.approx(0.1 * math.cos(0.1))
     assert guidance.velocity_y_m_s == pytest.approx(-0.1 * math.sin(0.1))
-    assert follower.guide(Pose(yaw_rad=3.0)).yaw_rate_rad_s == -0.5
+    assert follower.guide(Pose(yaw_rad=3.0), 0).yaw_rate_rad_s == -0.5
 
 
 def test_corners_that_are_already_passed_are_skipped() -> None:
     points = [[1.0, 0.0], [2.0, 0.0], [2.0, 1.0]]
-    follower = PathFollower(mission(type="waypoints", points=points), moves_sideways=True)
-    guidance = follower.guide(Pose(x_m=2.5))
+    follower = mission(type="waypoints", points=points).follower(OMNI)
+    guidance = follower.guide(Pose(x_m=2.5), 0)
     assert not guidance.finished
     assert guidance.cross_track_m == pytest.approx(-0.5)
-    assert follower.guide(Pose(x_m=2.5, y_m=1.0)).finished
+    assert follower.guide(Pose(x_m=2.5, y_m=1.0), 0).finished
 
 
 def test_each_leg_has_its_speed_and_each_corner_its_stop() -> None:
     path = mission(
         type="waypoints", points=[[1.0, 0.0], [1.0, 1.0]], speeds_m_s=[0.2, 0.05], waits_s=[3.0, 1.0]
     )
-    track = follow(PathFollower(path, moves_sideways=True), Pose(), 120.0)
+    track = follow(path.follower(OMNI), Pose(), 120.0)
     speeds = [math.hypot(each.velocity_x_m_s, each.velocity_y_m_s) for each in track.guidances]
     assert max(speeds) == pytest.approx(0.2)
     first_stop = speeds.index(0.0)
@@ -146,10 +150,10 @@ def test_each_leg_has_its_speed_and_each_corner_its_stop() -> None:
 
 
 def test_a_rover_that_is_pushed_away_while_it_waits_goes_on_to_wait() -> None:
-    follower = PathFollower(mission(type="line", length_m=1.0, wait_s=2.0), moves_sideways=True)
-    assert not follower.guide(Pose(x_m=1.0), now_s=10.0).finished
-    assert follower.guide(Pose(x_m=0.8), now_s=11.9).velocity_x_m_s == 0.0
-    assert follower.guide(Pose(x_m=0.8), now_s=12.0).finished
+    follower = mission(type="line", length_m=1.0, wait_s=2.0).follower(OMNI)
+    assert not follower.guide(Pose(x_m=1.0), nanoseconds(10.0)).finished
+    assert follower.guide(Pose(x_m=0.8), nanoseconds(11.9)).velocity_x_m_s == 0.0
+    assert follower.guide(Pose(x_m=0.8), nanoseconds(12.0)).finished
 
 
 @pytest.mark.parametrize(
@@ -167,7 +171,7 @@ def test_a_rover_that_is_pushed_away_while_it_waits_goes_on_to_wait() -> None:
     ],
 )
 def test_paths_repeat(values: dict[str, object], corners: list[tuple[int, int]]) -> None:
-    assert corner_points(mission(**values)) == tuple(corners)
+    assert mission(**values).corners() == tuple(corners)
 
 
 @pytest.mark.parametrize(
@@ -186,12 +190,12 @@ def test_lists_that_do_not_fit_are_refused(values: dict[str, object], words: str
 def test_a_way_point_outside_the_area_is_refused_with_its_place() -> None:
     area = {"x_min_m": -0.5, "x_max_m": 2.0, "y_min_m": -1.0, "y_max_m": 1.0}
     inside = mission(type="waypoints", points=[[1.0, 0.5], [2.0, 0.0]], area=area)
-    PathFollower(inside, moves_sideways=True)
+    inside.follower(OMNI)
     outside = mission(type="waypoints", points=[[1.0, 0.5], [2.1, 0.0]], repeat=3, area=area)
     with pytest.raises(
         ConfigError, match=r"^mission: the way-point at 2.1, 0 m is outside mission.area, x -0.5"
     ):
-        PathFollower(outside, moves_sideways=True)
+        outside.follower(OMNI)
     with pytest.raises(ValidationError, match="not below the greatest"):
         mission(type="line", length_m=1.0, area={**area, "x_max_m": -1.0})
 
@@ -199,7 +203,7 @@ def test_a_way_point_outside_the_area_is_refused_with_its_place() -> None:
 def test_a_skid_steer_rover_cannot_hold_its_heading() -> None:
     assert PathSettings().heading == "hold"
     with pytest.raises(ConfigError, match="along_path"):
-        PathFollower(mission(type="line", length_m=1.0), moves_sideways=False)
+        mission(type="line", length_m=1.0).follower(SKID)
 
 
 @pytest.mark.parametrize(
@@ -212,4 +216,4 @@ def test_a_skid_steer_rover_cannot_hold_its_heading() -> None:
 )
 def test_lines_that_would_be_skipped_at_once_are_refused(values: dict[str, object]) -> None:
     with pytest.raises(ConfigError, match="not longer than position_tolerance_m"):
-        PathFollower(mission(**values), moves_sideways=True)
+        mission(**values).follower(OMNI)

@@ -17,7 +17,6 @@ from controllers.estimation.pose_fixes import WayBack
 from controllers.estimation.settings import FilterSettings
 from controllers.motion.crab import DriftSource
 from controllers.motion.kinematics import SkidSteerKinematics
-from controllers.motion.path_following import PathFollower
 from controllers.motion.planar import Pose
 from controllers.motion.rover_geometry import SkidSteerRoverSettings
 from controllers.motion.settings import LineMission
@@ -27,6 +26,7 @@ from controllers.slip.scomp.compensator import NO_MOTION, Rates, ScompCompensato
 from controllers.slip.scomp.settings import ScompSettings
 from drivers.clock import nanoseconds
 from drivers.samples import AttitudeSample, FrameSample, PoseFixSample, RateSample, Sample, WheelSample
+from tests.controllers.mobility import Wheels
 from tests.controllers.simulated import LIMITS, OMNI, ROLES, SKID
 
 MS = 1_000_000
@@ -401,12 +401,12 @@ def test_numbers_that_are_none_and_other_devices_have_no_effect() -> None:
 
 def test_a_rover_that_drifts_is_turned_against_the_drift() -> None:
     mission = LineMission(type="line", length_m=3.0, speed_m_s=0.1, heading="along_path")
-    follower = PathFollower(mission, moves_sideways=False)
+    follower = mission.follower(Wheels(moves_sideways=False))
     drift_rad = math.radians(-8.0)
-    assert follower.guide(Pose(), drift_rad).yaw_rate_rad_s > 0.1
-    held = follower.guide(Pose(yaw_rad=-drift_rad), drift_rad)
+    assert follower.guide(Pose(), 0, drift_rad).yaw_rate_rad_s > 0.1
+    held = follower.guide(Pose(yaw_rad=-drift_rad), 0, drift_rad)
     assert held.yaw_rate_rad_s == pytest.approx(0.0, abs=1e-12)
-    assert follower.guide(Pose(yaw_rad=-drift_rad)).yaw_rate_rad_s < -0.1
+    assert follower.guide(Pose(yaw_rad=-drift_rad), 0).yaw_rate_rad_s < -0.1
 
 
 def test_the_loop_tells_slip_and_slip_angle_and_steers_or_not() -> None:

@@ -57,7 +57,7 @@ class Drive:
 
 
 def is_true(found: SlipAtForce | None) -> bool:
-    return found is not None and tuple(found) == pytest.approx((FORCE_N, SLIP))
+    return found is not None and (found.force_n, found.slip) == pytest.approx((FORCE_N, SLIP))
 
 
 def test_the_fixes_of_two_devices_are_not_compared() -> None:

@@ -1,5 +1,6 @@
 """Gyros and encoders that are wrong while they look fresh, in the closed loop: noticed in time."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -40,7 +41,6 @@ CHANGES: dict[str, Callable[[float], float]] = {
     "stuck": lambda _: 0.0123,
     "30 rad/s": lambda _: 30.0,
     "wrong sign": lambda rate_rad_s: -rate_rad_s,
-    "wrong axis": lambda rate_rad_s: 0.01 * (rate_rad_s % 1.0),
 }
 
 
@@ -78,6 +78,21 @@ def test_a_wrong_gyro_is_named_within_the_bar(change: str) -> None:
         assert stop.reason.startswith("gyro: yaw rate ")
         assert outputs[-1].mode in (Mode.SAFE_STOP, Mode.EMERGENCY_STOP)
         assert nees(rover, outputs[-1]) < GREATEST_NEES
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_gyro_without_a_signal_is_named_and_the_run_goes_on_with_a_yaw_wide_enough_for_both(
+    seed: int,
+) -> None:
+    loop, rover = ControlLoop(make_settings(mission=ZIGZAG), NO_COMPASS), omni_rover(seed)
+    rover.mute = change_gyro(lambda rate_rad_s: 0.01 * (rate_rad_s % 1.0))
+    outputs = run(loop, rover, 8.0)
+    named = next(output for output in outputs if output.suspicion)
+    assert named.t_ns / SECOND_NS <= 3.5
+    assert re.match(r"gyro: (yaw rate follows|measures) ", named.suspicion)
+    assert named.suspicion.endswith("; the yaw is uncertain by both, yaw unwatched")
+    assert {output.mode for output in outputs} == {Mode.SETTLING, Mode.RUNNING}
+    assert nees(rover, outputs[-1]) < GREATEST_NEES
 
 
 def test_a_gyro_that_repeats_one_reading_is_named_among_wrong_time_stamps_too() -> None:

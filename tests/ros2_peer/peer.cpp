@@ -4,6 +4,8 @@
 // peer read DOMAIN RELIABILITY DURABILITY TOPIC=TYPE...   prints "TOPIC DIGEST STAMP_NS ARRIVAL_NS" until its
 //                                                         standard input is closed
 // peer send DOMAIN KIND TOPIC COUNT PERIOD_MS FIRST               KIND is Twist, TwistStamped or Bool
+// peer drive DOMAIN SPEED_M_S BYTES                       sends Twist each 50 ms; from SIGUSR1 on their payloads are
+//                                                         longer by BYTES of 0xff, or shorter
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 #include <fastdds/dds/publisher/DataWriter.hpp>
@@ -18,6 +20,7 @@
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 
 #include <chrono>
+#include <csignal>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -211,6 +214,41 @@ int send(char** argv) {
   std::_Exit(0);
 }
 
+volatile std::sig_atomic_t is_struck = 0;
+
+class OtherLength : public geometry_msgs::msg::dds_::Twist_PubSubType {
+ public:
+  explicit OtherLength(int longer) : longer_(longer) { m_typeSize += longer > 0 ? longer : 0; }
+  bool serialize(void* data, eprosima::fastrtps::rtps::SerializedPayload_t* payload) override {
+    const bool is_good = Twist_PubSubType::serialize(data, payload);
+    if (is_good && is_struck) {
+      if (longer_ > 0) {
+        std::memset(payload->data + payload->length, 0xff, longer_);
+      }
+      payload->length += longer_;
+    }
+    return is_good;
+  }
+
+ private:
+  int longer_;
+};
+
+int drive(char** argv) {
+  std::signal(SIGUSR1, [](int) { is_struck = 1; });
+  DomainParticipant* member = participant(std::atoi(argv[2]));
+  TypeSupport type(new OtherLength(std::atoi(argv[4])));
+  type.register_type(member);
+  Topic* topic = member->create_topic("rt/cmd_vel", type.get_type_name(), TOPIC_QOS_DEFAULT);
+  DataWriter* writer = member->create_publisher(PUBLISHER_QOS_DEFAULT)->create_datawriter(topic, DATAWRITER_QOS_DEFAULT);
+  geometry_msgs::msg::dds_::Twist_ twist;
+  twist.linear().x(std::atof(argv[3]));
+  while (true) {
+    writer->write(&twist);
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+}
+
 int main(int argc, char** argv) {
   if (argc >= 6 && std::string(argv[1]) == "read") {
     return read(argc, argv);
@@ -218,7 +256,10 @@ int main(int argc, char** argv) {
   if (argc == 8 && std::string(argv[1]) == "send") {
     return send(argv);
   }
+  if (argc == 5 && std::string(argv[1]) == "drive") {
+    return drive(argv);
+  }
   std::fprintf(stderr, "peer read DOMAIN RELIABILITY DURABILITY TOPIC=TYPE... | peer send DOMAIN KIND "
-                       "TOPIC COUNT PERIOD_MS FIRST\n");
+                       "TOPIC COUNT PERIOD_MS FIRST | peer drive DOMAIN SPEED_M_S BYTES\n");
   return 2;
 }

@@ -1,14 +1,19 @@
-"""The command line, run in this process."""
+"""The command line, run in this process, and as a process of its own."""
 
 import re
+import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
 
 import pytest
 import typer.main
 
 from rover_hil.app.app import main
 
+PROGRAM = (sys.executable, "-c", "from rover_hil.app.app import main; main()")
 PROGRESS = re.compile(r"^ *\d+\.\d s  .*\n", re.MULTILINE)
 """Lines of a step that takes two seconds, as any may on a busy machine."""
 _get_command = cache(typer.main.get_command)
@@ -40,3 +45,19 @@ def assert_one_sentence(error: str, *words: str) -> None:
     assert "Traceback" not in error
     for word in words:
         assert word in error
+
+
+@contextmanager
+def started(folder: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """Start a command in a folder, and kill it in the end; its output, errors too, can be read."""
+    with subprocess.Popen(
+        [*PROGRAM, *arguments],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config
+from rover_hil.run.driving import run_virtual
 from tests.rover_hil.command import Command
 
 EL_DORADO_S = 12.0

@@ -18,11 +18,12 @@ from drivers.errors import ConfigError
 from drivers.link import CameraImage, Received
 from drivers.samples import Image
 from rover_hil.app.app import app
-from rover_hil.app.calibrate.camera import calibrate_camera
 from rover_hil.config import load_config, read_rig
-from rover_hil.ftrace import calibration
-from rover_hil.ftrace.calibration import Board, GroundTarget, calibrate, find_corners, rig_text
 from rover_hil.ftrace.frames import FrameFile
+from rover_hil.ready.camera import fit
+from rover_hil.ready.camera.calibration import CameraCalibration
+from rover_hil.ready.camera.fit import Board, GroundTarget, find_corners, fit_camera, rig_text
+from rover_hil.ready.procedure import Request, run
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
 from tests.rear_scene.rig_file import CalibratedRig
@@ -163,6 +164,12 @@ def test_a_log_gives_the_same_as_its_pictures(charuco: Path, tmp_path: Path) -> 
     assert np.allclose(found.position_m, rig().camera_m, atol=0.004)
 
 
+def calibrate_camera(
+    pictures: Path, *, ground: Path, board: Board, target: GroundTarget, rover: Path, fps: float, out: Path
+) -> int:
+    return run(CameraCalibration(ground, rover, board, target, fps), Request(source=str(pictures), out=out))
+
+
 def test_the_ground_picture_of_a_long_log_is_found_without_holding_all_frames(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -178,8 +185,8 @@ def test_the_ground_picture_of_a_long_log_is_found_without_holding_all_frames(
             del image
             most = max(most, sum(each() is not None for each in images))
 
-    monkeypatch.setattr(calibration, "LogFrames", frames)
-    assert calibration._ground_picture(tmp_path / "run.mcap")[0, 0] == 4
+    monkeypatch.setattr(fit, "LogFrames", frames)
+    assert fit._ground_picture(tmp_path / "run.mcap")[0, 0] == 4
     assert most <= 2
 
 
@@ -265,7 +272,7 @@ def test_a_calibration_is_never_overwritten(charuco: Path, tmp_path: Path) -> No
     ("text", "named"), [("{", "not valid JSON"), ("[]", "object"), ("{}", "vehicle_frame")]
 )
 def test_a_wrong_rover_file(tmp_path: Path, text: str, named: str, charuco: Path) -> None:
-    found = calibrate(charuco / "views", charuco / "ground.png", board_of("charuco"), GROUND)
+    found = fit_camera(charuco / "views", charuco / "ground.png", board_of("charuco"), GROUND)
     (tmp_path / "rover.json").write_text(text, encoding="utf-8")
 
     with pytest.raises(ConfigError, match=named):

@@ -1,4 +1,4 @@
-"""`rover-hil calibrate camera --scale` on a simulated drive whose camera hangs lower than its rig says."""
+"""`rover-hil calibrate scale` on a simulated drive whose camera hangs lower than its rig says."""
 
 import datetime as dt
 import json
@@ -7,11 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from drivers.clock import wall_time_ns
+from drivers.clock import date_of, wall_time_ns
 from rover_hil.config import load_config
 from rover_hil.config.loader import SHIPPED, SHIPPED_CONFIGS
-from rover_hil.doctor.calibration import check_calibration
-from rover_hil.doctor.clocks import today
+from rover_hil.ready.ages import check_ages
 from tests.rover_hil.command import Command
 
 HEIGHT_M, TOLD_M = 0.4365, 0.45
@@ -23,7 +22,7 @@ each_s = 15
 turn_rate_rad_s = 0.3
 
 """
-LINE = "calibrate camera mine.toml --scale --out scale.toml --force"
+LINE = "calibrate scale mine.toml --out scale.toml --force"
 
 
 @pytest.fixture
@@ -64,7 +63,7 @@ def test_the_scale_of_a_camera_that_hangs_too_low_is_found_and_entered(
     expected = (HEIGHT_M - 0.001) / TOLD_M
     assert found["scale"] == pytest.approx(expected, abs=0.012)
     assert abs(found["scale"] - expected) < 2.5 * found["scale_sd"] < 0.03
-    assert dt.date.fromisoformat(found["scale_date"]) == today(wall_time_ns())
+    assert dt.date.fromisoformat(found["scale_date"]) == date_of(wall_time_ns())
     assert entered["rig"] == "rig.json"
     assert tomllib.loads((tmp_path / "scale.toml").read_text()) == {"ground_motion": {"tolerance": found}}
     for words in ("known travel: wheels", "+-", "0 days ago", "height that fits: 0.4"):
@@ -75,23 +74,20 @@ def test_the_scale_of_a_camera_that_hangs_too_low_is_found_and_entered(
 
 
 def test_a_scale_is_of_a_rover_with_a_ground_camera(command: Command) -> None:
-    assert command(*["calibrate", "camera", "robotino", "--scale", "--virtual", "--out", "a.toml"]) == 2
+    assert command(*["calibrate", "scale", "robotino", "--virtual", "--out", "a.toml"]) == 2
     assert "[ground_motion]" in command.error
 
 
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("robotino-camera --scale --virtual --enter", "cannot be edited"),
-        ("robotino-camera --scale --virtual --log a.mcap", "leave --virtual and --drive out"),
-        ("robotino-camera --scale --virtual --rows 6 --square 0.04", "--rows, --square: of a board"),
-        ("pictures --rows 6 --square 0.04 --columns 8", "need --ground, --rover, --ground-x, --ground-y"),
-        ("pictures --virtual", "belong to --scale"),
-        ("robotino-camera --scale --log nothing.mcap", "nothing.mcap"),
+        ("robotino-camera --virtual --enter", "cannot be edited"),
+        ("robotino-camera --virtual --log a.mcap", "a.mcap is a log: leave --virtual out"),
+        ("robotino-camera --log nothing.mcap", "nothing.mcap"),
     ],
 )
 def test_options_that_do_not_belong_together_are_named(command: Command, line: str, words: str) -> None:
-    assert command("calibrate", "camera", *line.split(), "--out", "a.toml") == 2
+    assert command("calibrate", "scale", *line.split(), "--out", "a.toml") == 2
     assert words in command.error
 
 
@@ -102,7 +98,7 @@ def test_an_old_scale_is_told(command: Command, tmp_path: Path) -> None:
         text = config.read_text() + f'\n[ground_motion.tolerance]\nscale = 0.98\nscale_date = "{day}"\n'
         (tmp_path / "dated.toml").write_text(text)
         dated = load_config("dated.toml")
-        found = check_calibration(dated, dt.date(2026, 11, 27))
+        found = check_ages(dated, dt.date(2026, 11, 27))
         return [each.what for each in found if "scale" in each.what]
 
     assert findings("2026-10-01") == ["scale 0.98 of 2026-10-01"]

@@ -41,6 +41,23 @@ def test_a_shipped_configuration_is_valid_and_ready_for_all(command: Command, na
         assert f"  {line}\n" in command.out
 
 
+def test_what_notices_a_rover_that_does_not_get_on_is_named(command: Command, tmp_path: Path) -> None:
+    assert command("check", "robotino") == 0
+    assert (
+        "  entrapment: wheels in the air and digging in, not a wall, by the yaw excitation, on the real "
+        "rover after commissioning: stopped once after 1.5 m; a wheel that sticks stops it after 1 s, by its "
+        "encoder\n"
+    ) in command.out
+    assert command("check", "robotino-camera", "--json") == 0
+    entrapment = json.loads(command.out)["entrapment"]
+    assert entrapment.startswith("camera shows no progress: stopped after 0.15 m of the wheels; ")
+    assert command("check", "el-dorado", "--json") == 0
+    assert "camera sees no motion of the ground, or is covered: " in json.loads(command.out)["entrapment"]
+    alone = write(tmp_path, "robotino", ('use = "yaw_probe"', 'use = "surfaces"'))
+    assert command("check", alone, "--json") == 0
+    assert json.loads(command.out)["entrapment"].startswith("nothing notices wheels in the air, ")
+
+
 def test_the_sources_of_slip_are_named_with_the_error_of_the_rig(command: Command, tmp_path: Path) -> None:
     assert command("check", "robotino") == 0
     assert (

@@ -6,6 +6,7 @@ import json
 import math
 import os
 import pty
+import re
 import select
 import shutil
 import sys
@@ -17,15 +18,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from controllers.motion.mission import corner_points
 from drivers.errors import LogError
-from rover_hil.app import commission as commission_module
-from rover_hil.app.commission import Plan
-from rover_hil.app.key_presses import enter_was_pressed
-from rover_hil.commissioning.drive import read_poses
 from rover_hil.config import Config, load_config, read_config_text
+from rover_hil.console.key_presses import enter_was_pressed
 from rover_hil.datasets.log import read_drive
 from rover_hil.datasets.marks import marks_file, read_marks
+from rover_hil.ready import procedure
+from rover_hil.ready.commission.drive import read_poses
+from rover_hil.ready.commission.procedure import Plan
 from rover_hil.recording.schema import ESTIMATE
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.drive_order import DriveOrder
@@ -55,9 +55,10 @@ def write_drive(
     reason: str = "",
     sd_m: float = SD_M,
     origin: str = "real",
+    has_slip: bool = True,
 ) -> None:
     """Write a drive along its mission, true at every corner, with stops of 4 s."""
-    corners = corner_points(PLAN.mission(name, 0.2))
+    corners = PLAN.mission(name, 0.2).corners()
     path.parent.mkdir(exist_ok=True)
     config_json = config.model_dump_json(by_alias=True).encode()
     with LogWriter(path, START_NS, config_json, {}, origin) as log:
@@ -68,6 +69,8 @@ def write_drive(
                 share = min(1.0, step / 49)
                 x, y = (a + share * (b - a) for a, b in zip(begin, end, strict=True))
                 record = _record(t_ns, x, y, yaw, estimate_scale, sd_m, reason, moves=step < 50)
+                if not has_slip:
+                    del record["slip"]
                 log.write_json(ESTIMATE, t_ns, record)
                 t_ns += round(1e9 * STEP_S)
 
@@ -93,7 +96,7 @@ def _record(
 
 def write_marks(path: Path, name: str, sigma_m: float = 0.005) -> None:
     """Write the true corners as marks."""
-    corners = corner_points(PLAN.mission(name, 0.2))
+    corners = PLAN.mission(name, 0.2).corners()
     stops_s = read_poses(path).stops_s
     assert len(stops_s) == len(corners) - 1
     lines = ["t_s,x_m,y_m,yaw_deg,sigma_m"]
@@ -150,7 +153,7 @@ def test_the_excitation_is_entered_where_it_has_passed(command: Command, config:
     allowed = load_config("rover.toml")
     assert for_real_rover(allowed) == (allowed, "")
     assert command("commission", "robotino", *options) == 2
-    assert_one_sentence(command.error, "leave --virtual out")
+    assert_one_sentence(command.error, "robotino cannot be edited")
     # Where it has not passed the configuration stays as it is.
     Path("rover.toml").write_text(read_config_text("robotino"), "utf-8")
     shutil.rmtree("runs")
@@ -234,6 +237,42 @@ def test_an_estimator_that_does_not_pass_is_named_with_its_reason(
 
 
 @pytest.mark.usefixtures("unrendered")
+def test_a_rover_without_slip_compensation_passes_by_its_estimate_and_covariance(
+    command: Command, config: Config
+) -> None:
+    plain = config.model_copy(update={"slip": None})
+    write_all(plain, has_slip=False)
+    Path("plain.toml").write_text(without_section(read_config_text("robotino"), "slip"), "utf-8")
+    line = ("commission", "plain.toml", "--again", "--out", "runs", "--side", "1", "--laps", "2")
+    assert command(*line) == 0, command.out + command.error
+    assert "slip estimator: none\n" in command.out
+    assert "commissioning: passed on this ground" in command.out
+    shutil.rmtree("runs")
+    write_all(plain, has_slip=False, estimate_scale=1.04, sd_m=0.002)
+    assert command(*line) == 1
+    assert "commissioning: not passed: the covariance is too small" in command.out
+
+
+def without_section(text: str, section: str) -> str:
+    """Return the text of a configuration without a section and those within it."""
+    return re.sub(rf"(?ms)^\[{section}[.\]].*?(?=^\[(?!{section}\.))", "", text)
+
+
+@pytest.mark.usefixtures("unrendered")
+@pytest.mark.parametrize(
+    ("sd_m", "words"),
+    [(0.2, "too large by a factor of "), (0.012, "holds: "), (0.002, "too small by a factor of ")],
+)
+def test_a_covariance_holds_only_if_the_errors_are_as_large_as_it_says(
+    command: Command, config: Config, sd_m: float, words: str
+) -> None:
+    """The estimate is off by 2 % of each distance, 14 mm rms."""
+    write_all(config, estimate_scale=1.02, sd_m=sd_m)
+    again(command)
+    assert f"covariance: {words}" in command.out
+
+
+@pytest.mark.usefixtures("unrendered")
 def test_umbmark_is_the_centre_of_the_ends_of_each_sense(command: Command, config: Config) -> None:
     write_all(config)
     for name, (x, y) in {"square-left-1": (0.03, 0.0), "square-left-2": (0.05, 0.0)}.items():
@@ -266,8 +305,8 @@ def test_measured_positions_are_asked_for_and_kept(
         write_drive(log, config, log.stem)
         return SimpleNamespace(end=End.FINISHED, reason="")
 
-    monkeypatch.setattr(commission_module, "run_real", drive)
-    monkeypatch.setattr("rover_hil.app.commission.LINE_STOPS", 2)
+    monkeypatch.setattr(procedure, "run_real", drive)
+    monkeypatch.setattr("rover_hil.ready.commission.procedure.LINE_STOPS", 2)
     line = "\nyes\n0.33\n0.01\n1.5\nno\nyes\n1.0\n0.02\n\n"
     square = "\n" + "no\n" * 3 + "yes\n0.01\n0.02\n-88\n"
     monkeypatch.setattr(sys, "stdin", io.StringIO(line + square * 2))
@@ -297,11 +336,13 @@ def test_enter_pressed_while_it_drives_marks_a_place(
         pose = SimpleNamespace(x_m=0.0, y_m=0.0)
         for step in range(300):
             t_s = STEP_S * step
-            monkeypatch.setattr(commission_module, "enter_was_pressed", lambda t_s=t_s: t_s in presses_s)
+            monkeypatch.setattr(
+                "rover_hil.ready.commission.procedure.enter_was_pressed", lambda t_s=t_s: t_s in presses_s
+            )
             show(SimpleNamespace(t_ns=START_NS + round(1e9 * t_s), estimate=pose, reason=""))
         return SimpleNamespace(end=End.FINISHED, reason="")
 
-    monkeypatch.setattr(commission_module, "run_real", drive)
+    monkeypatch.setattr(procedure, "run_real", drive)
     monkeypatch.setattr(Plan, "names", lambda plan: ["line"])
     answers = "\nyes\n0.1\n0\n\nyes\n0.33\n0\n0\nno\nyes\n1.0\n0\n0\n"
     monkeypatch.setattr(sys, "stdin", io.StringIO(answers))

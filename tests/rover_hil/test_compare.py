@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.report.compare import compare_runs, render_comparison
+from rover_hil.run.driving import run_virtual
 from tests.rover_hil.command import Command, assert_one_sentence
 
 

@@ -11,8 +11,8 @@ import pytest
 
 from docs.generate.__main__ import MAN_PAGE
 from docs.generate.commands_page import commands, options_of
-from rover_hil.app.options import SHIPPED_CONFIGS
 from rover_hil.config.loader import shipped_configs
+from rover_hil.console.options import SHIPPED_CONFIGS
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "reference" / MAN_PAGE

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigError
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.report.read_run import read_run
@@ -15,6 +14,7 @@ from rover_hil.report.summary import Summary, summarise
 from rover_hil.report.verdict import facts
 from rover_hil.report.write import write_report
 from rover_hil.run.checks import VIRTUAL_RUN_CHECKS
+from rover_hil.run.driving import run_virtual
 from rover_hil.run.executive import End
 from rover_hil.scomp.files import read_drive
 from rover_hil.scomp.odometry import estimate_track

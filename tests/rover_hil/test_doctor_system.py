@@ -20,7 +20,6 @@ from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.witmotion.settings import WitMotionSettings
 from rover_hil.config import Config
-from rover_hil.doctor.calibration import check_calibration
 from rover_hil.doctor.can_interface import check_interface
 from rover_hil.doctor.clocks import ClockPair, check_host_clock
 from rover_hil.doctor.config_consistency import check_consistency
@@ -37,6 +36,7 @@ from rover_hil.doctor.ports import (
     port_of,
 )
 from rover_hil.doctor.scheduling import check_scheduling
+from rover_hil.ready.ages import check_ages
 
 ROOT = Path(__file__).parents[2]
 CAN = CanWheelsSettings(interface="socketcan", channel="can0", mapping="generic_wheel", bit_rate=500_000)
@@ -335,8 +335,8 @@ def test_calibration_is_recent_old_from_the_future_or_missing(
             f'source = "swung"\ndate = {date}\n'
             "heading_deg = [0, 90, 180, 270]\ndeviation_deg = [1, 2, 1, 0]\n"
         )
-        assert levels(check_calibration(configure(calibration=str(table)), DAY)) == [level]
-    (finding,) = check_calibration(configure(), DAY)
+        assert levels(check_ages(configure(calibration=str(table)), DAY)) == [level]
+    (finding,) = check_ages(configure(), DAY)
     assert (finding.subject, finding.level) == ("compass", Level.WARNING)
 
 

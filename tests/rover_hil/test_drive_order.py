@@ -12,19 +12,18 @@ import pytest
 
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.errors import ConfigError
-from rover_hil.app import commission
-from rover_hil.app.calibrate import compass, imu, motors, mounting, wheels
-from rover_hil.app.drive import permit_drive, permit_turning
 from rover_hil.config import load_config, read_config_text
+from rover_hil.ready import procedure
+from rover_hil.run.drive_permission import permit_drive, permit_turning
 from tests.rover_hil.command import Command, assert_one_sentence
 
 ROVER = "the rover of rover.toml (board at ports/board, imu at ports/imu)"
 CHANNEL = "can7"
 COMMANDS = (
     "calibrate imu rover.toml --out o.toml",
-    "calibrate imu rover.toml --turns 2 --out o.toml",
+    "calibrate mounting rover.toml --turns 2 --out o.toml",
     "calibrate compass compass.toml --out o.toml",
-    "calibrate compass compass.toml --motors --out o.toml",
+    "calibrate motors compass.toml --out o.toml",
     "calibrate wheels rover.toml --out o.toml",
     "commission rover.toml --out runs",
 )
@@ -51,9 +50,8 @@ def driven(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         found.append("virtual")
         raise ConfigError("driven")
 
-    for module in (commission, compass, imu, motors, mounting, wheels):
-        monkeypatch.setattr(module, "run_real", real)
-        monkeypatch.setattr(module, "run_virtual", virtual)
+    monkeypatch.setattr(procedure, "run_real", real)
+    monkeypatch.setattr(procedure, "run_virtual", virtual)
     return found
 
 
@@ -107,9 +105,9 @@ def test_at_a_terminal_the_answer_decides(command: Command, driven: list[str], k
         "calibrate wheels rover.toml --out o.toml --line ",
         "calibrate compass compass.toml --out o.toml --log logs/*.mcap",
         "calibrate compass logs/*.mcap --out o.toml",
-        "calibrate compass logs/*.mcap --motors --out o.toml",
+        "calibrate motors logs/*.mcap --out o.toml",
         "calibrate imu logs/*.mcap --out o.toml",
-        "calibrate imu logs/*.mcap --turns 2 --out o.toml",
+        "calibrate mounting logs/*.mcap --turns 2 --out o.toml",
         "commission rover.toml --again --out nowhere",
     ],
 )
@@ -124,10 +122,10 @@ def test_a_pattern_that_matches_no_log_never_drives(command: Command, driven: li
     [
         "calibrate wheels rover.toml --out o.toml --line a.mcap=2",
         "calibrate compass compass.toml --out o.toml --log a.mcap",
-        "calibrate compass compass.toml --motors --out o.toml --log a.mcap",
+        "calibrate motors compass.toml --out o.toml --log a.mcap",
         "calibrate compass compass.toml --out o.toml --by-hand",
         "calibrate imu a.mcap --out o.toml",
-        "calibrate imu rover.toml --turns 2 --out o.toml --by-hand",
+        "calibrate mounting rover.toml --turns 2 --out o.toml --by-hand",
         "commission rover.toml --again --out runs",
     ],
 )

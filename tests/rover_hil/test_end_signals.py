@@ -11,12 +11,11 @@ from typing import Any
 
 import pytest
 
-from rover_hil.app import run
-from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config
 from rover_hil.recording.schema import end_record
-from rover_hil.run import end_signals
+from rover_hil.run import driving, end_signals
 from rover_hil.run.composition import Rig, build_virtual_rig
+from rover_hil.run.driving import run_virtual
 from rover_hil.run.end_signals import EndRequest, Terminated, held_signals, take_signals
 from rover_hil.run.executive import RunResult
 
@@ -93,7 +92,7 @@ def test_a_signal_before_the_drive_opens_keeps_it_closed(
             send(number)
         return build_virtual_rig(*arguments)
 
-    monkeypatch.setattr(run, "build_virtual_rig", build)
+    monkeypatch.setattr(driving, "build_virtual_rig", build)
     monkeypatch.setattr(Rig, "connect", lambda *arguments: pytest.fail("opened"))
     with pytest.raises(kind):
         run_virtual(load_config("robotino"), tmp_path / "run.mcap", 5.0, None)
@@ -126,7 +125,7 @@ def test_a_signal_after_the_last_cycle_is_not_lost(
         ends.append(str(result.end))
         return end_record(result)
 
-    monkeypatch.setattr(run, "end_record", record)
+    monkeypatch.setattr(driving, "end_record", record)
     with pytest.raises(kind):
         run_virtual(load_config("robotino"), tmp_path / "run.mcap", 0.1, None)
     assert ends == ["time over"]
@@ -163,7 +162,7 @@ def test_ignored_signals_stay_ignored() -> None:
         (("run", "robotino", "--virtual", "--out", "a"), "controllers.control_loop"),
         (("run", "robotino", "--virtual", "--out", "a"), "scipy.linalg.lapack"),
         (("compare", "a", "b"), "rover_hil.app.compare"),
-        (("calibrate", "wheels", "robotino", "--virtual", "--out", "a"), "rover_hil.identify.wheels.fit"),
+        (("calibrate", "wheels", "robotino", "--virtual", "--out", "a"), "rover_hil.ready.wheels.fit"),
     ],
 )
 def test_a_signal_that_is_swallowed_while_modules_load_ends_the_program(

@@ -12,10 +12,10 @@ from drivers.can_frame import unpack_can_frame
 from drivers.clock import VirtualClock
 from drivers.errors import LogError
 from drivers.link import LinkChange
-from rover_hil.app.run import _execute
 from rover_hil.config import load_config
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import ReplayLinks, Rig, build_replay_rig
+from rover_hil.run.driving import _execute
 from rover_hil.run.end_signals import EndRequest, held_signals
 from rover_hil.run.executive import End, Executive, RunResult
 from rover_hil.run.replay_link import ReplayLink

@@ -15,11 +15,11 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from drivers.link import CameraImage, Received
-from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config
 from rover_hil.exporting.tables import read_tables
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.writer import LogWriter
+from rover_hil.run.driving import run_virtual
 from tests.rover_hil.command import Command, assert_one_sentence
 
 CYCLES = 50

@@ -11,10 +11,10 @@ import pytest
 from drivers.link import CameraImage, Received
 from drivers.overhead_camera.codec import OverheadCameraCodec
 from drivers.samples import PoseFixSample
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Summary, summarise
+from rover_hil.run.driving import run_virtual
 from rover_hil.run.executive import End, RunResult
 from sim_backends.plants.el_dorado.plant import ElDoradoPlant
 from tests.cases import first_often

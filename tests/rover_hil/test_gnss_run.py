@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from controllers.safety import Mode
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
+from rover_hil.run.driving import run_virtual
 from tests.rover_hil.test_overhead_run import errors_and_nees
 from tests.rover_hil.test_virtual_run import records, replay_file
 

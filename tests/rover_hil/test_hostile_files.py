@@ -21,7 +21,6 @@ from drivers.device_settings import DeviceSettings
 from drivers.errors import ConfigError, LogError
 from drivers.heading_calibration import MagnetometerCalibration, load_calibration
 from drivers.settings import read_toml
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.config.loader import read_config_text, read_rig
 from rover_hil.datasets.csv_table import read_csv
@@ -29,6 +28,7 @@ from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.images import decode_image
 from rover_hil.recording.reader import LogMessage, LogReader
 from rover_hil.report.read_run import read_run
+from rover_hil.run.driving import run_virtual
 from rover_hil.run.replay import ReplayResult, replay
 from rover_hil.terrain.fit_tables import read_plate_table
 

@@ -18,13 +18,13 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
-from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config
 from rover_hil.datasets.csv_table import read_csv
 from rover_hil.datasets.log import read_drive
 from rover_hil.importing.rosbag import bag as bag_module
 from rover_hil.importing.rosbag.bag import bounded_memory
 from rover_hil.importing.rosbag.topics import read_topics
+from rover_hil.run.driving import run_virtual
 from tests.rover_hil.command import Command, assert_one_sentence
 
 START_NS = 1_700_000_000_000_000_000

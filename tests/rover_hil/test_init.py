@@ -25,14 +25,14 @@ from drivers.nmea import encode_sentence
 from drivers.registry import AnyDeviceSettings
 from drivers.serial_link import SerialLink
 from rover_hil.app import init
-from rover_hil.app.ask import ask_choice
 from rover_hil.app.init import POSITIONS
 from rover_hil.config import load_config
+from rover_hil.console.ask import ask_choice
 from rover_hil.datasets.log import read_drive
 from rover_hil.doctor.finding import SystemPaths
-from rover_hil.setting_up import probing, turning
-from rover_hil.setting_up.config_text import Answers, config_text
-from rover_hil.setting_up.drives import (
+from rover_hil.ready.set_up import probing, turning
+from rover_hil.ready.set_up.config_text import Answers, config_text
+from rover_hil.ready.set_up.drives import (
     canopen_nodes,
     guess_mapping,
     reordered_text,
@@ -40,15 +40,14 @@ from rover_hil.setting_up.drives import (
     vesc_nodes,
     write_mapping,
 )
-from rover_hil.setting_up.places import find_places
-from rover_hil.setting_up.probing import max_age_s
-from rover_hil.setting_up.simulated_rover import simulation_table
+from rover_hil.ready.set_up.places import find_places
+from rover_hil.ready.set_up.probing import max_age_s
+from rover_hil.ready.set_up.simulated_rover import simulation_table
 from rover_hil.terminal import Terminal
 from sim_backends.build import build_world
-from tests.rover_hil.command import Command, assert_one_sentence
+from tests.rover_hil.command import PROGRAM, Command, assert_one_sentence
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
-SIMULATE = "from rover_hil.app.app import main; main()"
 START_LIMIT_S = 60.0
 ANSWERS = ("yes", "8192", "1", "yes", "0.06", "0.3", "yes", "right", "no", "left", "yes", "6")
 """The user calls wheel 0 the right one, turning backwards: as if the cables were swapped."""
@@ -63,7 +62,7 @@ def ports(tmp_path: Path) -> Iterator[Path]:
         text.replace("docs/examples/can/differential.toml", str(mapping)), "utf-8"
     )
     process = subprocess.Popen(
-        [sys.executable, "-c", SIMULATE, "simulate", "sim.toml"],
+        [*PROGRAM, "simulate", "sim.toml"],
         cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
     try:

@@ -9,7 +9,7 @@ import pytest
 RUN = """
 import resource
 from pathlib import Path
-from rover_hil.app.run import run_virtual
+from rover_hil.run.driving import run_virtual
 from rover_hil.config import load_config
 from rover_hil.run.composition import Rig
 

@@ -11,13 +11,13 @@ from pydantic import ValidationError
 
 from drivers.errors import ConfigError
 from drivers.samples import FrameSample
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, describe_validation_error, load_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Summary, summarise
 from rover_hil.report.verdict import facts
 from rover_hil.report.write import write_report
+from rover_hil.run.driving import run_virtual
 from rover_hil.run.live_trace import LiveTraceFinder
 from tests.rover_hil.conftest import EL_DORADO_S
 from tests.rover_hil.test_virtual_run import with_changes

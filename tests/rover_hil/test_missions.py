@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config, read_config_text
 from rover_hil.datasets.log import read_drive
+from rover_hil.run.driving import run_virtual
 from tests.rover_hil.command import Command, assert_one_sentence
 
 AREA = "area = { x_min_m = -0.5, x_max_m = 0.6, y_min_m = -0.5, y_max_m = 0.5 }\n"

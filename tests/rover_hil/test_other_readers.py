@@ -10,10 +10,10 @@ import pytest
 from mcap.reader import SeekingReader, make_reader
 
 from drivers.driver import DeviceState, Health
-from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config
 from rover_hil.recording.json_schema import topic_schema
 from rover_hil.recording.views import diagnostics_view
+from rover_hil.run.driving import run_virtual
 from tests.rover_hil.command import Command
 
 LAYOUTS = Path(__file__).parents[2] / "docs" / "examples" / "layouts"

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from rover_hil.app import output
-from rover_hil.app.output import can_tell, output_problem
+from rover_hil.console import output
+from rover_hil.console.output import can_tell, output_problem
 from tests.rover_hil.command import Command, assert_one_sentence
 
 PROGRAM = Path(sys.executable).with_name("rover-hil")

@@ -8,8 +8,8 @@ import pytest
 from pydantic import ValidationError
 
 from controllers.safety import Mode
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
+from rover_hil.run.driving import run_virtual
 from rover_hil.run.executive import End
 from tests.rover_hil.test_virtual_run import records, replay_file
 

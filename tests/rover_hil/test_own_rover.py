@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 
 from controllers.control_loop import ControlLoop
-from controllers.motion.mission import corner_points
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
 from drivers import can_wheels
 from drivers.errors import ConfigError
-from rover_hil.app.calibrate.imu import calibrate_imu
 from rover_hil.config import load_config
+from rover_hil.ready.imu.calibration import GyroCalibration
+from rover_hil.ready.procedure import Request, run
 from rover_hil.run.checks import VIRTUAL_RUN_CHECKS
 from rover_hil.tune.simulated_mission import drive
 
@@ -28,7 +28,7 @@ def test_the_rover_ends_near_its_goal(name: str) -> None:
     assert config.mission is not None
     driven = drive(config)
     truth, estimate = driven.truth, driven.estimate
-    x_m, y_m = corner_points(config.mission)[-1]
+    x_m, y_m = config.mission.corners()[-1]
     assert driven.mode is Mode.FINISHED
     assert math.dist((truth.x_m[-1], truth.y_m[-1]), (x_m, y_m)) < 0.03
     assert math.dist((truth.x_m[-1], truth.y_m[-1]), (estimate.x_m[-1], estimate.y_m[-1])) < 0.02
@@ -86,7 +86,7 @@ def test_small_turns_of_a_rover_that_cannot_turn_on_the_spot_are_refused(tmp_pat
 def test_the_gyro_calibration_refuses_a_rover_with_other_wheels_before_it_moves(tmp_path: Path) -> None:
     path = write_six_wheels(tmp_path, SIX_MAPPING, SIX_DBC)
     with pytest.raises(ConfigError, match="the gyro is identified with three omnidirectional wheels"):
-        calibrate_imu(str(path), virtual=True, out=tmp_path / "imu.toml", as_json=False)
+        run(GyroCalibration(), Request(source=str(path), virtual=True, out=tmp_path / "imu.toml"))
 
 
 def test_the_simulated_rover_has_the_wheels_of_the_configuration_unless_it_has_its_own(

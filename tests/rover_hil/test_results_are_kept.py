@@ -10,6 +10,7 @@ import rover_hil.app.run as run_command
 from drivers.errors import ConfigError
 from rover_hil.pages.atomic_write import unfinished, write_file, write_files
 from rover_hil.recording.watchdog_note import note_path
+from rover_hil.run import driving
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.gap.gap_data import cart_rows, write_cart
 from tests.rover_hil.tune.tuning import write_config
@@ -92,7 +93,7 @@ def fail(*_: object, **__: object) -> None:
 def test_a_run_that_fails_to_start_leaves_nothing(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(run_command, "Executive", fail)
+    monkeypatch.setattr(driving, "Executive", fail)
     assert command("run", "robotino", "--virtual", "--out", "a/b") == 130
     assert_one_sentence(command.error, "interrupted by ctrl-C")
     assert list(tmp_path.iterdir()) == []
@@ -106,7 +107,7 @@ def test_a_forced_run_that_fails_to_start_keeps_the_earlier_one(
     note_path(tmp_path / "a" / "run.mcap").write_text("why an earlier run was cut off")
     before = {path: path.read_bytes() for path in (tmp_path / "a").iterdir()}
     with monkeypatch.context() as patch:
-        patch.setattr(run_command, "Executive", fail)
+        patch.setattr(driving, "Executive", fail)
         assert command(*line, "--force") == 130
     assert {path: path.read_bytes() for path in (tmp_path / "a").iterdir()} == before
     assert command(*line, "--force") == 0

@@ -8,9 +8,9 @@ import pytest
 
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import LogError
-from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config
 from rover_hil.recording.reader import LogReader
+from rover_hil.run.driving import run_virtual
 from rover_hil.scomp.files import ReadDrive, read_drive
 from rover_hil.scomp.odometry import estimate_track
 from tests.rover_hil.conftest import EL_DORADO_S

@@ -2,11 +2,7 @@
 
 import os
 import signal
-import subprocess
-import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -20,25 +16,9 @@ from rover_hil.app.run import too_slow as run_too_slow
 from rover_hil.app.simulate import simulate, too_slow
 from rover_hil.config import read_config_text
 from rover_hil.run.executive import RunResult
+from tests.rover_hil.command import started
 
 START_LIMIT_S = 60.0
-COMMAND = "from rover_hil.app.app import main; main()"
-
-
-@contextmanager
-def simulated(folder: Path) -> Iterator[subprocess.Popen[str]]:
-    process = subprocess.Popen(
-        [sys.executable, "-c", COMMAND, "simulate", "robotino"],
-        cwd=folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
 
 
 def newest_position_rad(board: WheelDrive, default_rad: float) -> float:
@@ -57,7 +37,7 @@ def test_it_serves_until_it_is_told_to_end_and_leaves_nothing(tmp_path: Path, en
     port = tmp_path / "ports" / "board"
     clock = SystemClock()
     settings = RobotinoBoardSettings(type="robotino_board", port=str(port))
-    with simulated(tmp_path) as process:
+    with started(tmp_path, "simulate", "robotino") as process:
         board = settings.make_driver("board", settings.make_link(clock), clock)
         board.connect(START_LIMIT_S)
         with board:

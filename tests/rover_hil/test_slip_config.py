@@ -9,9 +9,9 @@ from controllers.slip.effort.gyro_response import GyroResponse
 from controllers.slip.effort.yaw_excitation import ExcitationSettings
 from drivers.errors import ConfigError
 from rover_hil.config import Config, load_config, shipped_configs
-from rover_hil.doctor.calibration import check_calibration
 from rover_hil.doctor.config_consistency import check_consistency
 from rover_hil.doctor.finding import Level
+from rover_hil.ready.ages import check_ages
 from tests.rover_hil.command import Command
 
 CONFIGS = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"
@@ -181,7 +181,7 @@ def test_the_age_of_the_gyros_constants_is_checked(date: str, level: Level) -> N
     assert config.slip is not None
     gyro = GyroResponse(source="by hand", identified_on=date)
     dated = config.model_copy(update={"slip": config.slip.model_copy(update={"gyro_response": gyro})})
-    (found,) = [each for each in check_calibration(dated, dt.date(2026, 11, 27)) if each.subject == "imu"]
+    (found,) = [each for each in check_ages(dated, dt.date(2026, 11, 27)) if each.subject == "imu"]
     assert found.level is level
 
 

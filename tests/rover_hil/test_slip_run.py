@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from controllers.safety import Mode
-from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config
+from rover_hil.run.driving import run_virtual
 from rover_hil.tune.metrics import reversals_per_s
 from rover_hil.tune.scenarios import with_scenario
 from rover_hil.tune.simulated_mission import drive

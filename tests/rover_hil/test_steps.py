@@ -3,7 +3,7 @@
 import io
 import threading
 
-from rover_hil.app.steps import show_progress
+from rover_hil.console.steps import show_progress
 
 LIMIT_S = 60.0
 

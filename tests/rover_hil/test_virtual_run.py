@@ -7,10 +7,10 @@ import pytest
 from controllers.safety import Mode
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds
 from drivers.errors import LogError
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
+from rover_hil.run.driving import run_virtual
 from rover_hil.run.executive import End
 from rover_hil.run.replay import ReplayResult, replay
 

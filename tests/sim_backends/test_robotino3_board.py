@@ -35,7 +35,7 @@ def three_wheels(position_rad: Sequence[float] = (0.0, 0.0, 0.0)) -> ObedientPla
 def make(
     plant: Plant, settings: Robotino3BoardEmulatorSettings = EXACT, seed: int = 1
 ) -> EmulatedDevice[bytes]:
-    return make_robotino3_board("board", DEVICE, settings, plant, np.random.default_rng(seed))
+    return make_robotino3_board("board", DEVICE, settings, plant, np.random.default_rng(seed), 0)
 
 
 def bench(settings: Robotino3BoardEmulatorSettings = EXACT) -> DriveBench:

@@ -56,7 +56,8 @@ class Duty(StrEnum):
 
     STOP: where the device has no fresh value for longer than its age limit, or its link breaks, zero
         set-points within 150 ms of that; honest in any case.
-    NOTICE: the rover stops with a reason that names the device, within 1.5 s or 0.15 m.
+    NOTICE: the rover stops with a reason that names the device, or shows it as a suspicion, within 1.5 s or
+        0.15 m.
     HONEST: the estimate stays within the 99.9 % bound; no stop is needed.
     PHYSICS: no measurement of the rover shows it; `Case.why` is the argument.
     """

@@ -50,6 +50,7 @@ class Moment:
     odometry: tuple[float, float, float]
     is_zero: bool = False
     sent_ns: int = 0
+    suspicion: str = ""
     truth: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
@@ -216,10 +217,11 @@ def judge(case: Case, story: Story, config: Config, begin_ns: int, mode: str = "
         row.failures.append(f"ended before the fault: {story.end}")
         return row
     stop = next((moment for moment in after if moment.is_zero and moment.mode not in DRIVING), None)
-    if stop is not None:
-        row.stop_s = round(seconds(stop.sent_ns - begin_ns), 3)
-        row.message = stop.reason
-    way = [moment.truth for moment in after if stop is None or moment.t_ns <= stop.t_ns]
+    named = _find_named(case, after, stop)
+    if named is not None:
+        row.stop_s = round(seconds(named.sent_ns - begin_ns), 3)
+        row.message = named.reason or named.suspicion
+    way = [moment.truth for moment in after if named is None or moment.t_ns <= named.t_ns]
     row.driven_m = round(sum(math.dist(a[:2], b[:2]) for a, b in pairwise(way)), 3)
     age_limit_s = config.devices[case.device].max_age_s if case.is_of_device else None
     detectable_ns = _find_detectable(case, story, begin_ns, age_limit_s)
@@ -229,6 +231,10 @@ def judge(case: Case, story: Story, config: Config, begin_ns: int, mode: str = "
             row.zero_ms = round(1e3 * seconds(stop.sent_ns - detectable_ns), 1)
     row.invented = _count_invented(case, story, begin_ns)
     again = _find_again(after, stop)
+    if stop is None and named is not None:
+        # Of two suspicions the second may be the one that widens the estimate.
+        honest_ns = max(named.t_ns, begin_ns + nanoseconds(NOTICE_BAR_S))
+        after = [moment for moment in after if moment.t_ns > honest_ns] or after[-1:]
     _measure_estimate(
         row, after, again, has_stopped=stop is not None, is_lasting=case.duration_s == FOR_EVER_S
     )
@@ -237,6 +243,14 @@ def judge(case: Case, story: Story, config: Config, begin_ns: int, mode: str = "
     row.outcome = _tell(stop, again, story.end)
     _judge_bars(case, row, has_stopped=stop is not None)
     return row
+
+
+def _find_named(case: Case, after: list[Moment], stop: Moment | None) -> Moment | None:
+    """Return when the fault was named: at the stop, or earlier by a suspicion where it must be noticed."""
+    if case.duty is not Duty.NOTICE:
+        return stop
+    suspected = next((moment for moment in after if moment.suspicion and moment.mode in DRIVING), None)
+    return min((each for each in (stop, suspected) if each), key=lambda each: each.t_ns, default=None)
 
 
 def check_readers(row: Row, path: Path) -> None:
@@ -390,7 +404,7 @@ def _judge_bars(case: Case, row: Row, *, has_stopped: bool) -> None:
         _judge_notice(case, row)
     is_noticed = has_stopped and not any("notice" in failure for failure in row.failures)
     is_lasting = case.duration_s == FOR_EVER_S
-    is_watched = has_stopped or case.duty is not Duty.NOTICE or row.detectable_s is None
+    is_watched = row.stop_s is not None or case.duty is not Duty.NOTICE or row.detectable_s is None
     if is_watched and row.nees_later is not None and row.nees_later > NEES_BAR:
         what = "drives again" if has_stopped else "drives on"
         row.failures.append(f"{what} with NEES {row.nees_later:.0f}")
@@ -425,6 +439,7 @@ def _take_estimate(story: Story, t_ns: int, value: object, device: str) -> None:
             estimate=(estimate["x_m"], estimate["y_m"], estimate["yaw_rad"]),
             covariance=tuple(estimate["covariance"]),
             odometry=(odometry["x_m"], odometry["y_m"], odometry["yaw_rad"]),
+            suspicion=record.get("suspicion") or "",
         )
     )
 

@@ -15,6 +15,7 @@ from controllers.roles import DeviceRoles
 from controllers.slip.effort.current_owners import CurrentOwners
 from controllers.slip.effort.excited_slip import ExcitedSlip, RoverSlip
 from controllers.slip.effort.ground_knowledge import GroundKnowledge, KnownSlip, SlipSource
+from controllers.slip.effort.labelled_windows import LabelledReading, LabelledWindows
 from controllers.slip.effort.motor_model import SIGN_UNKNOWN, EffortFlag, EffortObserver, WheelEffort
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.settings import YAW_PROBE, SlipSettings
@@ -61,6 +62,7 @@ class SlipReport:
         drift_rad: Angle from the encoders' course to the true course, positive to the left.
         wheels: One after the other.
         rover: Slip of the rover, its uncertainty and where it comes from.
+        label: Reading of the yaw excitation that pose fixes have labelled since the last increment.
     """
 
     map: str
@@ -68,6 +70,7 @@ class SlipReport:
     drift_rad: float
     wheels: tuple[WheelSlip, ...]
     rover: RoverSlip | None = None
+    label: LabelledReading | None = None
 
 
 MEASURED_BY_FIXES = "pose fixes measure the slip"
@@ -116,6 +119,7 @@ class EffortCompensator:
         self._learns, self._fixes = settings.learn, roles.fixes
         self._fix_ns: int | None = None
         self._by_fixes = SlipByFixes()
+        self._windows = LabelledWindows(settings.excitation.window_s)
         self._device = roles.wheels
         self._gyro = roles.gyro
         self._gyro_ns: int | None = None
@@ -126,6 +130,7 @@ class EffortCompensator:
                 rover,
                 kinematics,
                 gyro=settings.gyro_response,
+                learned=settings.learned_bracket,
                 wheel_age_s=roles.wheel_age_s,
                 travel_m_s=travel_m_s,
                 rest_s=settings.excitation_rest_s,
@@ -214,9 +219,11 @@ class EffortCompensator:
         """Take the current of one wheel as of `t_ns`, unless it is missing, not finite or not newer."""
         if isinstance(sample, PoseFixSample) and sample.device in self._fixes:
             self._fix_ns = t_ns
-            found = self._by_fixes.take(sample) if self._learns else None
-            if found is not None:
+            found = self._by_fixes.take(sample)
+            if found is not None and self._learns and found.force_n is not None:
                 self._ground.learn(found.slip, found.force_n)
+            if found is not None:
+                self._windows.wait(found)
         elif isinstance(sample, RateSample) and sample.device == self._gyro and self._is_newer(t_ns):
             self._gyro_ns = t_ns
         elif isinstance(sample, WheelSample) and sample.device == self._device:
@@ -256,7 +263,7 @@ class EffortCompensator:
         self.efforts = tuple(self._observe(increment, set_speed_rad_s))
         self._owners.check(self.efforts, increment.duration_s)
         self._ground.move(increment.duration_s, math.hypot(increment.x_m, increment.y_m))
-        if self._fixes and self._learns:
+        if self._fixes:
             self._move_between_fixes(increment, gyro_rate_rad_s)
         correction_m = self._update(increment, gyro_rate_rad_s)
         wheels = [
@@ -278,6 +285,7 @@ class EffortCompensator:
             rover=(
                 self._rover_slip(wheels, increment.turned_rad) if self.excited is None else self.excited.slip
             ),
+            label=self._windows.label(min(self._wheel_ns)),
         )
         return BodyIncrement(
             x_m=x_m + correction_m.real,
@@ -462,6 +470,8 @@ class EffortCompensator:
         x_m, y_m, turn_rad = self._kinematics.body_motion(self._window_rad)
         known = self._slip_by_excited_force(x_m, y_m, turn_rad)
         found = self.excited.take(response, complex(x_m, y_m), self._window_force_n(x_m, y_m), known)
+        if self.excited.reading is not None:
+            self._windows.add(min(self._wheel_ns), *self.excited.reading)
         if found.source is SlipSource.EXCITATION:
             self._ground.learn(found.slip)
         if self._is_measured_by_fixes():

@@ -8,8 +8,10 @@ from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.slip.effort.ground_knowledge import GYRO_WAS_WRONG, KnownSlip, SlipSource
 from controllers.slip.effort.gyro_in_place import GyroInPlace
 from controllers.slip.effort.gyro_response import GyroResponse
+from controllers.slip.effort.learned_bracket import LearnedBracket
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.slip_bracket import (
+    IDLE_WHEELS,
     BodyResponse,
     DrivenTravel,
     SlipReading,
@@ -30,6 +32,10 @@ from controllers.slip.effort.yaw_excitation import (
 
 RESTS = "the excitation rests"
 TOO_LITTLE_TRAVEL = "too little travel to read slip from"
+LEAST_ANSWER = 0.15
+"""A body that turns with less than this share of the turning of its wheels does not answer: a slip of 0.85 of
+a contact whose traction depends on the slip ratio."""
+NO_ANSWER = "the body does not turn with its wheels any more"
 GAVE_UP = "the drives do not follow the excitation under load: it is off"
 UNKNOWN_GYRO = "delay and bandwidth of the gyro are unknown: run `rover-hil calibrate imu`"
 
@@ -67,6 +73,7 @@ class ExcitedSlip:
         rover: Geometry of the wheels.
         kinematics: Of the same rover.
         gyro: Constants of the gyro; None where they were not identified.
+        learned: What was learned of the reading on the rover's ground; None for nothing.
         wheel_age_s: Age of the wheels' positions at their time stamp; None where it is unknown.
         travel_m_s: Speed of the mission; None without one.
         rest_s: How long the excitation may rest.
@@ -76,6 +83,10 @@ class ExcitedSlip:
         excitation: Excites the yaw.
         swing: Keeps the path follower from working against the excitation.
         in_place: Judges scale and sign of the gyro before the rover travels; None where it is not to turn.
+        lost_response: Why the rover may not get on: the body answered before and does not any more, or wheels
+            turn with hardly any force. Empty where it does.
+        reading: By the newest window, without what was learned, and its travel; None where it gave none.
+        unanswered_m: Travel of the wheels since the begin of the last window in which the body answered.
     """
 
     def __init__(
@@ -85,6 +96,7 @@ class ExcitedSlip:
         kinematics: Kinematics,
         *,
         gyro: GyroResponse | None = None,
+        learned: LearnedBracket | None = None,
         wheel_age_s: float | None = None,
         travel_m_s: float | None = None,
         rest_s: float = 0.0,
@@ -100,7 +112,8 @@ class ExcitedSlip:
         self.excitation = YawExcitation(settings, amplitude_rad_s, sensors)
         self.swing = SwingFilter(frequency_hz)
         self.in_place = GyroInPlace(rover.base_radius_m) if proves_gyro and travel_m_s is not None else None
-        self._gyro = gyro
+        self._gyro, self._learned, self._not_learned = gyro, learned, ""
+        self.reading: tuple[SlipReading, DrivenTravel] | None = None
         self._lag_sd_rad = math.tau * frequency_hz * _lag_sd_s(gyro, frequency_hz, wheel_age_s)
         self._gain_sd = 0.0 if gyro is None else _gain_sd(gyro, frequency_hz)
         self._valid_windows = 0
@@ -112,6 +125,9 @@ class ExcitedSlip:
         self._has_given_up = False
         self._was_off = False
         self._begin_s: float | None = None
+        self._has_answered = self._is_doubted = False
+        self.lost_response = ""
+        self.unanswered_m = 0.0
         self.slip = self._no_slip(TOO_LITTLE_TRAVEL)
 
     def _no_slip(self, reason: str) -> RoverSlip:
@@ -119,12 +135,15 @@ class ExcitedSlip:
 
     @property
     def _unsure(self) -> str:
-        return UNKNOWN_GYRO if self._gyro is None else ""
+        return UNKNOWN_GYRO if self._gyro is None else self._not_learned
 
     def doubt_gyro(self) -> None:
-        """Return to the encoders' slip: that in use was read from a gyro that was wrong."""
+        """Return to the encoders' slip: that in use was read from a gyro that was wrong.
+
+        The open window gives no slip either, but still shows whether the body answers.
+        """
         self._valid_windows = 0
-        self.excitation.start_window()
+        self._is_doubted = True
         self.slip = self._no_slip(GYRO_WAS_WRONG)
 
     def yaw_rate_rad_s(self, t_s: float) -> float:
@@ -160,11 +179,20 @@ class ExcitedSlip:
             force_n: Mean drive force along the travel; None where it is unknown.
             known: Slip by the drive force; None where it is not to be used.
         """
+        self.reading = None
         is_travel = abs(travelled_m) >= EFFORT.excitation.least_distance_m
         if not response.reason and not is_travel and self.slip.source is SlipSource.EXCITATION:
             return self.slip
-        found = self._read(response, travelled_m, force_n)
+        travel = DrivenTravel(abs(travelled_m) / self._settings.window_s, force_n)
+        found = self._read(response, travelled_m, travel)
         self._was_off = False
+        self._follow_response(response, found.problem, abs(travelled_m))
+        if self._is_doubted:
+            found = found._replace(problem=found.problem or GYRO_WAS_WRONG)
+            self._is_doubted = False
+        self.reading = (found, travel)
+        if self._learned is not None:
+            found, self._not_learned = self._learned.read(found, travel)
         reason = found.problem
         self._valid_windows = 0 if reason else self._valid_windows + 1
         slip, sd, source = found.slip, found.sd, SlipSource.EXCITATION
@@ -178,13 +206,25 @@ class ExcitedSlip:
         self.slip = RoverSlip(slip=slip, sd=sd, source=source, reason=reason, unsure=unsure)
         return self.slip
 
-    def _read(self, response: ExcitationResponse, travelled_m: complex, force_n: float | None) -> SlipReading:
+    def _follow_response(self, response: ExcitationResponse, problem: str, travelled_m: float) -> None:
+        """Take note whether the body answered in a window; what says nothing about it changes nothing."""
+        self.unanswered_m += travelled_m
+        if problem == IDLE_WHEELS:
+            self.lost_response = problem
+        elif response.reason:
+            return
+        elif abs(response.share) >= LEAST_ANSWER:
+            self._has_answered, self.lost_response = True, ""
+            self.unanswered_m = travelled_m
+        elif self._has_answered:
+            self.lost_response = NO_ANSWER
+
+    def _read(self, response: ExcitationResponse, travelled_m: complex, travel: DrivenTravel) -> SlipReading:
         """Return the slip by this window alone."""
         problem = self._problem(response, travelled_m)
         if problem:
             return SlipReading(0.0, 1.0, problem)
         body = BodyResponse(response.share, response.noise, self._lag_sd_rad, self._gain_sd)
-        travel = DrivenTravel(abs(travelled_m) / self._settings.window_s, force_n)
         direction_rad = math.atan2(travelled_m.imag, travelled_m.real)
         lever = YawLever(
             frequency_hz=self._settings.frequency_hz,

@@ -99,6 +99,7 @@ class FixParameters:
     deviations: float = 3.0  # so many of the greatest beyond 0 to 1, one of the two fixes is an outlier
     straightness: float = 0.97  # distance between the ends over distance travelled
     most_cycles: int = 1000  # that are remembered; a fix may be as old as this
+    covered_share: float = 0.7  # of the travel between two fixes, by valid windows that they label
     absent_s: float = 5.0  # without a fix for so long, fixes measure no slip
 
 

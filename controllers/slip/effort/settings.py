@@ -5,6 +5,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from controllers.slip.effort.gyro_response import GyroResponse
+from controllers.slip.effort.learned_bracket import LearnedBracket
 from controllers.slip.effort.slip_map import SlipMapFile
 from controllers.slip.effort.yaw_excitation import ExcitationSettings
 from drivers.settings import Settings
@@ -46,6 +47,9 @@ class SlipSettings(Settings):
         gyro_response: Constants of the gyro by `rover-hil calibrate imu`: path of the file. Without them the
             yaw excitation gives the least slip that a gyro late by 0 to 40 ms may show, with a larger
             standard deviation, and says so.
+        learned_bracket: What `rover-hil commission` with pose fixes has learned of the reading of the yaw
+            excitation on this rover's ground: path of the file. Outside of what was driven then the reading
+            is that without it.
         unknown_ground: What is used where the drive force fits no known surface, or several that differ in
             slip. `encoders`: the last valid slip, which decays to zero. `map`: the map nevertheless, as in
             paper 003. Either way the slip is flagged as not valid. Not used by `yaw_probe`.
@@ -64,6 +68,7 @@ class SlipSettings(Settings):
     use: str = SURFACES
     known_surfaces: tuple[str, ...] = ()
     gyro_response: GyroResponse | None = None
+    learned_bracket: LearnedBracket | None = None
     unknown_ground: Literal["encoders", "map"] = "encoders"
     learn: bool = False
     excitation_rest_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0

@@ -205,5 +205,9 @@ def _ends(inverse: complex, travel: DrivenTravel, lever: YawLever) -> tuple[floa
 
 def _between(secant: float, bound: float) -> float:
     """Return the slip between the secant reading and the bound."""
-    numbers = EFFORT.bracket
-    return secant + numbers.weight * max(0.0, min(bound, numbers.greatest_bound) - secant)
+    return secant + EFFORT.bracket.weight * width_of(secant, bound)
+
+
+def width_of(secant: float, bound: float) -> float:
+    """Return the width of the bracket, as far as it counts."""
+    return max(0.0, min(bound, EFFORT.bracket.greatest_bound) - secant)

@@ -29,10 +29,23 @@ class _Moved(NamedTuple):
 
 
 class SlipAtForce(NamedTuple):
-    """Slip ratio of the rover, and the drive force during it."""
+    """Slip ratio of the rover, and the drive force during it.
 
-    force_n: float
+    Attributes:
+        force_n: Mean drive force; None where it was not known all the time.
+        slip: Slip ratio.
+        slip_sd: Its standard deviation, by the noise of the fixes.
+        from_ns: Begin of the travel.
+        to_ns: Its end.
+        travel_m: Its length, by the wheels.
+    """
+
+    force_n: float | None
     slip: float
+    slip_sd: float
+    from_ns: int
+    to_ns: int
+    travel_m: float
 
 
 class SlipByFixes:
@@ -94,13 +107,21 @@ class SlipByFixes:
             return None
         self._last[fix.device] = (moved, place_m)
         straight_m = abs(moved.place_m - before.place_m)
-        if straight_m < numbers.straightness * distance_m or moved.unknown > before.unknown:
+        if straight_m < numbers.straightness * distance_m:
             return None
         slip = 1.0 - math.hypot(place_m.real - fixed_m.real, place_m.imag - fixed_m.imag) / straight_m
         beyond = numbers.deviations * numbers.greatest_sd
         if not -beyond <= slip <= 1.0 + beyond:
             return None
-        return SlipAtForce((moved.work_j - before.work_j) / distance_m, min(max(slip, 0.0), 1.0))
+        force_n = (moved.work_j - before.work_j) / distance_m
+        return SlipAtForce(
+            force_n=None if moved.unknown > before.unknown else force_n,
+            slip=min(max(slip, 0.0), 1.0),
+            slip_sd=noise / straight_m,
+            from_ns=before.t_ns,
+            to_ns=moved.t_ns,
+            travel_m=distance_m,
+        )
 
     def _at(self, t_ns: int) -> _Moved | None:
         """Return the motion at the first cycle at or after a time; None outside what is remembered."""

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from drivers.errors import ConfigError
-from rover_hil.app.options import (
+from rover_hil.console.options import (
     ClusterOption,
     ForceOption,
     Group,

@@ -7,10 +7,10 @@ from pathlib import Path
 from rich.table import Table
 
 from drivers.clock import wall_time_text
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.app.json_text import print_json
-from rover_hil.app.options import check_inputs
-from rover_hil.app.steps import show_progress
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.options import check_inputs
+from rover_hil.console.steps import show_progress
 from rover_hil.datasets.toml_text import toml_text
 from rover_hil.identify.motor.identify import Record, find_logs, identify, read_records
 from rover_hil.identify.motor.report import Estimate, MotorReport

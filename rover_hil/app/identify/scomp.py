@@ -9,9 +9,9 @@ from rich.table import Table
 from controllers.slip.scomp.parameters import Provenance, ScompParameters
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
-from rover_hil.app.exit_codes import EXIT_OK
-from rover_hil.app.json_text import print_json
-from rover_hil.app.steps import show_progress
+from rover_hil.console.exit_codes import EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.steps import show_progress
 from rover_hil.identify.scomp.fit import Identification, identify
 from rover_hil.identify.scomp.pictures import fit_pictures
 from rover_hil.pages.atomic_write import check_file, refuse_overwrite, write_file, write_files

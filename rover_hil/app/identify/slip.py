@@ -6,10 +6,10 @@ from pathlib import Path
 
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
-from rover_hil.app.exit_codes import EXIT_OK
-from rover_hil.app.json_text import print_json
-from rover_hil.app.options import check_inputs
-from rover_hil.app.steps import show_progress
+from rover_hil.console.exit_codes import EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.options import check_inputs
+from rover_hil.console.steps import show_progress
 from rover_hil.identify.slip.identification import (
     Errors,
     SlipIdentification,

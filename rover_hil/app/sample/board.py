@@ -13,7 +13,7 @@ from controllers.ground_motion.rig import RigFile
 from drivers.samples import Image
 from rover_hil.config import read_rig
 from rover_hil.config.shipped import rigs
-from rover_hil.ftrace.calibration import MARKER_SHARE
+from rover_hil.ready.camera.fit import MARKER_SHARE
 
 Floats = NDArray[np.float64]
 

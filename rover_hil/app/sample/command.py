@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from drivers.errors import ConfigError
-from rover_hil.app.exit_codes import EXIT_OK
 from rover_hil.app.sample.catalogue import SAMPLES
-from rover_hil.app.steps import show_steps
+from rover_hil.console.exit_codes import EXIT_OK
+from rover_hil.console.steps import show_steps
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
 from rover_hil.terminal import Terminal
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from controllers.motion.settings import WaypointsMission
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD, ROBOTINO_SCALES
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.config.shipped import rigs
 from rover_hil.datasets.arrays import Array
@@ -22,6 +21,7 @@ from rover_hil.exporting.rosbag2 import write_rosbag2
 from rover_hil.ftrace.log_frames import LogFrames
 from rover_hil.ftrace.telemetry import NEEDED, RATES, SPEED
 from rover_hil.recording.reader import LogReader
+from rover_hil.run.driving import run_virtual
 from rover_hil.scomp.columns import WHEELS
 
 ROBOTINO_S = 16.0

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from controllers.motion.settings import WaypointsMission
-from rover_hil.app.options import LOG_NAME
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config, read_config_text
 from rover_hil.config.entry import with_entry
+from rover_hil.console.options import LOG_NAME
+from rover_hil.run.driving import run_virtual
 from sim_backends.plants.robotino.site import load_site
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from sim_backends.settings import PlantSettings

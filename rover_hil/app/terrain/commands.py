@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from rover_hil.app.options import ClusterOption, ForceOption, Group, JsonOption, out_option
+from rover_hil.console.options import ClusterOption, ForceOption, Group, JsonOption, out_option
 from rover_hil.run.end_signals import held_signals
 
 terrain_app = typer.Typer(cls=Group, help="Wheels and rovers on soil: forces, slopes, soil numbers.")

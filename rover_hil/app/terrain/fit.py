@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drivers.errors import LogError
-from rover_hil.app.exit_codes import EXIT_OK
+from rover_hil.console.exit_codes import EXIT_OK
 from rover_hil.parallel.calls import open_calls
 from rover_hil.terrain.fit import SoilFit, fit_soil
 from rover_hil.terrain.fit_data import WheelTests

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from drivers.errors import ConfigError
-from rover_hil.app.exit_codes import EXIT_NO, EXIT_OK
+from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.terrain.climb import (
     limits_table,
     measured_table,

@@ -28,13 +28,16 @@ class Command(NamedTuple):
 
     Attributes:
         writer: Who sent it.
-        arrival_ns: Real monotonic time of its arrival on this computer.
+        arrival_ns: Real monotonic time at which it was found to have arrived on this computer.
+        earliest_ns: The look before, which did not find it: it may have arrived since then, where the process
+            of ROS 2 had to wait for the processor.
         motion: Forward and to the left in m/s, counter-clockwise in rad/s.
         stamp_ns: The sender's time; None for one without.
     """
 
     writer: str
     arrival_ns: int
+    earliest_ns: int
     motion: BodyMotion
     stamp_ns: int | None = None
 
@@ -78,7 +81,7 @@ class _Stamps:
 class CommandGate:
     """Follows the newest command of one writer while the rover may move.
 
-    - A command holds for a time after its arrival, whatever its stamp says.
+    - A command holds for a time after its earliest possible arrival, whatever its stamp says.
     - The first writer is followed until its commands have expired; others are reported.
     - A command with a number that is not finite is rest.
     - After any stop, pause or timeout only a command that arrives later moves the rover.
@@ -92,6 +95,7 @@ class CommandGate:
 
     Attributes:
         state: What is followed, or why nothing is; it changes once per event, not per cycle.
+        report_count: How many reports there were.
     """
 
     def __init__(self, timeout_s: float, *, is_listening: bool = True) -> None:
@@ -106,6 +110,7 @@ class CommandGate:
         self._latched: dict[str, None] = {}
         self._heard: dict[str, deque[Stop]] = {}
         self._reports: dict[str, int] = {}
+        self.report_count = 0
         self.state = NO_COMMANDS if is_listening else ""
 
     @property
@@ -182,7 +187,7 @@ class CommandGate:
             self.report("commands with numbers that are not finite, taken as rest")
             command = command._replace(motion=REST)
         self._holder = command
-        if self._latched or not self._is_running or command.arrival_ns <= self._valid_from_ns:
+        if self._latched or not self._is_running or command.earliest_ns <= self._valid_from_ns:
             return
         if self._needs_zero:
             if any(command.motion):
@@ -194,7 +199,7 @@ class CommandGate:
 
     def motion(self, now_ns: int) -> BodyMotion | None:
         """Return the velocity to be driven now: once rest after the last command, then None."""
-        if self._command is not None and now_ns - self._command.arrival_ns >= self._timeout_ns:
+        if self._command is not None and now_ns - self._command.earliest_ns >= self._timeout_ns:
             self._command = None
             self.state = f"no command for {self._timeout_ns / NANOSECONDS_PER_SECOND:g} s: at rest"
         was_driving, self._is_driving = self._is_driving, self._command is not None
@@ -225,5 +230,6 @@ class CommandGate:
 
     def report(self, words: str) -> None:
         """Count something that was wrong with what arrived."""
+        self.report_count += 1
         if words in self._reports or len(self._reports) < MOST_WRITERS:
             self._reports[words] = self._reports.get(words, 0) + 1

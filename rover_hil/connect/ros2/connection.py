@@ -3,24 +3,23 @@
 import json
 import math
 import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Any, Self
 
 from controllers.operator import OperatorInput
 from controllers.safety import Mode
 from drivers.clock import Clock, SystemClock, nanoseconds
-from drivers.driver import Health
 from drivers.errors import ConfigError
 from drivers.samples import PoseFixSample
 from rover_hil.config import Config
-from rover_hil.connect.cycle_facts import facts_of, packed
+from rover_hil.connect.cycle_bytes import CyclePacker
 from rover_hil.connect.ros2.commands import Command, CommandGate, Stop
 from rover_hil.connect.ros2.fixes import Fix
 from rover_hil.connect.ros2.process import serve
 from rover_hil.connect.shared_ring import RingReader, RingWriter, SharedRing
 from rover_hil.run.executive import CycleView, End
-from rover_hil.run.sign_of_life import LifeWatch, SignOfLife
+from rover_hil.run.sign_of_life import LifeWatch
 
 START_S = 30.0
 """Longest wait for the process, on a loaded machine."""
@@ -61,21 +60,23 @@ class Ros2Connection:
         if settings is None:
             raise ConfigError("ros2: this section is missing")
         self._simulated_offset_ns = simulated_offset_ns
-        self._life = SignOfLife()
         self._clock: Clock = SystemClock()
         self._gate = CommandGate(settings.command_timeout_s, is_listening=settings.commands)
-        self._watch = LifeWatch(self._life, SILENT_S, SILENT, forgives_pauses=True)
         cycles, arrivals = SharedRing(CYCLES, CYCLE_BYTES), SharedRing(ARRIVALS, ARRIVAL_BYTES)
         self._cycles, self._arrivals = RingWriter(cycles), RingReader(arrivals)
+        self._watch = LifeWatch(self._arrivals, SILENT_S, SILENT, forgives_pauses=True)
         context = multiprocessing.get_context("spawn")
         self._lifeline, self._their_lifeline = context.Pipe()
         self._process = context.Process(
             target=serve,
-            args=(config, cycles, arrivals, self._their_lifeline, self._life),
+            args=(config, cycles, arrivals, self._their_lifeline),
             name="ros2",
             daemon=True,
         )
-        self._healths: Sequence[Health] = ()
+        self._packer = CyclePacker(config)
+        self._told: tuple[str, int, int] | None = None
+        self._extra: Mapping[str, object] = {}
+        self._held = OperatorInput()
         self._stop_reason = ""
         self._ended = ""
         self._dropped = 0
@@ -116,25 +117,20 @@ class Ros2Connection:
     def wanted(self) -> OperatorInput | None:
         """Return the command that holds now, and a change of the reason to stop; None for neither."""
         now_ns = self._clock.now_ns()
-        fixes: list[PoseFixSample] = []
+        has_arrived = self._arrivals.look()
         silence = self._watch.check(now_ns)
-        for item in self._arrived():
-            if isinstance(item, Stop):
-                self._gate.take_stop(item)
-            elif isinstance(item, Command):
-                self._gate.take(item)
-            elif isinstance(item, Fix):
-                fixes.append(item.sample(self._simulated_offset_ns()))
-            else:
-                self._gate.report(item)
+        is_silent = self._watch.silent_ns > LOOKED_FOR_NS
+        fixes = self._take_arrivals(is_silent=is_silent) if has_arrived or is_silent else ()
         reason = self._ended or silence or self._gate.stop_reason
         motion = self._gate.motion(now_ns)
         if reason == self._stop_reason:
             if motion is None and not fixes:
                 return None
-            return OperatorInput(motion=motion, fixes=tuple(fixes))
+            if (motion, fixes) != (self._held.motion, self._held.fixes):
+                self._held = OperatorInput(motion=motion, fixes=fixes)
+            return self._held
         self._stop_reason = reason
-        return OperatorInput(motion=motion, stop_reason=reason, fixes=tuple(fixes))
+        return OperatorInput(motion=motion, stop_reason=reason, fixes=fixes)
 
     def end(self) -> tuple[End, str] | None:
         """Return that the run ends where the process has ended; None to go on."""
@@ -143,22 +139,21 @@ class Ros2Connection:
     def show(self, view: CycleView) -> None:
         """Take a cycle, and send its record."""
         now_ns = self._clock.now_ns()
-        output = view.output
-        estimate = output.estimate
-        is_slow = math.hypot(estimate.velocity_x_m_s, estimate.velocity_y_m_s) < REST_M_S
-        is_at_rest = is_slow and abs(estimate.yaw_rate_rad_s) < REST_RAD_S
-        self._gate.follow(
-            now_ns,
-            is_running=output.mode is Mode.RUNNING,
-            is_at_rest=is_at_rest and not any(view.sent.speed_rad_s),
+        output, estimate = view.output, view.output.estimate
+        is_at_rest = (
+            not any(view.sent.speed_rad_s)
+            and abs(estimate.yaw_rate_rad_s) < REST_RAD_S
+            and math.hypot(estimate.velocity_x_m_s, estimate.velocity_y_m_s) < REST_M_S
         )
+        self._gate.follow(now_ns, is_running=output.mode is Mode.RUNNING, is_at_rest=is_at_rest)
         if view.wanted is not None and view.wanted.is_paused is False:
             self._gate.resume()
-        extra = {"commands": self._gate.state, **self._gate.reports, "records dropped": self._dropped}
-        healths = None if view.healths is self._healths else view.healths
-        if self._cycles.put(packed(facts_of(view, self._simulated_offset_ns(), healths, extra))):
-            self._healths = view.healths
-        else:
+        told = self._gate.state, self._gate.report_count, self._dropped
+        if told != self._told:
+            self._told = told
+            self._extra = {"commands": told[0], **self._gate.reports, "records dropped": self._dropped}
+        if not self._cycles.put(self._packer.pack(view, self._simulated_offset_ns(), self._extra)):
+            self._packer.forget()
             self._dropped += 1
 
     def _first_answer(self) -> bytes | None:
@@ -173,24 +168,35 @@ class Ros2Connection:
             self._clock.sleep_until(now_ns + nanoseconds(LOOK_S))
         return None
 
-    def _arrived(self) -> Iterator[Command | Stop | Fix | str]:
+    def _take_arrivals(self, *, is_silent: bool) -> tuple[PoseFixSample, ...]:
+        """Take what has arrived; return the poses among it."""
         # A process that gives signs of life need not be looked for, which calls the system.
-        has_ended = self._watch.silent_ns > LOOKED_FOR_NS and not self._process.is_alive()
+        has_ended = is_silent and not self._process.is_alive()
+        fixes: tuple[PoseFixSample, ...] = ()
         for _ in range(MOST_PER_CYCLE):
             data = self._arrivals.take()
             if data is None:
                 if has_ended:
                     self._ended = self._ended or ENDED
-                return
+                break
             try:
-                item = json.loads(data)
-                if "failed" in item:
-                    self._ended = f"{ENDED}: {item['failed']}"
-                    return
-                yield _parse(item)
+                content = json.loads(data)
+                if "failed" in content:
+                    self._ended = f"{ENDED}: {content['failed']}"
+                    break
+                item = _parse(content)
             except (ValueError, TypeError, KeyError):  # it parses strangers' bytes in C, and may go mad
                 self._ended = f"{ENDED}: it sent what it never should"
-                return
+                break
+            if isinstance(item, Stop):
+                self._gate.take_stop(item)
+            elif isinstance(item, Command):
+                self._gate.take(item)
+            elif isinstance(item, Fix):
+                fixes = (*fixes, item.sample(self._simulated_offset_ns()))
+            else:
+                self._gate.report(item)
+        return fixes
 
 
 def _parse(item: dict[str, Any]) -> Command | Stop | Fix | str:
@@ -204,4 +210,5 @@ def _parse(item: dict[str, Any]) -> Command | Stop | Fix | str:
     forward_m_s, left_m_s, yaw_rate_rad_s = map(float, item["motion"])
     stamp_ns = None if item["stamp_ns"] is None else int(item["stamp_ns"])
     motion = forward_m_s, left_m_s, yaw_rate_rad_s
-    return Command(str(item["writer"]), int(item["arrival_ns"]), motion, stamp_ns)
+    arrival_ns, earliest_ns = int(item["arrival_ns"]), int(item["earliest_ns"])
+    return Command(str(item["writer"]), arrival_ns, earliest_ns, motion, stamp_ns)

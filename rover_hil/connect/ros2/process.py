@@ -15,7 +15,7 @@ from drivers.clock import Clock, SystemClock, wall_time_ns
 from drivers.errors import ConfigError
 from rover_hil.config import Config
 from rover_hil.config.ros2_joints import MISSING_LIBRARY, joint_names
-from rover_hil.connect.cycle_facts import unpacked
+from rover_hil.connect.cycle_bytes import CycleUnpacker
 from rover_hil.connect.cycle_record import CycleRecorder
 from rover_hil.connect.ros2.device_frames import static_transforms
 from rover_hil.connect.ros2.fixes import read_fix
@@ -27,7 +27,6 @@ from rover_hil.connect.ros2.messages import (
 )
 from rover_hil.connect.shared_ring import RingReader, RingWriter, SharedRing
 from rover_hil.connect.wall_clock import WallOffset
-from rover_hil.run.sign_of_life import SignOfLife
 
 POLL_S = 0.001
 MOST_RECORDS = 16
@@ -39,24 +38,21 @@ MOST_CHARACTERS = 500
 """Of an error that is told."""
 
 
-def serve(
-    config: Config, cycles: SharedRing, arrivals: SharedRing, lifeline: Connection, life: SignOfLife
-) -> None:
+def serve(config: Config, cycles: SharedRing, arrivals: SharedRing, lifeline: Connection) -> None:
     """Serve until the loop closes its end of the lifeline, or is no more.
 
     Args:
         config: A rover with the section [ros2].
         cycles: What the loop hands over.
-        arrivals: What is handed over to the loop.
+        arrivals: What is handed over to the loop, with a sign of life each time round.
         lifeline: Held open by the loop.
-        life: Given each time round.
     """
     # Ctrl-C goes to all processes of a terminal: the loop decides when this one ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     outgoing = RingWriter(arrivals)
     _silence_errors()
     try:
-        server = _Server(config, RingReader(cycles), outgoing, life)
+        server = _Server(config, RingReader(cycles), outgoing)
         # The lifeline carries nothing: it can be read when it has been closed.
         while not lifeline.poll(POLL_S):
             server.turn()
@@ -71,7 +67,7 @@ def _tell_failure(outgoing: RingWriter, words: str) -> None:
 
 
 class _Server:
-    def __init__(self, config: Config, cycles: RingReader, outgoing: RingWriter, life: SignOfLife) -> None:
+    def __init__(self, config: Config, cycles: RingReader, outgoing: RingWriter) -> None:
         try:
             from rover_hil.connect.ros2.node import Node
             from rover_hil.connect.ros2.publishing import Publisher
@@ -81,8 +77,9 @@ class _Server:
         if settings is None:
             raise ConfigError("ros2: this section is missing")
         self._cycles, self._outgoing = cycles, outgoing
-        self._life = life
         self._clock: Clock = SystemClock()
+        self._looked_ns = self._clock.now_ns()
+        self._unpacker = CycleUnpacker()
         self._recorder = CycleRecorder(config, WallOffset())
         node = Node(settings)
         names = joint_names(config.rover, settings)
@@ -100,7 +97,7 @@ class _Server:
 
     def turn(self) -> None:
         """Hand over what has arrived, and send what the loop has."""
-        self._life.give()
+        self._outgoing.give_sign()
         self._waiting += self._arrived()
         self._hand_over()
         for _ in range(MOST_RECORDS):
@@ -108,11 +105,12 @@ class _Server:
             if data is None:
                 return
             # On a loaded machine several of them can take longer than a silence may last.
-            self._life.give()
-            self._publisher.send(self._recorder.record(unpacked(data), self._clock.now_ns()))
+            self._outgoing.give_sign()
+            self._publisher.send(self._recorder.record(self._unpacker.unpack(data), self._clock.now_ns()))
 
     def _arrived(self) -> Iterator[dict[str, Any]]:
-        now_ns = self._clock.now_ns()
+        before_ns, now_ns = self._looked_ns, self._clock.now_ns()
+        self._looked_ns = now_ns
         for take in self._velocities:
             for message, writer, _ in take():
                 twist = message.twist if isinstance(message, TwistStamped) else message
@@ -120,6 +118,7 @@ class _Server:
                 yield {
                     "writer": writer,
                     "arrival_ns": now_ns,
+                    "earliest_ns": before_ns,
                     "motion": _motion(twist),
                     "stamp_ns": stamp_ns or None,
                 }

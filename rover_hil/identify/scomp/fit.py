@@ -87,7 +87,7 @@ def _check_windows(windows: Windows) -> None:
     if astray > SCOMP_FIT.check.astray_share * count:
         raise ModelError(
             f"in the truth the rover moves backwards or sideways in {astray} of {count} windows although its "
-            f"wheels turn forwards: check that psi_rad is in rad, counter-clockwise from x, and the axes"
+            "wheels turn forwards: check that psi_rad is in rad, counter-clockwise from x, and the axes"
         )
     if float(np.median(windows.slip)) > SCOMP_FIT.check.stuck_slip:
         raise ModelError(

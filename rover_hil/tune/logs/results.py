@@ -4,16 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic_core import to_json
-
-from rover_hil.config.tune_settings import (
-    ChangeRecord,
-    LogObjectiveSettings,
-    ProvenanceRecord,
-    TuneSettings,
-)
+from rover_hil.config.tune_settings import LogObjectiveSettings, TuneSettings
 from rover_hil.pages.render import render
-from rover_hil.tune.comparison import Comparison, Verdict
+from rover_hil.tune.comparison import Comparison
 from rover_hil.tune.importance import importance
 from rover_hil.tune.journal import Attempt
 from rover_hil.tune.logs.figures import LogTuningData, draw_log_report
@@ -21,7 +14,7 @@ from rover_hil.tune.logs.judged_log import JudgedLog
 from rover_hil.tune.logs.objective import describe_logs, log_cost, pooled_terms
 from rover_hil.tune.logs.replayed_log import ReplayedLog
 from rover_hil.tune.objective import Evaluation
-from rover_hil.tune.results import GRADES, REPORT_NAME, RESULT_NAME, write_files_of
+from rover_hil.tune.results import GRADES, Result, changes_of, write_files_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,39 +32,19 @@ class LogCost:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LogTuningResult:
+class LogTuningResult(Result):
     """Result of a tuning by logs.
 
     Attributes:
-        start: The configuration it started from.
-        trials: Finished trials; of these, `refused` were rejected.
-        cost_before, cost_after: On all held-out logs; None where the values were rejected.
-        start_refused: Why the old values are rejected; empty when they are acceptable.
-        values: Every tunable value, changed or not.
         terms_before, terms_after: Measured values on all held-out logs, by the objective's names.
         held_out: Costs of each held-out log.
-        declined: Candidates that were compared on the held-out logs and not taken.
-        importance: See `rover_hil.tune.importance`.
     """
 
-    study: str
-    verdict: Verdict
-    date: str
-    start: str
-    trials: int
-    refused: int
-    objective: str
     train_logs: tuple[str, ...]
     held_out_logs: tuple[str, ...]
-    cost_before: float | None
-    cost_after: float | None
-    start_refused: str
-    values: dict[str, ChangeRecord]
     terms_before: dict[str, float]
     terms_after: dict[str, float]
     held_out: tuple[LogCost, ...]
-    declined: tuple[str, ...]
-    importance: dict[str, float]
 
 
 def summarise_logs(
@@ -101,10 +74,7 @@ def summarise_logs(
         cost_before=comparison.start.cost,
         cost_after=comparison.tuned.cost,
         start_refused=comparison.start.refused,
-        values={
-            key: ChangeRecord(before=start_values[key], after=comparison.values[key], unit=parameter.unit)
-            for key, parameter in tune.parameters.items()
-        },
+        values=changes_of(start_values, comparison.values, tune),
         terms_before=comparison.start.terms,
         terms_after=comparison.tuned.terms,
         held_out=tuple(
@@ -140,49 +110,16 @@ def write_log_results(
         sentence=log_sentence(result),
         pictures=draw_log_report(data),
     )
-    result_json = to_json(result, indent=2, inf_nan_mode="null").decode()
-    changed = {key: change for key, change in result.values.items() if change.after != change.before}
-    provenance = (
-        None
-        if result.cost_after is None
-        else ProvenanceRecord(
-            study=result.study,
-            date=result.date,
-            start=result.start,
-            trials=result.trials,
-            objective=result.objective,
-            train_logs=result.train_logs,
-            held_out_logs=result.held_out_logs,
-            held_out_cost_before=result.cost_before,
-            held_out_cost_after=result.cost_after,
-            changes=changed,
-        )
-    )
-    write_files_of(
-        folder,
-        {RESULT_NAME: result_json, REPORT_NAME: page},
-        config_text,
-        {key: change.after for key, change in changed.items()},
-        provenance,
-    )
-    return result_json
+    provenance = result.provenance(train_logs=result.train_logs, held_out_logs=result.held_out_logs)
+    return write_files_of(folder, config_text, result, page, provenance)
 
 
 def log_sentence(result: LogTuningResult) -> str:
     """Return the result in one sentence."""
     count = len(result.held_out_logs)
-    where = f"on {count} held-out log{'s' if count > 1 else ''} after {result.trials} trials"
-    if result.cost_after is None:
-        return f"No acceptable values {where}: the old ones are refused ({result.start_refused})"
-    if result.verdict is Verdict.CONFIRMED:
-        return f"Nothing better than the old values {where}: they are kept, cost {result.cost_after:.3g}"
-    if result.cost_before is None:
-        return f"Cost {result.cost_after:.3g} {where}; the old values were refused ({result.start_refused})"
     better = sum(1 for log in result.held_out if _is_better(log))
-    return (
-        f"Cost {result.cost_before:.3g} before, {result.cost_after:.3g} now {where}; better in {better} of "
-        f"{count}"
-    )
+    logs = f"{count} held-out log{'s' if count > 1 else ''}"
+    return result.sentence(logs, f"; better in {better} of {count}")
 
 
 def _is_better(log: LogCost) -> bool:

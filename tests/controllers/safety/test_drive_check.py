@@ -58,11 +58,12 @@ def test_a_sign_is_no_finding_until_it_is_more(scripted: tuple[DriveCheck, Scrip
     assert opened == [([], False), (["gyro"], True), ([], True)]
 
 
+@pytest.mark.parametrize("severity", [Severity.DOUBT, Severity.RECOVERABLE])
 def test_what_a_healthy_rover_may_show_once_is_told_the_second_time(
-    scripted: tuple[DriveCheck, Scripted],
+    scripted: tuple[DriveCheck, Scripted], severity: Severity
 ) -> None:
     check, rule = scripted
-    grip = StopReason("grip", "", Severity.RECOVERABLE)
+    grip = StopReason("grip", "", severity)
     assert causes(check, rule, grip) == []
     assert causes(check, rule, grip) == []
     assert causes(check, rule) == []
@@ -92,6 +93,7 @@ def test_rules_that_need_set_points_are_left_out_and_all_others_are_shared() -> 
         "SteeringMonitor",
         "SteeringReportRule",
         "UnseenMotionRule",
+        "YawDoubtRule",
     }
     assert drives - missions == {"StandingWheelsRule", "TurnComparison", "ZeroReadingsRule"}
 

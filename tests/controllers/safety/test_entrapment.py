@@ -16,7 +16,7 @@ from drivers.samples import PoseFixSample
 from tests.controllers.floor_fixes import FLOOR, on_floor
 
 CYCLE_NS = 20_000_000
-ROLES = DeviceRoles(wheels="wheels", fixes=("overhead",), required={})
+ROLES = DeviceRoles(wheels="wheels", gyro="imu", fixes=("overhead",), required={})
 
 
 class Travel:
@@ -339,6 +339,77 @@ def test_a_camera_that_sees_no_motion_is_a_suspicion() -> None:
         "rover: may be entrapped, the rear camera sees no motion of the ground: it is stuck, or the camera "
         "is covered, turned, or in the dark"
     )
+
+
+class Doubted(Travel):
+    """The same with a response of the yaw, and wheels that turn by 25 rad per metre."""
+
+    lost_response = "no answer"
+    unanswered_m = 0.0
+    is_still = False
+
+    def go(self, distance_m: float, slip: float | None = None, direction: complex = 1.0) -> list[StopReason]:
+        self.now_ns += CYCLE_NS
+        cycle = Cycle(
+            now_ns=self.now_ns,
+            motion_ns=self.now_ns,
+            distance_m=distance_m,
+            travel_m=distance_m * direction,
+            yaw_rad=self.yaw_rad,
+            slip=slip,
+            lost_response=self.lost_response,
+            unanswered_m=self.unanswered_m,
+            measured_rad_s=(25.0 * distance_m * 1e9 / CYCLE_NS, 0.0),
+            is_still=self.is_still,
+        )
+        return list(self.rule.check(cycle))
+
+
+def test_a_suspicion_that_nothing_decides_stops_once_and_counts_anew_after_a_rest() -> None:
+    travel = Doubted()
+    travel.unanswered_m = 0.3
+    for _ in range(11):
+        (reason,) = travel.go(0.1)
+        assert (reason.cause, reason.severity) == ("lost response", Severity.SUSPICION)
+        assert reason.text == "rover: may be entrapped, or imu has no signal: no answer"
+    (reason,) = travel.go(0.1)
+    assert reason.severity is Severity.RECOVERABLE
+    assert reason.text == (
+        "rover: progress unknown on 1.50 m of its wheels, may be entrapped, or imu has no signal: no answer"
+    )
+    # All that the wheels turned since the rover may have got stuck, but for the first cycle.
+    assert reason.wheel_rad == pytest.approx((25.0 * 1.5, 0.0), rel=0.1)
+    assert travel.go(0.1) == [reason]
+    travel.is_still, travel.unanswered_m = True, 5.0
+    (reason,) = travel.go(0.0)
+    assert reason.severity is Severity.SUSPICION
+    travel.is_still = False
+    # At most half of the travel lies before the suspicion.
+    assert [travel.go(0.1)[0].severity for _ in range(8)] == [Severity.SUSPICION] * 7 + [Severity.RECOVERABLE]
+
+
+def test_an_answer_and_progress_by_fixes_clear_the_travel() -> None:
+    travel = Doubted(EntrapmentSettings(progress_unknown_m=1.0))
+    for step in range(30):
+        travel.place_m += 0.1
+        travel.fix()
+        (reason,) = travel.go(0.1)
+        assert (step, reason.severity) == (step, Severity.SUSPICION)
+    assert [travel.go(0.3)[0].severity for _ in range(3)] == [Severity.SUSPICION] * 3
+    travel.lost_response = ""
+    assert travel.go(0.3) == []
+    travel.lost_response = "no answer"
+    assert [travel.go(0.3)[0].severity for _ in range(4)][2:] == [Severity.SUSPICION, Severity.RECOVERABLE]
+
+
+def test_a_camera_that_sees_no_motion_for_long_stops_too_and_the_slip_reading_never_does() -> None:
+    rule, severities = Travel().rule, []
+    for index in range(20):
+        cycle = Cycle(now_ns=index * CYCLE_NS, distance_m=0.1, sees_no_motion=True, measured_rad_s=(1.0,))
+        severities += [reason.severity for reason in rule.check(cycle)]
+    assert severities == [Severity.SUSPICION] * 14 + [Severity.RECOVERABLE] * 6
+    travel = Travel()
+    assert {reason.severity for _ in range(100) for reason in travel.go(0.1, 1.0)} == {Severity.SUSPICION}
 
 
 def ground_pair(rolled_m: complex, ground_m: complex) -> GroundPair:

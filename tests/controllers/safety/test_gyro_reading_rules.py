@@ -77,18 +77,28 @@ def test_a_reading_that_never_changes_while_the_wheels_turn_is_stuck_after_a_sec
     assert bench.cycle(reading(0.2)) == [reason]
 
 
-@pytest.mark.parametrize("change", [reading(0.2001), None])
-def test_a_change_and_rest_clear_a_stuck_reading(change: RateSample | None) -> None:
+def test_only_a_change_clears_a_stuck_reading_not_a_rest() -> None:
     bench = stuck()
     for _ in range(60):
         found = bench.cycle(reading(0.2), turns=True)
     assert found
-    assert bench.cycle(*([] if change is None else [change]), is_still=change is None) == []
+    assert bench.cycle(is_still=True) == found
+    assert bench.cycle(reading(0.2), turns=True, is_still=True) == found
+    assert bench.cycle(reading(0.2001), is_still=True) == []
     for _ in range(49):
-        assert bench.cycle(reading(0.2001 if change else 0.2), turns=True) == []
+        assert bench.cycle(reading(0.2001), turns=True) == []
     bench.cycle(turns=True)
     (reason,) = bench.cycle(turns=True)
     assert reason.yaw_rad == pytest.approx(0.4 * 1.02)
+
+
+def test_a_rest_begins_the_time_of_a_reading_anew() -> None:
+    bench = stuck()
+    for _ in range(40):
+        bench.cycle(reading(0.2), turns=True)
+    bench.cycle(is_still=True)
+    for _ in range(49):
+        assert bench.cycle(reading(0.2), turns=True) == []
 
 
 def test_other_samples_do_not_change_the_reading() -> None:

@@ -119,7 +119,7 @@ def test_a_gyro_that_does_not_follow_is_named_after_less_than_a_second(share: fl
     severities = [reason.severity for reasons in found for reason in reasons]
     begin = len(found) - len(severities)
     # 0.7 s: 35 cycles, the first one included.
-    last = Severity.FINAL if share < 0.0 else Severity.RECOVERABLE
+    last = Severity.FINAL if share < 0.0 else Severity.DOUBT
     assert severities == [Severity.SIGN] * 34 + [last] * (150 - begin - 34)
     assert begin < 12
     (reason,) = found[-1]
@@ -128,7 +128,7 @@ def test_a_gyro_that_does_not_follow_is_named_after_less_than_a_second(share: fl
     assert (name, rest) == (
         "imu: yaw rate",
         "of the changes of the wheels' turn rate for 0.7 s: no signal, wrong axis, wrong sign, or wheels "
-        "without grip",
+        "without grip" + ("" if share < 0.0 else "; the yaw is uncertain by both, yaw unwatched"),
     )
     assert int(measured) == percent
     # As far as the two differ: the steady turn, and the gyro's bias the other way.
@@ -151,9 +151,9 @@ def noisy(rule: GyroFollowsRule, share: float, noise: float, duration_s: float) 
 @pytest.mark.parametrize(
     ("share", "noise", "severity"),
     [
-        (0.0, 0.05, Severity.RECOVERABLE),
-        (-0.1, 0.1, Severity.RECOVERABLE),
-        (-0.3, 0.0, Severity.RECOVERABLE),
+        (0.0, 0.05, Severity.DOUBT),
+        (-0.1, 0.1, Severity.DOUBT),
+        (-0.3, 0.0, Severity.DOUBT),
         (-0.36, 0.0, Severity.FINAL),
         (-0.5, 0.02, Severity.FINAL),
     ],
@@ -168,10 +168,10 @@ def test_only_a_gyro_that_turns_against_the_wheels_stops_for_good(
 def test_a_gyro_must_turn_against_the_wheels_for_as_long_as_it_does_not_follow_them() -> None:
     rule = follows()
     turn(rule, 0.0, 0.5)
-    assert [reason.severity for reason in turn(rule, -1.0, 0.7)] == [Severity.RECOVERABLE]
+    assert [reason.severity for reason in turn(rule, -1.0, 0.7)] == [Severity.DOUBT]
     assert [reason.severity for reason in turn(rule, -1.0, 0.5)] == [Severity.FINAL]
     turn(rule, 0.0, 0.5)
-    assert [reason.severity for reason in turn(rule, -1.0, 0.5)] == [Severity.RECOVERABLE]
+    assert [reason.severity for reason in turn(rule, -1.0, 0.5)] == [Severity.DOUBT]
 
 
 def test_a_gyro_that_follows_again_has_not_turned_against_the_wheels() -> None:
@@ -185,16 +185,22 @@ def test_a_gyro_that_follows_again_has_not_turned_against_the_wheels() -> None:
 def test_while_fixes_agree_with_the_yaw_a_gyro_that_does_not_follow_is_a_suspicion() -> None:
     rule = GyroFollowsRule(GyroTurnSettings(), replace(ROLES, fixes=("overhead",)), UnprovenTurn())
 
-    def fix(*, accepted: bool) -> None:
-        innovation = Innovation(name="overhead yaw", residual=0.0, variance=1.0, nis=0.0, accepted=accepted)
+    def fix(residual_rad: float) -> None:
+        innovation = Innovation(
+            name="overhead yaw", residual=residual_rad, variance=1.0, nis=residual_rad**2, accepted=True
+        )
         list(rule.check(Cycle(now_ns=0, innovations=(innovation,))))
 
-    fix(accepted=True)
+    fix(0.0)
     assert [reason.severity for reason in turn(rule, 0.0, 2.0)] == [Severity.SUSPICION]
     assert [reason.severity for reason in turn(rule, -1.0, 2.0)] == [Severity.FINAL]
-    fix(accepted=False)
+    fix(3.0)
     turn(rule, 1.0, 2.0)
-    assert [reason.severity for reason in turn(rule, 0.0, 2.0)] == [Severity.RECOVERABLE]
+    assert [reason.severity for reason in turn(rule, 0.0, 2.0)] == [Severity.DOUBT]
+    fix(4.0)
+    (reason,) = turn(rule, 0.0, 2.0)
+    assert reason.severity is Severity.STOP
+    assert reason.text.endswith("wheels without grip; the rover turns otherwise than the gyro measures")
 
 
 def test_small_changes_are_no_evidence() -> None:
@@ -217,7 +223,7 @@ def test_a_pause_of_the_changes_neither_counts_nor_clears() -> None:
     rule = follows()
     assert [reason.severity for reason in turn(rule, 0.0, 0.3)] == [Severity.SIGN]
     assert [reason.severity for reason in turn(rule, 0.0, 5.0, amplitude_rad_s=0.0)] == [Severity.SIGN]
-    assert [reason.severity for reason in turn(rule, 0.0, 0.6)] == [Severity.RECOVERABLE]
+    assert [reason.severity for reason in turn(rule, 0.0, 0.6)] == [Severity.DOUBT]
 
 
 def test_the_difference_counts_from_the_rest() -> None:
@@ -249,7 +255,7 @@ def test_the_limits_are_exact() -> None:
     assert step(rule, 0.0, 0.0, long_s) + step(rule, 0.0, 0.0, long_s) == []
     (sign,) = step(rule, 0.125, 0.125 * 0.125, half_s)
     (stop,) = step(rule, 0.125, 0.125 * 0.125, half_s)
-    assert (sign.severity, stop.severity) == (Severity.SIGN, Severity.RECOVERABLE)
+    assert (sign.severity, stop.severity) == (Severity.SIGN, Severity.DOUBT)
 
 
 def jittered(rule: GyroFollowsRule, duration_s: float, swing_rad_s: float, share: float) -> list[StopReason]:

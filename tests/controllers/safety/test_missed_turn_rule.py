@@ -32,24 +32,24 @@ def make_rule(unproven: UnprovenTurn | None = None) -> MissedTurnRule:
 
 
 @pytest.mark.parametrize("sides", [(0.125, 0.0), (0.0, 0.125)])
-def test_a_steady_turn_without_a_signal_of_the_gyro_is_named_and_can_recover(
+def test_a_steady_turn_without_a_signal_of_the_gyro_is_named_and_widens_the_yaw(
     sides: tuple[float, float],
 ) -> None:
     rule = make_rule()
     assert turn(rule, 0.05, *sides, 3) == []
     (reason,) = turn(rule, 0.05, *sides, 1)
-    assert reason.severity is Severity.RECOVERABLE
+    assert reason.severity is Severity.DOUBT
     assert reason.cause == "missed turn"
     assert reason.text == (
         "imu: measures 5 % of a turn of 0.50 rad by the wheels: no signal, wrong axis, wrong sign, or wheels "
-        "without grip"
+        "without grip; the yaw is uncertain by both"
     )
     assert reason.yaw_rad == pytest.approx(0.475)
     assert turn(rule, 0.05, *sides, 3) == []
     assert turn(rule, 0.05, *sides, 1) != []
 
 
-@pytest.mark.parametrize(("share", "severity"), [(-0.49, Severity.RECOVERABLE), (-0.51, Severity.FINAL)])
+@pytest.mark.parametrize(("share", "severity"), [(-0.49, Severity.DOUBT), (-0.51, Severity.FINAL)])
 def test_a_gyro_that_turns_the_other_way_stops_for_good(share: float, severity: Severity) -> None:
     (reason,) = turn(make_rule(), share, 0.5, 0.0, 1)
     assert reason.severity is severity
@@ -99,3 +99,16 @@ def test_while_fixes_agree_with_the_yaw_it_is_a_suspicion() -> None:
     assert list(rule.check(Cycle(now_ns=0, innovations=(accepted,)))) == []
     (reason,) = turn(rule, 0.0, 0.5, 0.0, 1)
     assert reason.severity is Severity.SUSPICION
+
+
+def test_where_fixes_contradict_the_yaw_the_gyro_is_dead() -> None:
+    unproven = UnprovenTurn()
+    rule = make_rule(unproven)
+    contradicting = Innovation(name="overhead yaw", residual=0.4, variance=0.01, nis=16.0, accepted=False)
+    assert list(rule.check(Cycle(now_ns=0, innovations=(contradicting,)))) == []
+    was_dead = [unproven.is_dead]
+    (reason,) = turn(rule, 0.0, 0.5, 0.0, 1)
+    assert reason.severity is Severity.STOP
+    was_dead.append(unproven.is_dead)
+    assert turn(rule, 1.0, 0.5, 0.0, 1) == []
+    assert [*was_dead, unproven.is_dead] == [False, True, False]

@@ -146,7 +146,7 @@ def gyro_reason(*cycles: Cycle) -> str:
         for _ in range(2):
             supervisor.observe(rate(cycle.now_ns, 0.5), cycle.now_ns)
         supervisor.update(cycle._replace(motion_ns=cycle.now_ns))
-    return supervisor.reason
+    return supervisor.reason or supervisor.suspicion
 
 
 def test_the_rules_about_the_gyro_know_their_limits_and_its_name() -> None:
@@ -525,6 +525,19 @@ def test_a_recoverable_stop_rests_for_two_seconds_and_widens_what_cannot_keep_it
     assert run.cycle(NO_GRIP._replace(cause="fault", severity=Severity.STOP)) is Mode.SAFE_STOP
     assert run.supervisor.doubts == [Doubt((), 0.5, is_unseen=True)]
     assert run.rest_s() == pytest.approx(0.6)
+
+
+def test_a_doubt_widens_and_is_shown_and_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Suspected(monkeypatch)
+    doubt = NO_GRIP._replace(severity=Severity.DOUBT)
+    assert run.cycle(doubt) is Mode.RUNNING
+    assert (run.supervisor.reason, run.supervisor.suspicion) == ("", "imu: no grip")
+    assert run.supervisor.doubts == [Doubt((), 0.5, is_unseen=False)]
+    assert run.cycle(doubt._replace(yaw_rad=1.3)) is Mode.RUNNING
+    (more,) = run.supervisor.doubts
+    assert more.yaw_rad == pytest.approx(1.2)
+    assert run.cycle(doubt._replace(severity=Severity.SUSPICION, yaw_rad=2.0)) is Mode.RUNNING
+    assert run.supervisor.doubts == []
 
 
 def test_another_reason_during_the_rest_does_not_shorten_it(monkeypatch: pytest.MonkeyPatch) -> None:

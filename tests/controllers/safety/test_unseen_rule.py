@@ -50,7 +50,7 @@ def test_a_stop_adds_the_doubt_of_its_wheels_once_and_that_of_the_yaw_as_it_grow
     rules = RuleSet([])
 
     def doubts(*stops: StopReason) -> list[tuple[tuple[float, ...], float]]:
-        return [(wheel_rad, round(yaw_rad, 9)) for wheel_rad, yaw_rad, _ in rules.doubts(stops)]
+        return [(doubt.wheel_rad, round(doubt.yaw_rad, 9)) for doubt in rules.doubts(stops)]
 
     first = StopReason("stall", "", wheel_rad=(1.0, 2.0), yaw_rad=0.3)
     assert doubts(first, first) == [((1.0, 2.0), 0.3), ((), 0.0)]
@@ -76,10 +76,17 @@ def test_a_stop_of_a_cycle_is_in_its_doubts() -> None:
         )
         if supervisor.doubts:
             break
-    ((wheel_rad, yaw_rad, is_unseen),) = supervisor.doubts
-    assert wheel_rad == pytest.approx((2.0,))
-    assert yaw_rad == 0.0
-    assert is_unseen
+    (doubt,) = supervisor.doubts
+    assert doubt.wheel_rad == pytest.approx((2.0,))
+    assert doubt.yaw_rad == doubt.path_m == 0.0
+    assert doubt.is_unseen
+
+
+def test_the_path_on_which_the_yaw_became_wrong_is_told_once() -> None:
+    rules = RuleSet([])
+    doubt = StopReason("gyro", "", Severity.DOUBT, yaw_rad=0.3, path_m=2.0)
+    assert [each.path_m for each in rules.doubts([doubt])] == [2.0]
+    assert [each.path_m for each in rules.doubts([doubt._replace(path_m=3.0)])] == [0.0]
 
 
 def innovation(name: str, residual: float | None) -> Innovation:

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Self, TextIO
 import pytest
 
 from drivers.clock import SystemClock, nanoseconds
-from rover_hil.app.exit_codes import EXIT_TERMINATED
 from rover_hil.config import read_config_text
+from rover_hil.console.exit_codes import EXIT_TERMINATED
 
 if TYPE_CHECKING:
     from selenium.webdriver.remote.webelement import WebElement

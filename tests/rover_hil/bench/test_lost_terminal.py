@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from benchmarks.program.page_stop import bench_of, ended, start_real_run, wait_for_end
-from rover_hil.app.exit_codes import EXIT_TERMINATED
+from rover_hil.console.exit_codes import EXIT_TERMINATED
 from tests.rover_hil.bench.browser import WAIT_S, served, write_config
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]

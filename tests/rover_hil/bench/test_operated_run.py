@@ -11,10 +11,10 @@ from controllers.operator import OperatorInput, check_gains, gain_ranges
 from controllers.safety import Mode
 from drivers.clock import seconds
 from drivers.errors import ConfigError
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
+from rover_hil.run.driving import run_virtual
 from rover_hil.run.executive import CycleView, End
 from rover_hil.run.replay import replay
 from tests.rover_hil.bench.rovers import by_hand, quick

@@ -6,12 +6,12 @@ from pathlib import Path
 
 from controllers.operator import OperatorInput
 from drivers.clock import PacedClock, SystemClock
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.connect.ros2.connection import Ros2Connection
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.schema import ESTIMATE, ESTIMATE_SHAPE, EstimateRecord
+from rover_hil.run.driving import run_virtual
 from rover_hil.run.executive import CycleView, End, RunResult
 from rover_hil.run.operators import Operators
 from rover_hil.run.replay import replay

@@ -22,9 +22,14 @@ class Rover:
         self.cycle()
 
     def send(
-        self, motion: tuple[float, float, float] = AHEAD, writer: str = "a", stamp_ns: int | None = None
+        self,
+        motion: tuple[float, float, float] = AHEAD,
+        writer: str = "a",
+        stamp_ns: int | None = None,
+        found_after_s: float = 0.0,
     ) -> None:
-        self.gate.take(Command(writer, self.now_ns, motion, stamp_ns))
+        earliest_ns = self.now_ns - nanoseconds(found_after_s)
+        self.gate.take(Command(writer, self.now_ns, earliest_ns, motion, stamp_ns))
 
     def press(self, *, writer: str = "a", is_pressed: bool = True, stamp_ns: int | None = None) -> None:
         self.gate.take_stop(Stop(writer, self.now_ns if stamp_ns is None else stamp_ns, is_pressed))
@@ -60,6 +65,20 @@ def test_a_command_holds_for_its_time_after_arrival_whatever_its_stamp_says() ->
         assert rover.cycle(TIMEOUT_S) == AHEAD
         assert rover.cycle() == REST
         assert rover.cycle(5.0) is None
+
+
+def test_a_command_that_was_found_late_counts_from_the_look_before() -> None:
+    rover = Rover()
+    rover.send(found_after_s=0.4)
+    assert rover.cycle(0.1) == AHEAD
+    assert rover.cycle() == REST
+    rover.send(found_after_s=TIMEOUT_S)
+    assert rover.cycle(1.0) is None
+    rover.cycle(0.02, is_running=False)
+    rover.send(found_after_s=0.1)
+    assert rover.cycle(1.0) is None
+    rover.send()
+    assert rover.cycle() == AHEAD
 
 
 def test_rest_after_a_timeout_is_told_once_and_a_later_command_moves_again() -> None:
@@ -108,7 +127,7 @@ def test_after_a_stop_only_a_later_command_moves_the_rover() -> None:
     rover.send()
     assert rover.cycle() == AHEAD
     rover.cycle(0.02, is_running=False)
-    before = Command("a", rover.now_ns - 2 * CYCLE_NS, AHEAD)
+    before = Command("a", rover.now_ns - 2 * CYCLE_NS, rover.now_ns - 2 * CYCLE_NS, AHEAD)
     rover.gate.take(before)  # it waited somewhere during the stop
     assert rover.cycle() == REST
     assert rover.cycle(1.0) is None

@@ -12,11 +12,11 @@ import pytest
 
 from drivers.clock import PacedClock, wall_time_ns
 from drivers.errors import ConfigError
-from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config
 from rover_hil.connect.json_lines import JsonLines
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.schema import ESTIMATE, ESTIMATE_SHAPE
+from rover_hil.run.driving import run_virtual
 from tests.rover_hil.command import Command, assert_one_sentence
 
 READER = Path(__file__).parents[3] / "docs" / "examples" / "read_odometry.py"

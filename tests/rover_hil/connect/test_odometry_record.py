@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 
-from rover_hil.app.run import run_virtual
 from rover_hil.config import load_config
 from rover_hil.connect.odometry_record import NO_COMPENSATION, OdometryRecorder
 from rover_hil.connect.records import OdometryRecord
@@ -19,6 +18,7 @@ from rover_hil.recording.schema import (
     EstimateRecord,
     TruthRecord,
 )
+from rover_hil.run.driving import run_virtual
 
 DRIVE_S = 12.0
 

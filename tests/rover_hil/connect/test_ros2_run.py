@@ -23,6 +23,7 @@ from rover_hil.connect.ros2.messages import (
     Vector3,
 )
 from rover_hil.run.executive import End
+from tests.rover_hil.command import started
 from tests.rover_hil.connect.by_hand import (
     Scripted,
     Steps,
@@ -257,28 +258,21 @@ def test_a_writer_of_a_stop_that_disappears_releases_nothing_and_the_page_does(
     assert replays_exactly(tmp_path / "run.mcap")
 
 
-COMMAND = "from rover_hil.app.app import main; main()"
-
-
 def test_a_run_on_the_ports_of_a_served_rover_is_driven_as_well(peer: Node, tmp_path: Path) -> None:
     written(tmp_path, f"domain = {own_domain()}\ncommands = true", by_hand=True)
     velocity, odometry = peer.writer("cmd_vel", Twist), peer.reader("odom", Odometry)
-    line, clock, x_m = [sys.executable, "-c", COMMAND], SystemClock(), 0.0
-    with subprocess.Popen(
-        [*line, "simulate", "mine.toml"], cwd=tmp_path, stdout=subprocess.PIPE, text=True
-    ) as rover:
-        try:
-            assert rover.stdout is not None
-            told = iter(rover.stdout.readline, "")
-            assert any("run speaks ROS 2" in each for each in told)
-            with subprocess.Popen([*line, "run", "mine.toml", "--out", "run"], cwd=tmp_path) as run:
-                deadline_ns = clock.now_ns() + nanoseconds(90.0)
-                while x_m < 0.05 and clock.now_ns() < deadline_ns and run.poll() is None:
-                    velocity(AHEAD)
-                    clock.sleep_until(clock.now_ns() + nanoseconds(0.05))
-                    x_m = max([x_m, *(message.pose.pose.position.x for message, _, _ in odometry())])
-                run.send_signal(signal.SIGINT)
-        finally:
-            rover.kill()
+    clock, x_m = SystemClock(), 0.0
+    with started(tmp_path, "simulate", "mine.toml") as rover:
+        assert rover.stdout is not None
+        assert any("run speaks ROS 2" in each for each in iter(rover.stdout.readline, ""))
+        with started(tmp_path, "run", "mine.toml", "--out", "run") as run:
+            deadline_ns = clock.now_ns() + nanoseconds(90.0)
+            while x_m < 0.05 and clock.now_ns() < deadline_ns and run.poll() is None:
+                velocity(AHEAD)
+                clock.sleep_until(clock.now_ns() + nanoseconds(0.05))
+                x_m = max([x_m, *(message.pose.pose.position.x for message, _, _ in odometry())])
+            run.send_signal(signal.SIGINT)
+            output, _ = run.communicate()
+    assert run.returncode == 0, output
     assert x_m >= 0.05
     assert replays_exactly(tmp_path / "run" / "run.mcap")

@@ -27,6 +27,23 @@ def test_messages_come_out_as_they_went_in_and_what_does_not_fit_is_refused() ->
     assert reader.take() == bytes(PLACE_BYTES)
 
 
+def test_a_look_tells_of_messages_and_counts_the_signs_of_life() -> None:
+    ring = SharedRing(PLACES, PLACE_BYTES)
+    writer, reader = RingWriter(ring), RingReader(ring)
+    assert not reader.look()
+    for number in range(3 * PLACES):
+        writer.give_sign()
+        assert not reader.look()
+        assert reader.count == 2 * number + 1
+        assert writer.put(b"a")
+        assert reader.look()
+        writer.give_sign()
+        assert reader.look()
+        assert reader.count == 2 * number + 2
+        assert reader.take() == b"a"
+        assert not reader.look()
+
+
 def test_a_message_whose_bytes_have_not_all_arrived_waits() -> None:
     ring = SharedRing(PLACES, PLACE_BYTES)
     writer, reader, memory = RingWriter(ring), RingReader(ring), ring.view()
@@ -54,6 +71,7 @@ def test_nonsense_in_the_memory_is_no_message() -> None:
     drawn = random.Random(SEED)
     for _ in range(1000):
         ring.view()[:] = drawn.randbytes(len(ring.view()))
+        reader.look()
         assert reader.take() is None
         writer.put(b"a")  # raises nothing, whatever the other side claims to have taken
 

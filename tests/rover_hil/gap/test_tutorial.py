@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 
 from rover_hil.app.app import main
+from tests.rover_hil.command import PROGRAM
 from tests.rover_hil.gap.gap_data import TUTORIAL, tutorial_files
 
 pytestmark = pytest.mark.slow
 
 COMMAND = re.compile(r"^(python|rover-hil) .*$", re.MULTILINE)
-PROGRAM = "from rover_hil.app.app import main; main()"
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +75,7 @@ def test_without_the_card_it_is_an_equation(folder: Path) -> None:
     )
     (folder / "less.py").write_text(text[:start] + text[end:])
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, "gap", "less.py:make", "axis.csv", "--out", "third"],
+        [*PROGRAM, "gap", "less.py:make", "axis.csv", "--out", "third"],
         cwd=folder,
         check=True,
         capture_output=True,

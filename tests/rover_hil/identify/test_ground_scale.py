@@ -13,9 +13,9 @@ from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.rig_tolerance import RigTolerance
 from controllers.ground_motion.tolerance import scale_of
 from rover_hil.config import load_config
-from rover_hil.identify.ground_scale.fit import PIECE_M, fit_scale
-from rover_hil.identify.ground_scale.record import ScaleRecord, Travel
-from rover_hil.identify.wheels.fit import NORMAL_95
+from rover_hil.ready.scale.fit import PIECE_M, fit_scale
+from rover_hil.ready.scale.record import ScaleRecord, Travel
+from rover_hil.ready.wheels.fit import NORMAL_95
 
 STEP_M = 0.015
 

@@ -11,12 +11,13 @@ from controllers.motion.kinematics import OmniKinematics
 from drivers.errors import ConfigError, LogError
 from drivers.samples import RateSample, Sample, WheelSample
 from rover_hil.app.app import app
-from rover_hil.app.calibrate.imu import calibrate_imu, turning_config
 from rover_hil.config import load_config
 from rover_hil.config.loader import read_config_text
 from rover_hil.datasets.robotino_csv import ROBOTINO
-from rover_hil.identify.gyro.response_fit import fit_response
-from rover_hil.identify.gyro.turns import read_turns
+from rover_hil.ready.imu.calibration import GyroCalibration, small_turns_config
+from rover_hil.ready.imu.fit import fit_response
+from rover_hil.ready.imu.turns import read_turns
+from rover_hil.ready.procedure import Request, run
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
 
@@ -40,7 +41,7 @@ def write_turns(
 
     The response of the gyro to a sinusoid is written in closed form, transients left out.
     """
-    config = turning_config(load_config("robotino"))
+    config = small_turns_config(load_config("robotino"))
     age_s = config.device_roles().wheel_age_s or 0.0
     kinematics, rng = OmniKinematics(ROBOTINO), np.random.default_rng(3)
     end_s = EACH_S * len(FREQUENCIES_HZ)
@@ -89,7 +90,7 @@ def test_the_constants_are_found(tmp_path: Path, gain: float, delay_s: float, lo
 
 def test_ground_that_is_not_firm_gives_a_page_and_no_file(tmp_path: Path) -> None:
     path, out = write_turns(tmp_path / "turns.mcap", gain=0.7), tmp_path / "gyro.toml"
-    assert calibrate_imu(str(path), virtual=False, out=out, as_json=False) == 1
+    assert run(GyroCalibration(), Request(source=str(path), out=out)) == 1
     assert not out.exists()
     assert "the ground is not firm" in out.with_suffix(".html").read_text("utf-8")
 
@@ -108,7 +109,7 @@ def test_the_command_writes_what_the_configuration_reads(tmp_path: Path) -> None
     assert slip.gyro_response is not None
     assert slip.gyro_response.delay_s == pytest.approx(0.04, abs=0.005)
     with pytest.raises(ConfigError, match="never overwritten"):
-        calibrate_imu(str(path), virtual=False, out=out, as_json=False)
+        run(GyroCalibration(), Request(source=str(path), out=out))
 
 
 def test_logs_without_turns_are_refused(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""`rover-hil calibrate compass --motors` on drives of which the field of each motor is known."""
+"""`rover-hil calibrate motors` on drives of which the field of each motor is known."""
 
 import json
 import math
@@ -10,7 +10,7 @@ import pytest
 
 from drivers.errors import LogError
 from rover_hil.config import load_config, read_config_text
-from rover_hil.identify.compass.motors import fit_motor_fields
+from rover_hil.ready.motors.fit import fit_motor_fields, read_motor_drive
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.identify.motor_logs import write_motor_drive
 
@@ -28,7 +28,7 @@ def as_rows(fields: tuple[complex, ...]) -> np.ndarray:
 @pytest.mark.slow
 def test_the_field_of_each_motor_is_found(tmp_path: Path, seed: int) -> None:
     write_motor_drive(tmp_path / "drive.mcap", FIELDS, seed, patterns=EACH_BY_ITSELF)
-    fit = fit_motor_fields(tmp_path / "drive.mcap", None, DAY)
+    fit = fit_motor_fields(read_motor_drive(tmp_path / "drive.mcap", None), DAY)
     assert fit.problem == ""
     assert fit.fields.device == "compass"
     assert fit.separate.all()
@@ -43,7 +43,7 @@ def test_the_field_of_each_motor_is_found(tmp_path: Path, seed: int) -> None:
 def test_motors_that_always_act_alike_are_named_and_uncertain(tmp_path: Path) -> None:
     """Their sum is known, and corrects such a drive; each by itself is known no better than before."""
     write_motor_drive(tmp_path / "drive.mcap", FIELDS, 3, patterns=ALWAYS_ALIKE, ripple=0.0)
-    fit = fit_motor_fields(tmp_path / "drive.mcap", None, DAY)
+    fit = fit_motor_fields(read_motor_drive(tmp_path / "drive.mcap", None), DAY)
     assert fit.problem == ""
     found, sd = np.array(fit.fields.per_ampere), np.array(fit.fields.per_ampere_sd)
     assert found.sum(axis=0) == pytest.approx(as_rows(FIELDS).sum(axis=0), abs=0.004)
@@ -56,7 +56,7 @@ def test_motors_that_always_act_alike_are_named_and_uncertain(tmp_path: Path) ->
 @pytest.mark.usefixtures("unrendered")
 def test_motors_without_any_current_stay_unknown(command: Command, tmp_path: Path) -> None:
     write_motor_drive(tmp_path / "drive.mcap", FIELDS, 9, patterns=((4, 0, 0, 0), (-3, 0, 0, 0)), legs=16)
-    assert command("calibrate", "compass", "drive.mcap", "--motors", "--out", "m.toml") == 0
+    assert command("calibrate", "motors", "drive.mcap", "--out", "m.toml") == 0
     assert "motors 2, 3, 4 had no current of their own" in command.out
     found = tomllib.loads(Path("m.toml").read_text("utf-8"))
     assert found["per_ampere"][0] == pytest.approx((0.05, -0.03), abs=0.005)
@@ -66,7 +66,7 @@ def test_motors_without_any_current_stay_unknown(command: Command, tmp_path: Pat
 
 def test_motors_that_do_not_matter_are_not_written(command: Command, tmp_path: Path) -> None:
     write_motor_drive(tmp_path / "drive.mcap", (0j,) * 4, 4, patterns=EACH_BY_ITSELF, legs=16)
-    assert command("calibrate", "compass", "drive.mcap", "--motors", "--out", "m.toml") == 1
+    assert command("calibrate", "motors", "drive.mcap", "--out", "m.toml") == 1
     assert "not written: the motors hardly change the heading" in command.out
     assert not Path("m.toml").exists()
     assert "no correction is needed" in Path("m.html").read_text("utf-8")
@@ -74,13 +74,13 @@ def test_motors_that_do_not_matter_are_not_written(command: Command, tmp_path: P
 
 def test_a_field_stronger_than_that_of_the_earth_is_refused(tmp_path: Path) -> None:
     write_motor_drive(tmp_path / "drive.mcap", (0.5 + 0j,) * 4, 8, patterns=EACH_BY_ITSELF, legs=16)
-    problem = fit_motor_fields(tmp_path / "drive.mcap", None, DAY).problem
+    problem = fit_motor_fields(read_motor_drive(tmp_path / "drive.mcap", None), DAY).problem
     assert "move the compass away" in problem or "error on held-out parts" in problem
 
 
 def test_a_heading_that_is_no_number_is_left_out(tmp_path: Path) -> None:
     write_motor_drive(tmp_path / "drive.mcap", FIELDS, 3, patterns=EACH_BY_ITSELF, legs=16, lost_heading=300)
-    fit = fit_motor_fields(tmp_path / "drive.mcap", None, DAY)
+    fit = fit_motor_fields(read_motor_drive(tmp_path / "drive.mcap", None), DAY)
     assert np.isfinite(fit.before_deg).all()
     assert math.sqrt(np.mean(fit.after_deg**2)) < 0.6
 
@@ -89,13 +89,13 @@ def test_a_drive_in_one_direction_does_not_show_the_field(tmp_path: Path) -> Non
     """It is explained well by half of the field, which would be wrong in other directions."""
     write_motor_drive(tmp_path / "drive.mcap", FIELDS, 7, patterns=EACH_BY_ITSELF, turn_rad_s=0.05)
     with pytest.raises(LogError, match="drove in one direction only"):
-        fit_motor_fields(tmp_path / "drive.mcap", None, DAY)
+        fit_motor_fields(read_motor_drive(tmp_path / "drive.mcap", None), DAY)
 
 
 def test_the_result_is_entered_and_the_configuration_is_valid(command: Command, tmp_path: Path) -> None:
     write_motor_drive(tmp_path / "drive.mcap", FIELDS, 5, patterns=EACH_BY_ITSELF, legs=16)
     Path("rover.toml").write_text(read_config_text("el-dorado"), "utf-8")
-    arguments = ("calibrate", "compass", "rover.toml", "--motors", "--log", "drive.mcap", "--enter")
+    arguments = ("calibrate", "motors", "rover.toml", "--log", "drive.mcap", "--enter")
     assert command(*arguments, "--json") == 0, command.error
     assert json.loads(command.out)["file"] == "rover-compass-motors.toml"
     fields = load_config("rover.toml").filter.motor_fields
@@ -120,9 +120,8 @@ def test_bad_input_is_one_sentence(command: Command, tmp_path: Path) -> None:
         (("rest.mcap", "--out", "m.toml"), "the currents change by less than 0.1 A"),
         (("rest.mcap", "--out", "m.toml", "--virtual"), "is a log"),
         (("rest.mcap",), "--out is missing"),
-        (("el-dorado", "--by-hand"), "leave --by-hand and --dip out"),
         (("el-dorado", "--enter"), "cannot be edited"),
     ):
-        assert command("calibrate", "compass", "--motors", *arguments) in (1, 2)
+        assert command("calibrate", "motors", *arguments) in (1, 2)
         assert_one_sentence(command.error, words)
     assert not Path("m.toml").exists()

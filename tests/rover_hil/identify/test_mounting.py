@@ -1,4 +1,4 @@
-"""`rover-hil calibrate imu --turns` on logs of a sensor whose mounting, scale and bias are known."""
+"""`rover-hil calibrate mounting` on logs of a sensor whose mounting, scale and bias are known."""
 
 import json
 import math
@@ -75,7 +75,7 @@ def config() -> Config:
 
 
 def calibrate(command: Command, *options: str) -> int:
-    return command("calibrate", "imu", "turns.mcap", "--turns", "2", "--out", "mounting.toml", *options)
+    return command("calibrate", "mounting", "turns.mcap", "--out", "mounting.toml", *options)
 
 
 @pytest.mark.usefixtures("unrendered")
@@ -191,9 +191,15 @@ def test_a_log_without_turns_is_one_sentence(command: Command, config: Config) -
     assert_one_sentence(command.error, "no half turn")
 
 
-def test_options_of_the_turns_need_them(command: Command) -> None:
-    assert command("calibrate", "imu", "robotino", "--virtual", "--enter", "--out", "a.toml") == 2
-    assert_one_sentence(command.error, "--turns")
+@pytest.mark.usefixtures("unrendered")
+@pytest.mark.parametrize("turns", [("--turns", "2"), ("--turns=2",)])
+def test_the_old_spelling_works_and_tells_the_new_one(
+    command: Command, config: Config, turns: tuple[str, ...]
+) -> None:
+    write_turns(Path("turns.mcap"), config, (0.0, 0.0))
+    assert command("calibrate", "imu", "turns.mcap", *turns, "--made", "2,-2,1.5", "--out", "a.toml") == 0
+    assert "`calibrate imu --turns` is now `calibrate mounting`" in command.error
+    assert Path("a.toml").is_file()
 
 
 @pytest.mark.usefixtures("unrendered")
@@ -203,7 +209,7 @@ def test_an_upside_down_sensor_is_found_entered_and_then_right(command: Command)
         'frames = ["rate"]', 'frames = ["rate"]\nmounting_roll_deg = 178.0\ngyro_scale = 0.97\n'
     )
     Path("rover.toml").write_text(text, "utf-8")
-    options = ("calibrate", "imu", "rover.toml", "--virtual", "--turns", "1")
+    options = ("calibrate", "mounting", "rover.toml", "--virtual", "--turns", "1")
     assert command(*options, "--out", "first.toml", "--enter") == 0, command.out + command.error
     assert "axis that points up: -z" in command.out
     found = load_config("rover.toml").devices["imu"]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from drivers.samples import HeadingReference, HeadingSample, PoseFixSample, RateSample, Sample, WheelSample
-from rover_hil.app.calibrate import time
 from rover_hil.config import Config
-from rover_hil.identify.timing.offsets import YawTrack, find_offsets, read_tracks
+from rover_hil.ready.time import calibration
+from rover_hil.ready.time.fit import YawTrack, find_offsets, read_tracks
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
 from tests.cases import first_often
@@ -127,7 +127,7 @@ def test_a_camera_says_what_a_rolling_shutter_would_add(
     yaws = [np.array([yaw_at(t, 0.0) for t in times.tolist()]) for times in (t_s, t_s - late_s)]
     gyro = YawTrack("gyro 'imu'", "gyro", "imu", t_s, yaws[0])
     camera = YawTrack("ground camera 'eye'", "ground", "eye", t_s, yaws[1], 0.7, 0.1)
-    monkeypatch.setattr(time, "read_tracks", lambda path: [gyro, camera])
+    monkeypatch.setattr(calibration, "read_tracks", lambda path: [gyro, camera])
     assert command("calibrate", "time", "turns.mcap") == 0
     words = " ".join(command.out.split())
     assert "with a global shutter" in words

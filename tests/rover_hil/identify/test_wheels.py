@@ -10,16 +10,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controllers.motion.rover_geometry import SkidSteerRoverSettings, WheelsRoverSettings
+from controllers.motion.rover_geometry import (
+    OmniRoverSettings,
+    RoverSettings,
+    SkidSteerRoverSettings,
+    WheelsRoverSettings,
+)
 from controllers.motion.settings import LineMission, WholeTurnsMission
+from controllers.motion.wheel_settings import WheelSettings
 from drivers.errors import ConfigError
-from rover_hil.app.ask import ask_number, ask_yes
-from rover_hil.app.calibrate import compass as calibrate_compass
-from rover_hil.app.calibrate import imu as calibrate_imu
-from rover_hil.app.calibrate import mounting as calibrate_mounting
-from rover_hil.app.calibrate import wheels as calibrate_wheels
 from rover_hil.config import Config, load_config, read_config_text
-from rover_hil.identify.wheels.fit import fit_factor, proposal
+from rover_hil.console.ask import ask_number, ask_yes
+from rover_hil.ready import procedure
+from rover_hil.ready.wheels import calibration
+from rover_hil.ready.wheels.fit import Factor, WheelsFit, fit_factor
 from rover_hil.recording.schema import ESTIMATE, TRUTH
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.executive import End, RunResult
@@ -77,7 +81,7 @@ def test_wrong_geometry_is_found_where_the_command_drives(
             write_drive(path, config, 0.0, mission.turns if mission.senses == "left" else -mission.turns)
         return RunResult(End.FINISHED)
 
-    monkeypatch.setattr(calibrate_wheels, "run_virtual", drive)
+    monkeypatch.setattr(procedure, "run_virtual", drive)
     path = write_config(tmp_path)
     assert command("calibrate", "wheels", path, "--virtual", "--out", "wheels.toml", "--enter") == 0
     found = tomllib.loads((tmp_path / "wheels.toml").read_text("utf-8"))["rover"]
@@ -104,8 +108,7 @@ def test_a_rover_whose_drive_was_ended_by_the_user_does_not_drive_on(
         drives.append(path)
         return RunResult(end, words)
 
-    for module in (calibrate_wheels, calibrate_imu, calibrate_compass):
-        monkeypatch.setattr(module, "run_virtual", drive)
+    monkeypatch.setattr(procedure, "run_virtual", drive)
     assert command("calibrate", *what.split(), "--virtual", "--out", "out.toml") == code
     assert_one_sentence(command.error, words)
     assert len(drives) == 1
@@ -122,8 +125,8 @@ def test_after_a_drive_that_was_not_completed_nothing_is_asked_and_driven(
         drives.append(path)
         return RunResult(end, "wheel 1: stalled")
 
-    monkeypatch.setattr(calibrate_wheels, "run_real", drive)
-    monkeypatch.setattr(calibrate_wheels, "ask_number", lambda *arguments: pytest.fail("asked"))
+    monkeypatch.setattr(procedure, "run_real", drive)
+    monkeypatch.setattr(calibration, "ask_number", lambda *arguments: pytest.fail("asked"))
     assert command("calibrate", "wheels", "robotino", "--drive", "--out", "out.toml") == 1
     assert_one_sentence(command.error, "line1", "wheel 1: stalled")
     assert len(drives) == 1
@@ -137,8 +140,7 @@ def test_a_calibration_that_was_not_sure_can_be_repeated(
     def drive(config: Config, path: Path, *arguments: object) -> RunResult:
         return RunResult(End.STOPPED_BY_USER)
 
-    for module in (calibrate_wheels, calibrate_imu, calibrate_compass):
-        monkeypatch.setattr(module, "run_virtual", drive)
+    monkeypatch.setattr(procedure, "run_virtual", drive)
     for name in ("out.mcap", "out-line1.mcap"):
         Path(name).write_text("earlier")
     arguments = ("calibrate", *what.split(), "--virtual", "--out", "out.toml")
@@ -179,40 +181,66 @@ def test_the_interval_covers_the_truth(seed: int) -> None:
     assert hits >= 186
 
 
+ROVER = OmniRoverSettings(kinematics="omni3", wheel_radius_m=0.04, base_radius_m=0.125)
+SKID = SkidSteerRoverSettings(kinematics="skid_steer_4", wheel_radius_m=0.1, track_m=0.6)
+
+
+def fit_of(rover: RoverSettings, radius: Factor | None, turn: Factor | None) -> WheelsFit:
+    return WheelsFit(rover=rover, radius=radius, turn=turn)
+
+
 def test_scatter_beyond_the_stated_accuracy_widens_the_interval() -> None:
     close = fit_factor([5.0, 5.01], [5.0, 5.0], 0.005)
     far = fit_factor([5.0, 5.4], [5.0, 5.0], 0.005)
-    assert close.problem == ""
+    assert fit_of(ROVER, close, None).problem == ""
     assert far.half_width > 10 * close.half_width
-    assert "uncertain" in far.problem
+    assert "uncertain" in fit_of(ROVER, far, None).problem
 
 
 def test_each_kind_of_rover_gets_its_own_keys() -> None:
     radius, turn = fit_factor([5.1], [5.0], 0.001), fit_factor([6.0], [6.3], 0.001)
-    skid = SkidSteerRoverSettings(kinematics="skid_steer_4", wheel_radius_m=0.1, track_m=0.6)
-    assert proposal(skid, radius, turn) == {"wheel_radius_m": 0.102, "track_m": pytest.approx(0.6426)}
-    assert proposal(skid, None, turn) == {"track_m": pytest.approx(0.63)}
+    assert fit_of(SKID, radius, turn).values == {"wheel_radius_m": 0.102, "track_m": pytest.approx(0.6426)}
+    assert fit_of(SKID, None, turn).values == {"track_m": pytest.approx(0.63)}
     # Without turns the base goes with the radius, and turns stay as they are.
-    assert proposal(skid, radius, None) == {"wheel_radius_m": 0.102, "track_m": pytest.approx(0.612)}
+    assert fit_of(SKID, radius, None).values == {"wheel_radius_m": 0.102, "track_m": pytest.approx(0.612)}
     rover = load_config(str(EXAMPLES / "differential.toml")).rover
     assert isinstance(rover, WheelsRoverSettings)
-    wheels = proposal(rover, radius, turn)["wheels"]
-    assert wheels == [
+    assert not fit_of(rover, radius, turn).skids
+    assert fit_of(rover, radius, turn).wheels == [
         {"x_m": 0.0, "y_m": pytest.approx(0.16065), "radius_m": pytest.approx(0.0612)},
         {"x_m": 0.0, "y_m": pytest.approx(-0.16065), "radius_m": pytest.approx(0.0612)},
     ]
+
+
+def test_the_effective_track_of_wheels_that_skid_is_a_result() -> None:
+    turn = fit_factor([6.0], [1.64 * 6.0], 0.001)
+    assert fit_of(SKID, None, turn).problem == ""
+    assert fit_of(SKID, None, turn).values == {"track_m": pytest.approx(1.64 * 0.6, rel=1e-4)}
+    assert "a factor of 1.64" in fit_of(ROVER, None, turn).problem
+    assert "a factor of 5" in fit_of(SKID, None, fit_factor([1.0], [5.0], 0.001)).problem
+    assert "a factor of 1.64" in fit_of(SKID, turn, None).problem  # a distance does not skid
+    wheels = [WheelSettings(x_m=x_m, y_m=y_m, radius_m=0.1) for x_m in (0.3, -0.3) for y_m in (0.25, -0.25)]
+    rover = WheelsRoverSettings(kinematics="wheels", wheels=tuple(wheels))
+    assert fit_of(rover, None, turn).problem == ""
+    assert fit_of(rover, None, turn).wheels[0] == {"x_m": 0.3, "y_m": pytest.approx(0.41), "radius_m": 0.1}
 
 
 def test_bad_input_is_one_sentence(command: Command) -> None:
     for options, words in (
         ("--out w.toml --line run.mcap", "--line run.mcap: write the log and what is known"),
         ("--out w.toml --spin run.mcap=0", "--spin run.mcap=0: write"),
+        ("--out w.toml --line run.mcap=-3", "--line run.mcap=-3: a distance from start to end is above 0 m"),
         ("--out w.toml --line none.mcap=2", "cannot read log none.mcap"),
         ("--out w.html", "name a file that ends with .toml"),
         ("--out w.toml --enter", "--enter: robotino cannot be edited"),
+        ("--out w.toml --virtual --line run.mcap=3", "run.mcap is a log: leave --virtual out"),
     ):
         assert command("calibrate", "wheels", "robotino", *options.split()) == 2
         assert_one_sentence(command.error, words)
+    write_drive(Path("run.mcap"), load_config("robotino"), 2.0, 0.0)
+    for what in ("wheels", "scale"):
+        assert command("calibrate", what, "run.mcap", "--out", "w.toml") == 2
+        assert_one_sentence(command.error, "run.mcap")
 
 
 class Lines(io.StringIO):
@@ -253,15 +281,14 @@ def test_a_wrong_answer_from_a_file_ends_the_command(monkeypatch: pytest.MonkeyP
     [
         ("wheels", "robotino", ("x 0 to 2 m", "lower --length")),
         ("compass", "car", ("--by-hand",)),
-        ("imu --turns 2", "car", ("--by-hand",)),
+        ("mounting", "car", ("--by-hand",)),
     ],
 )
 def test_nothing_is_driven_outside_the_free_place(
     command: Command, monkeypatch: pytest.MonkeyPatch, what: str, rover: str, words: tuple[str, ...]
 ) -> None:
     """A rover that turns on the spot needs no room for that; one that cannot drives rings."""
-    for module in (calibrate_wheels, calibrate_mounting, calibrate_compass):
-        monkeypatch.setattr(module, "run_virtual", lambda *arguments: pytest.fail("driven"))
+    monkeypatch.setattr(procedure, "run_virtual", lambda *arguments: pytest.fail("driven"))
     area = "area = { x_min_m = -1, x_max_m = 1, y_min_m = -1, y_max_m = 1 }"
     text = read_config_text("robotino" if rover == "robotino" else "el-dorado-crab")
     text = re.sub(r"length_m = [\d.]+", "length_m = 0.9", text).replace("[mission]\n", f"[mission]\n{area}\n")

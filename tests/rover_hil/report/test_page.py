@@ -128,4 +128,4 @@ def test_a_virtual_run_has_a_report(tmp_path: Path) -> None:
     assert 0.15 < summary["slip_ratio"] < 0.45
     assert 0.15 < summary["wheel_slip"][0] < 0.45
     html = (tmp_path / "out" / "report.html").read_text("utf-8")
-    assert "Rectangle of 900 mm × 400 mm on the simulated rover" in html
+    assert "Rectangle of 0.9 m × 0.4 m on the simulated rover" in html

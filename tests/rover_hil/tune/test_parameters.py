@@ -142,9 +142,10 @@ def test_a_missing_section_is_added() -> None:
     ],
     ids=["inline", "quoted"],
 )
-def test_a_text_that_cannot_be_edited_is_refused(text: str) -> None:
-    with pytest.raises(ConfigError, match=r"write mission\.lookahead_m and \[tune\] as 'key = value' lines"):
-        tuned_text(text, {"mission.lookahead_m": 0.2}, provenance(0.2))
+def test_inline_tables_and_quoted_keys_are_edited_too(text: str) -> None:
+    tuned = tomllib.loads(tuned_text(text, {"mission.lookahead_m": 0.2}, provenance(0.2)))
+    assert tuned["mission"] == {**tomllib.loads(text)["mission"], "lookahead_m": 0.2}
+    assert tuned["tune"]["provenance"]["changes"]
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
 from rover_hil.config.tune_settings import MOST_CASES, CaseSettings
 from rover_hil.recording.reader import LogReader
 from rover_hil.report.tracks import Track
+from rover_hil.run.driving import run_virtual
 from rover_hil.tune.metrics import (
     TruePath,
     closure_m,

@@ -5,8 +5,8 @@ from importlib import resources
 from pathlib import Path
 
 from controllers.motion.settings import WaypointsMission
-from rover_hil.app.run import run_virtual
 from rover_hil.config import Config, load_config
+from rover_hil.run.driving import run_virtual
 
 COMPASS_DEG = 4.0
 COMPASS_RAD = math.radians(COMPASS_DEG)

@@ -1,0 +1,1 @@
+"""Missions: each with its keys and what drives it in one file."""

@@ -1,1 +1,0 @@
-"""`rover-hil calibrate`: one module for each command."""

@@ -1,1 +1,0 @@
-"""Identify how a gyro follows turns: gain, delay and bandwidth."""

@@ -1,1 +1,0 @@
-"""Mounting, scale and bias of a gyro, from whole turns between rests."""

@@ -1,1 +1,0 @@
-"""Offsets between the clocks of devices that feel the same turns."""

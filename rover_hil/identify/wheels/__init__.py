@@ -1,1 +1,0 @@
-"""Fit radius and base of the wheels to known distances and known turns."""

@@ -1,0 +1,1 @@
+"""Get a rover ready: set it up, calibrate its sensors, commission it."""

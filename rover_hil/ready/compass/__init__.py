@@ -1,0 +1,1 @@
+"""Calibrate a compass by whole turns: hard and soft iron, or a deviation table."""

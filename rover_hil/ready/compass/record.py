@@ -1,0 +1,190 @@
+"""What a log holds for the calibration of one compass: its bytes, and the turns by another sensor."""
+
+import math
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from controllers.motion.kinematics import make_kinematics
+from drivers.angles import wrap_rad
+from drivers.errors import ConfigError, LogError
+from drivers.link import Received
+from drivers.nmea_compass.settings import NmeaCompassSettings
+from drivers.samples import AttitudeSample, RateSample
+from drivers.witmotion.settings import WitMotionSettings
+from rover_hil.config import Config
+from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.log import LogRows
+from rover_hil.ready.compass.parameters import COMPASS_FIT
+from rover_hil.recording import schema
+from rover_hil.recording.data_files import restore_config
+from rover_hil.recording.reader import LogReader
+
+CompassSettings = NmeaCompassSettings | WitMotionSettings
+LEAST_READINGS = 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompassRecord:
+    """Turns of a compass.
+
+    Attributes:
+        path: The log.
+        device: Name of the compass.
+        settings: Its settings, without a calibration.
+        payloads: Its bytes.
+        start_ns: Origin of the times.
+        reference: What measured the turns, in words.
+        t_s: Times of the reference, shape (n,).
+        yaw_rad: Its yaw, from an arbitrary start, counter-clockwise, not wrapped, (n,).
+        rate_rad_s: Its yaw rate, (n,).
+    """
+
+    path: Path
+    device: str
+    settings: CompassSettings
+    payloads: list[Received[bytes]]
+    start_ns: int
+    reference: str
+    t_s: Array
+    yaw_rad: Array
+    rate_rad_s: Array
+
+    def turn_of(self, t_s: Array) -> Array:
+        """Return the number of the whole turn, either sense, in which each time lies."""
+        turned = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(self.yaw_rad))))) / math.tau
+        return np.floor(np.interp(t_s, self.t_s, turned))
+
+    @property
+    def turns(self) -> float:
+        """Turns of the reference, both senses together."""
+        return float(np.abs(np.diff(self.yaw_rad)).sum() / math.tau)
+
+
+def compass_of(config: Config, device: str | None) -> tuple[str, CompassSettings]:
+    """Return name and settings of the compass to calibrate, without its present calibration.
+
+    Args:
+        config: The rover.
+        device: Name of the compass; None where there is only one.
+
+    Raises:
+        ConfigError: There is none, there are several, or `device` is none.
+    """
+    found = {
+        name: settings for name, settings in config.devices.items() if isinstance(settings, CompassSettings)
+    }
+    used = {name: settings for name, settings in found.items() if name in config.roles.headings}
+    if device is not None:
+        if device not in found:
+            names = ", ".join(found) or "none"
+            raise ConfigError(
+                f"'{device}' is no compass that can be calibrated: the configuration has {names} "
+                "(nmea_compass or witmotion)"
+            )
+        name = device
+    else:
+        candidates = list(used or found)
+        if not candidates:
+            raise ConfigError(
+                "the configuration has no compass to calibrate: add a device of type nmea_compass or "
+                "witmotion"
+            )
+        if len(candidates) > 1:
+            raise ConfigError(f"there are several compasses: choose one with --device {candidates[0]}")
+        name = candidates[0]
+    return name, found[name].model_copy(update={"calibration": None})
+
+
+def read_record(path: Path, device: str | None) -> CompassRecord:
+    """Return what a log holds for the calibration of a compass.
+
+    The turns are those of `roles.gyro`, else of the gyro in the compass, else of another gyro, else of the
+    wheels.
+
+    Raises:
+        ConfigError: The log's configuration has no such compass.
+        LogError: The log is damaged, or holds nothing of the compass, or no turns.
+    """
+    log = LogReader(path)
+    with restore_config(log) as config:
+        rows = LogRows(config)
+    name, settings = compass_of(config, device)
+    payloads: list[Received[bytes]] = []
+    rates: defaultdict[str, list[RateSample]] = defaultdict(list)
+    attitudes: defaultdict[str, list[AttitudeSample]] = defaultdict(list)
+    for message in log.messages():
+        rows.take(message, log)
+        if message.topic == f"{schema.RAW}{name}":
+            payloads.append(Received(message.t_ns, message.data))
+        elif message.topic == schema.SAMPLES:
+            samples = log.parse(message, schema.SAMPLES_SHAPE)
+            for rate in samples.rates:
+                rates[rate.device].append(rate)
+            for attitude in samples.attitudes:
+                attitudes[attitude.device].append(attitude)
+    if not payloads:
+        raise LogError(f"log {path} holds nothing of '{name}': was it connected?")
+    gyros = [each for each in (config.roles.gyro, name, *rates) if each is not None and each in rates]
+    if gyros:
+        reference = f"gyro '{gyros[0]}'"
+        t_s, rate_rad_s = _yaw_rate(rates[gyros[0]], attitudes[gyros[0]], log.start_ns)
+    else:
+        reference = "wheels"
+        t_s, rate_rad_s = _wheel_rate(config, rows, log)
+    t_s, keep = np.unique(t_s, return_index=True)
+    rate_rad_s = rate_rad_s[keep]
+    if len(t_s) < LEAST_READINGS or not np.isfinite(rate_rad_s).all():
+        raise LogError(f"log {path} shows no turns: neither a gyro nor wheel positions are in it")
+    steps_s = np.diff(t_s)
+    parts = np.where(
+        steps_s <= COMPASS_FIT.longest_gap_s, 0.5 * steps_s * (rate_rad_s[1:] + rate_rad_s[:-1]), 0.0
+    )
+    return CompassRecord(
+        path=path,
+        device=name,
+        settings=settings,
+        payloads=payloads,
+        start_ns=log.start_ns,
+        reference=reference,
+        t_s=t_s,
+        yaw_rad=np.concatenate(([0.0], np.cumsum(parts))),
+        rate_rad_s=rate_rad_s,
+    )
+
+
+def _yaw_rate(rates: list[RateSample], attitudes: list[AttitudeSample], start_ns: int) -> tuple[Array, Array]:
+    """Return times and yaw rates; of a tilted sensor by its attitude, where it reports one."""
+    t_s = np.array([(each.t_ns - start_ns) / 1e9 for each in rates])
+    rate = np.array([each.rate_z_rad_s for each in rates])
+    tilts = [each for each in attitudes if each.roll_rad is not None and each.pitch_rad is not None]
+    if not tilts or any(each.rate_y_rad_s is None for each in rates):
+        return t_s, rate
+    tilt_s = np.array([(each.t_ns - start_ns) / 1e9 for each in tilts])
+    roll = np.interp(t_s, tilt_s, np.unwrap([each.roll_rad or 0.0 for each in tilts]))
+    pitch = np.interp(t_s, tilt_s, [each.pitch_rad or 0.0 for each in tilts])
+    pitch = np.clip(pitch, -COMPASS_FIT.steepest_rad, COMPASS_FIT.steepest_rad)
+    left = np.array([each.rate_y_rad_s or 0.0 for each in rates])
+    turned: Array = (left * np.sin(roll) + rate * np.cos(roll)) / np.cos(pitch)
+    return t_s, turned
+
+
+def _wheel_rate(config: Config, rows: LogRows, log: LogReader) -> tuple[Array, Array]:
+    kinematics = make_kinematics(config.rover)
+    positions = [rows[f"enc{wheel + 1}_rad"] for wheel in range(kinematics.wheel_count)]
+    if any(len(each) < LEAST_READINGS for each in positions):
+        return np.zeros(0), np.zeros(0)
+    t_ns = np.unique(positions[0].t_ns)
+    angles = np.column_stack([np.interp(t_ns, each.t_ns, each.value) for each in positions])
+    t_s = (t_ns - log.start_ns) / 1e9
+    turned = [kinematics.body_motion(row)[2] for row in np.diff(angles, axis=0).tolist()]
+    rate: Array = np.array(turned) / np.diff(t_s)
+    return 0.5 * (t_s[1:] + t_s[:-1]), rate
+
+
+def aligned(angles_rad: Array, near_rad: Array) -> Array:
+    """Return the same directions, each within half a turn of `near_rad` plus a slowly changing difference."""
+    difference = np.unwrap([wrap_rad(value) for value in (angles_rad - near_rad).tolist()])
+    return near_rad + difference

@@ -1,0 +1,1 @@
+"""Identify gain, delay and bandwidth of the gyro, from small turns in place."""

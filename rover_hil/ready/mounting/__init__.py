@@ -1,0 +1,1 @@
+"""Find mounting, scale and bias of the gyro, from whole turns between rests."""

@@ -1,0 +1,1 @@
+"""Find the scale of the travel that a ground camera measures."""

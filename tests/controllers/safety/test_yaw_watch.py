@@ -1,0 +1,76 @@
+"""Pose fixes and a camera that watch the yaw, and for how long."""
+
+import pytest
+
+from controllers.estimation.guarded_filter import Innovation
+from controllers.roles import DeviceRoles
+from controllers.safety.reasons import Cycle, Severity
+from controllers.safety.yaw_watch import YawWatch
+
+SECOND_NS = 1_000_000_000
+ROLES = DeviceRoles(wheels="wheels", fixes=("overhead",), camera="rear", required={})
+
+
+def said(name: str, residual_rad: float, variance: float = 0.01, *, accepted: bool = True) -> Innovation:
+    nis = residual_rad**2 / variance
+    return Innovation(name=name, residual=residual_rad, variance=variance, nis=nis, accepted=accepted)
+
+
+def watch(*innovations: Innovation, doubted_rad: float = 0.0) -> YawWatch:
+    found = YawWatch(ROLES)
+    found.take(Cycle(now_ns=SECOND_NS, innovations=innovations, doubted_rad=doubted_rad))
+    return found
+
+
+def test_a_fix_watches_the_yaw_for_three_seconds() -> None:
+    watching = watch(said("overhead yaw", 0.0))
+    assert watching.severity(4 * SECOND_NS) is Severity.SUSPICION
+    assert watching.severity(4 * SECOND_NS + 1) is Severity.DOUBT
+
+
+def test_without_a_yaw_nothing_watches() -> None:
+    unusable = Innovation(name="overhead yaw", residual=None, variance=None, nis=None, accepted=False)
+    for watching in (watch(), watch(said("overhead x", 0.0), said("marks yaw", 0.0)), watch(unusable)):
+        assert watching.severity(SECOND_NS) is Severity.DOUBT
+
+
+@pytest.mark.parametrize(
+    ("residual_rad", "severity"),
+    [
+        (0.19, Severity.SUSPICION),
+        (0.21, Severity.DOUBT),
+        (0.34, Severity.DOUBT),
+        (0.36, Severity.STOP),
+        (-0.36, Severity.STOP),
+    ],
+)
+def test_a_fix_agrees_within_two_deviations_and_contradicts_beyond_three_and_a_half(
+    residual_rad: float, severity: Severity
+) -> None:
+    assert watch(said("overhead yaw", residual_rad)).severity(SECOND_NS) is severity
+
+
+def test_a_yaw_that_is_wide_enough_for_both_does_not_agree_with_the_gyro() -> None:
+    """The fix is accepted, as the estimate contains it: what counts is what the gyro alone leaves open."""
+    watching = watch(said("overhead yaw", 0.4, variance=1.01), doubted_rad=1.0)
+    assert watching.severity(SECOND_NS) is Severity.STOP
+    watching = watch(said("overhead yaw", 0.4, variance=1.0), doubted_rad=1.0)
+    assert watching.severity(SECOND_NS) is Severity.DOUBT
+
+
+def test_the_newest_one_counts() -> None:
+    watching = watch(said("overhead yaw", 0.0))
+    watching.take(Cycle(now_ns=SECOND_NS, innovations=(said("overhead yaw", 0.3),)))
+    assert watching.severity(SECOND_NS) is Severity.DOUBT
+
+
+@pytest.mark.parametrize(("accepted", "severity"), [(True, Severity.SUSPICION), (False, Severity.STOP)])
+def test_a_camera_compares_the_turn_with_that_of_the_gyro(accepted: bool, severity: Severity) -> None:
+    assert watch(said("rear turn", 0.0, accepted=accepted)).severity(SECOND_NS) is severity
+
+
+def test_a_doubt_says_what_it_means() -> None:
+    assert watch().consequence(Severity.DOUBT) == "; the yaw is uncertain by both"
+    assert watch().consequence(Severity.FINAL) == ""
+    alone = YawWatch(DeviceRoles(wheels="wheels", gyro="imu", required={}))
+    assert alone.consequence(Severity.DOUBT) == "; the yaw is uncertain by both, yaw unwatched"
