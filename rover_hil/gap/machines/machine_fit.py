@@ -183,7 +183,7 @@ class MachineFits:
         if not isinstance(self.problem.model, CalledMachine):
             return [plain, *(_stronger(free, begin, share) for share in MACHINES.fit.start_shares)]
         # A prediction is dear, a start is one, a fit many: only the best starts are fitted.
-        starts = [plain, *self._far_starts(names, plain, begin)]
+        starts: list[Point] = [plain, *self._far_starts(names, plain, begin)]
         ranked = sorted(starts, key=lambda one: self._start_cost(free, one, fixed))
         return ranked[: 1 if self.evidence is EvidenceKind.ROWS else MACHINES.fit.called_starts]
 
@@ -194,9 +194,9 @@ class MachineFits:
         """
         new = [self.cards[name] for name in names if (name, self.cards[name].parameters[0].name) not in begin]
         nominal = {item.key: item.start for item in self.problem.base_free() if item.key in plain}
-        starts = []
+        starts: list[Point] = []
         for share in MACHINES.fit.called_shares:
-            moved = {}
+            moved: dict[Key, float] = {}
             for card in new:
                 first, single = card.parameters[0], self._known.get((card.name,))
                 size = first.nominal + share * first.prior_sd

@@ -104,6 +104,8 @@ class MachineSearchParameters:
     least_z: float = 2.5
     clear_z: float = 1.9  # the same for an effect that explains `clear_share`
     clear_share: float = 0.5  # of the remaining excess error
+    # Greatest ratio of the effects one by one to their sum, where the noise is learned.
+    most_cancellation: float = 4.0
     singles: int = 10  # effects to fit in one step, the best to first order
     pairs: int = 15  # the same, of pairs
     most_effects: int = 6  # of an explanation

@@ -189,7 +189,12 @@ class MachineSearch:
         if is_alternative:
             needed = min(needed, MACHINES.search.clear_z)
         objection = ""
-        if share < least_share:
+        if (
+            found.evidence is EvidenceKind.LEARNED
+            and _cancellation(found) > MACHINES.search.most_cancellation
+        ):
+            objection = "large effects nearly cancel: they imitate a third"
+        elif share < least_share:
             objection = (
                 f"explains {max(share, 0.0):.0%} of the remaining error on left-out runs, "
                 f"{least_share:.0%} required"
@@ -283,6 +288,21 @@ def _z(part: MachineFit, found: MachineFit, key: Key) -> float:
         return float(np.clip(strength_z(found, key), -most, most))
     gain = max(part.merit - found.merit, 0.0) / found.inflation
     return -float(special.ndtri(max(0.5 * float(_ratio_sf(gain, found.freedom)), 1e-300)))
+
+
+def _cancellation(found: MachineFit) -> float:
+    """Return the ratio of the change by effects one by one to that of all together, at least 1.
+
+    Large effects that nearly cancel imitate another effect by their small difference.
+    """
+    first: dict[str, int] = {}
+    for place, item in enumerate(found.fit.free):
+        if item.key[0]:
+            first.setdefault(item.key[0], place)
+    places = list(first.values())
+    changes = found.fit.jacobian[:, places] * found.fit.pull[places]
+    together = float(np.linalg.norm(changes.sum(axis=1)))
+    return float(np.linalg.norm(changes, axis=0).sum()) / max(together, 1e-300)
 
 
 def _ratio_sf(gain: float, freedom: float) -> float:

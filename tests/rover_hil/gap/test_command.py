@@ -149,12 +149,14 @@ def test_the_report_stands_alone_and_says_everything(found: Path) -> None:
     verdict = json.loads((found / "verdict.json").read_text())
     page = (found / "report.html").read_text()
     assert str(verdict["sentence"]).split(" (")[0] in page
+    # Budget and agreement of six channels.
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert "https://" not in page
-    assert page.count("data:image/svg+xml") == 6
+    assert page.count("data:image/svg+xml") == 12
     for words in (
-        "Measured against simulated",
-        "What could be confused",
+        "Measured and simulated",
+        "Error budget",
+        "Base parameters",
         "Not named, and why",
         "plan_sha256",
     ):

@@ -216,5 +216,5 @@ def test_short_steps_have_no_line() -> None:
 
 
 def test_help_says_that_the_model_file_is_run(command: Command) -> None:
-    assert command("gap", "--help") == 0
+    assert command("gap", "find", "--help") == 0
     assert "Python code, and it is run" in " ".join(command.out.split())
