@@ -80,8 +80,8 @@ PATH_COMMANDS = (
     ("identify", "probe", "{honest}/robotino.mcap", "--maps", "{file}", "--out", "{out}.toml"),
     ("gap", "side-slope", "{file}", "--out", "{out}"),
     ("gap", "side-slope", "{honest}/slope.csv", "--model", "{file}", "--out", "{out}"),
-    ("gap", "{file}:make", "{honest}/machine.csv", "--check"),
-    ("gap", "{honest}/my_machine.py:make", "{file}", "--check"),
+    ("gap", "check", "{file}:make", "{honest}/machine.csv"),
+    ("gap", "check", "{honest}/my_machine.py:make", "{file}"),
     ("ftrace", "{file}", "--rig", "{honest}/rig.json", "--out", "{out}.csv"),
     ("ftrace", "{honest}/frames", "--rig", "{file}", "--out", "{out}.csv"),
     ("ftrace", "{honest}/frames", "--rig", "{honest}/rig.json", "--telemetry", "{file}", "--out", "{out}"),
@@ -350,7 +350,7 @@ def run_case(case: Case, folder: Path) -> Outcome:
     if megabytes * 1e6 > MOST_BYTES:
         faults.append("memory")
     spent_s = wall_s if is_late else usage.ru_utime + usage.ru_stime
-    is_analysis = case.command[0] in ("gap", "tune") and "--check" not in case.command
+    is_analysis = case.command[0] in ("gap", "tune") and "check" not in case.command
     if spent_s > LONGEST_S and not is_analysis:
         faults.append("time")
     if not is_late and exit_code not in (0, 1, 2):

@@ -1,4 +1,4 @@
-"""Effects of `rover-hil gap --config` hidden in a differential rover by an independent simulator.
+"""Effects of `rover-hil gap rover` hidden in a differential rover by an independent simulator.
 
     python -m benchmarks.gap.differential_rover [--drives 6] [--seed 0]
 

@@ -1,4 +1,4 @@
-"""`rover-hil gap --config` on the circles of measured robots, beside the reference fit of their trajectories.
+"""`rover-hil gap rover` on the circles of measured robots, beside the reference fit of their trajectories.
 
     python -m benchmarks.gap.measured_rovers DATA [--runs 6]
 

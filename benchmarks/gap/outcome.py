@@ -9,7 +9,6 @@ from pydantic import BaseModel, ConfigDict
 from benchmarks.gap.cases import Case
 from benchmarks.gap.peers import ask_peers
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.verdict_rules import explained_share
 from tests.nature.side_slope import Nature
 
 FROZEN = (
@@ -18,6 +17,8 @@ FROZEN = (
     "benchmarks/gap/cases.py",
     "tests/nature/side_slope.py",
 )
+HARM = 1.02
+"""Error after the correction, over that before, that is worse."""
 ROOT = Path(__file__).parents[2]
 
 
@@ -85,9 +86,8 @@ class Outcome(BaseModel):
 
 def keep(case: Case, nature: Nature, analysis: Analysis) -> Outcome:
     """Return what is kept of an analysis."""
-    verdict, findings = analysis.verdict, analysis.findings
-    validation = findings.validation if findings is not None else None
-    remaining_gap = findings.remaining_gap if findings is not None else None
+    verdict, machine = analysis.verdict, analysis.machine
+    holdout = None if machine is None else machine.holdout
     return Outcome(
         code=code_hash(),
         number=case.seed,
@@ -98,8 +98,8 @@ def keep(case: Case, nature: Nature, analysis: Analysis) -> Outcome:
         nature=asdict(nature),
         verdict=str(verdict.verdict),
         p_gap=verdict.p_gap,
-        p_left=remaining_gap.p if remaining_gap is not None else None,
-        explained=explained_share(findings) if findings is not None else 0.0,
+        p_left=None if machine is None else machine.p_remaining,
+        explained=0.0 if machine is None else machine.share,
         confidence_set=tuple(tuple(one) for one in verdict.confidence_set),
         effects={
             effect.name: {
@@ -109,19 +109,19 @@ def keep(case: Case, nature: Nature, analysis: Analysis) -> Outcome:
             for effect in verdict.effects
         },
         channels={}
-        if validation is None
+        if holdout is None
         else {
             name: Channel(
                 before=one.before,
                 after=one.after,
-                floor=one.noise_floor,
+                floor=one.floor,
                 closure=one.closure,
-                is_worse=one.is_worse,
+                is_worse=one.after > HARM * max(one.before, one.floor),
             )
-            for name, one in validation.channels.items()
+            for name, one in holdout.channels.items()
         },
-        closure=validation.closure if validation is not None else None,
-        peers=ask_peers(findings) if findings is not None else {},
+        closure=None if holdout is None else holdout.closure,
+        peers=ask_peers(machine) if machine is not None else {},
         seconds=verdict.seconds,
     )
 

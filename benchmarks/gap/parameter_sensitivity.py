@@ -1,9 +1,9 @@
 """How much verdicts of `gap` change when each of its tuned numbers is varied by 20 %.
 
-    python -m benchmarks.gap.parameter_sensitivity [--of data,statistics,explain,machines]
+    python -m benchmarks.gap.parameter_sensitivity [--of data,statistics,machines]
         [--groups search,verdict] [--cases side:10008,drive:13,cart:0]
 
-Varies each number of `parameters.py` in `rover_hil/gap/data`, `statistics`, `explain` and `machines` to 0.8
+Varies each number of `parameters.py` in `rover_hil/gap/data`, `statistics` and `machines` to 0.8
 and 1.2 of its value (whole numbers change by at least 1; of levels and cosines the rest to 1). Prints as
 Markdown the changes of sums over a few development cases: verdicts with a name, members of the sets of
 alternatives, sets that hold the truth; the logarithm of the probability of the gap; error on locked runs
@@ -31,7 +31,6 @@ from benchmarks.gap_machines.small_carts import make_model as make_cart_model
 from benchmarks.sensitivity import print_table
 from drivers.errors import ConfigError
 from rover_hil.gap.data.parameters import DATA
-from rover_hil.gap.explain.parameters import EXPLAIN
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.parameters import STATISTICS
 from rover_hil.gap.verdict import Answer, Verdict
@@ -42,8 +41,7 @@ from tests.nature.machines import make_case
 OBJECTS: dict[str, tuple[object, str]] = {
     "data": (DATA, "side:10008,drive:13,cart:0"),
     "statistics": (STATISTICS, "side:10008,drive:13,cart:0"),
-    "explain": (EXPLAIN, "side:10008,side:10020,drive:13"),
-    "machines": (MACHINES, "cart:0,cart:1,thermal:1"),
+    "machines": (MACHINES, "side:10008,drive:13,cart:0,cart:1,thermal:1"),
 }
 """The object, and the cases that it is varied on."""
 NEAR_ONE = (

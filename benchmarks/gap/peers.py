@@ -10,7 +10,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_hil.gap.findings import Findings
+from rover_hil.gap.machines.analysis import MachineFindings
+from rover_hil.gap.machines.search import best_shapes
 from rover_hil.gap.statistics.score import Projection
 
 Floats = NDArray[np.float64]
@@ -19,13 +20,13 @@ THRESHOLD = 0.1
 """Of SINDy's sequential thresholding, in natural sizes of the effects: its default."""
 
 
-def ask_peers(findings: Findings) -> dict[str, tuple[str, ...]]:
+def ask_peers(findings: MachineFindings) -> dict[str, tuple[str, ...]]:
     """Return the effects that each peer names; peers that are not installed are left out."""
-    scores = findings.naming.scores
-    names = [item.card.name for item in scores]
-    target = Projection(findings.prepared.start).residual
-    unit = np.stack([item.score.projected for item in scores], axis=1)
-    sizes = np.array([item.card.parameters[0].prior_sd / item.score.standard_error for item in scores])
+    scores = best_shapes(findings.scores)
+    names = [item.direction.name for item in scores]
+    target = Projection(findings.base.fit).residual
+    unit = np.stack([item.projected for item in scores], axis=1)
+    sizes = np.array([item.direction.size / item.standard_error for item in scores])
     natural = unit * sizes
     chosen = {"stepwise BIC": _stepwise(unit, target)}
     if importlib.util.find_spec("sklearn") is not None:

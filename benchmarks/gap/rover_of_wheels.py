@@ -1,4 +1,4 @@
-"""Effects of `rover-hil gap --config` hidden in the simulated six-wheel rover, and what is named.
+"""Effects of `rover-hil gap rover` hidden in the simulated six-wheel rover, and what is named.
 
     python -m benchmarks.gap.rover_of_wheels [--drives 6] [--seed 0]
 
@@ -193,13 +193,13 @@ def verdict_on(hidden: Hidden, drives: int, seed: int) -> dict[str, Any]:
 
 
 def verdict_of(config_text: str, write: Callable[[Path], None], drives: int) -> dict[str, Any]:
-    """Return the verdict of `rover-hil gap --config` on drives that `write` writes as logs."""
+    """Return the verdict of `rover-hil gap rover` on drives that `write` writes as logs."""
     with tempfile.TemporaryDirectory() as folder:
         runs, out, file = Path(folder) / "runs", Path(folder) / "gap", Path(folder) / "rover.toml"
         for number in range(drives):
             write(runs / str(number) / "run.mcap")
         file.write_text(config_text, "utf-8")
-        found = CliRunner().invoke(app, ["gap", "--config", str(file), str(runs), "--out", str(out)])
+        found = CliRunner().invoke(app, ["gap", "rover", str(file), str(runs), "--out", str(out)])
         if not (out / "verdict.json").exists():
             raise SystemExit(f"gap failed: {found.output}{found.exception}")
         verdict: dict[str, Any] = json.loads((out / "verdict.json").read_text("utf-8"))

@@ -9,19 +9,17 @@ from pathlib import Path
 
 from rover_hil.gap.data.readers.side_slope import read_side_slope
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.output.model_file import ExtendedModel, Provenance, describe_model
-from rover_hil.gap.verdict_rules import intervals, is_named
+from rover_hil.gap.output.machines.machine_file import describe_machine
+from rover_hil.gap.output.model_file import ExtendedModel, Provenance
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.side_slope.model import SideSlope, make_model
 
 
 def _extended(model: SideSlope, analysis: Analysis) -> ExtendedModel | None:
-    findings = analysis.findings
-    if findings is None or findings.best is None or not is_named(analysis.verdict.verdict):
+    if analysis.machine is None or not analysis.verdict.verdict.is_name:
         return None
     provenance = Provenance(date="", verdict="NAMED", data_sha256="", plan_sha256="", seed=0)
-    found = intervals(findings, findings.best.fit)
-    return ExtendedModel(model, describe_model(model, model.name, provenance, findings.best.fit, found))
+    return ExtendedModel(model, describe_machine(analysis.machine, model, model.name, provenance))
 
 
 def _show(folder: Path, seed: int) -> None:
@@ -36,7 +34,7 @@ def _show(folder: Path, seed: int) -> None:
         if isinstance(channel["closure"], float)
     ]
     print(f"{folder.name} seed {seed}: {verdict.verdict} {names} ({verdict.seconds:.1f} s)")
-    print(f"  p {verdict.p_gap:.2g}; closure {', '.join(closures) or '-'}; controls {dict(verdict.controls)}")
+    print(f"  p {verdict.p_gap:.2g}; closure {', '.join(closures) or '-'}")
     for effect in verdict.effects:
         for name, one in effect.parameters.items():
             low, high = one.ci95

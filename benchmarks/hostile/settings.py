@@ -188,7 +188,7 @@ def honest_settings() -> list[SettingsFile]:
                 ("run", "{file}", "--virtual", "--duration", "0.3", "--out", "{out}"),
                 ("check", "{file}"),
                 ("doctor", "{file}"),
-                ("gap", "--config", "{file}", "{honest}/robotino.mcap", "--out", "{out}"),
+                ("gap", "rover", "{file}", "{honest}/robotino.mcap", "--out", "{out}"),
             ),
         ),
         SettingsFile(
@@ -208,7 +208,7 @@ def honest_settings() -> list[SettingsFile]:
             "parameters.damping = { prior_sd = 0.004, lower = 0.001, upper = 0.1 }\n"
             'run_parameters.first_angle = { prior_sd = 0.01, channel = "encoder" }\n'
             'effects.drag = { sentence = "Drag.", strength = { variable = "drag", size = 0.0005 } }\n',
-            (("gap", "{file}", "{honest}/machine.csv", "--check"),),
+            (("gap", "check", "{file}", "{honest}/machine.csv"),),
         ),
     ]  # fmt: skip
 

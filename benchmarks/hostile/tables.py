@@ -117,7 +117,7 @@ def honest_tables() -> list[Table]:
             "paths", text["paths"], (("gap", "side-slope", "{folder}", "--out", "{out}"),), inside="paths.csv"
         ),
         Table("wheel", text["wheel"], (("gap", "single-wheel", "{file}", "--out", "{out}"),)),
-        Table("machine", text["machine"], (("gap", "{honest}/my_machine.py:make", "{file}", "--check"),)),
+        Table("machine", text["machine"], (("gap", "check", "{honest}/my_machine.py:make", "{file}"),)),
         Table(
             "telemetry",
             text["telemetry"],

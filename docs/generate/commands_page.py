@@ -57,6 +57,8 @@ def options_of(command: Command) -> Iterator[Option]:
     hints = get_type_hints(command.function, include_extras=True)
     for name, parameter in inspect.signature(command.function).parameters.items():
         kind, info = _split(hints[name])
+        if isinstance(info, OptionInfo) and info.hidden:
+            continue
         default = "required" if parameter.default is inspect.Parameter.empty else parameter.default
         yield Option(
             _spelling(name, info),

@@ -13,6 +13,7 @@ import typer
 
 from drivers.errors import ConfigError, RoverHilError
 from rover_hil.app.error_message import check_name_lengths, readable
+from rover_hil.app.gap.commands import gap_app
 from rover_hil.app.identify.commands import identify_app
 from rover_hil.app.memory import prepare_linear_algebra, require_loading_memory, sentence_of
 from rover_hil.app.terrain.commands import terrain_app
@@ -502,118 +503,6 @@ def scomp(
 
 
 @app.command()
-def gap(
-    model: Annotated[
-        str,
-        typer.Argument(
-            help="`side-slope`, `single-wheel`, `robotino-motor`, `robotino-drive`, `four-wheel-drive`, or "
-            "`file.py:factory` for a model of your own, `unit.toml` for a functional mock-up unit; none with "
-            "--config."
-        ),
-    ],
-    data: Annotated[
-        list[Path] | None,
-        typer.Argument(help="Measured runs: a folder, CSV or log; with --config logs and folders of them."),
-    ] = None,
-    config: Annotated[
-        str | None,
-        typer.Option(help="Configuration of a rover with [[rover.wheels]]: its wheels are the model."),
-    ] = None,
-    out: Annotated[
-        Path | None, out_option("Folder for verdict, model, plan and report; required without --check.")
-    ] = None,
-    extended: Annotated[
-        Path | None, typer.Option("--model", help="The model.toml of an earlier analysis.")
-    ] = None,
-    confirm: Annotated[
-        str, typer.Option(help="Runs to lock for the proof, like 'slope_deg >= 20' [default: drawn].")
-    ] = "",
-    cut: Annotated[
-        float | None,
-        number_option(
-            "Cut long records of a StateModel into runs of this many seconds.", "s", 1e-6, LONGEST_S
-        ),
-    ] = None,
-    warm_up: Annotated[
-        float,
-        number_option(
-            "Do not compare this many seconds at the start of each record of a StateModel or unit.",
-            "s",
-            0.0,
-            LONGEST_S,
-        ),
-    ] = 0.0,
-    allowed: Annotated[
-        Path | None,
-        typer.Option(help="TOML file of the runs that may be made next [default: like those measured]."),
-    ] = None,
-    check: Annotated[
-        bool,
-        typer.Option(
-            "--check",
-            help="Only print what the inputs of the runs can show of each effect of a StateModel or unit.",
-        ),
-    ] = False,
-    seed: Annotated[int, number_option("Of all random numbers.", "", 0, 2**32 - 1)] = 0,
-    cluster: Annotated[
-        str | None,
-        typer.Option(help="Read the logs of --config on this Dask scheduler's workers.", metavar="ADDRESS"),
-    ] = None,
-    force: ForceOption = False,
-    json: JsonOption = False,
-) -> None:
-    """Find where a simulation and measured runs disagree, name the missing effect, and prove it.
-
-    A model file is Python code, and it is run: use only files that you trust. So is a functional mock-up
-    unit, which is native code and has your rights.
-
-    Exit code 1: the data cannot be used; the verdict gives the reason, and nothing is written. With --check
-    also: an effect of the model changes no prediction of any run.
-
-    Example: `rover-hil gap side-slope measured/ --out gap`
-
-    With the wheels of a rover of your own: `rover-hil gap --config my_wheels.toml drives/*.mcap --out gap`.
-
-    Data: `rover-hil sample slope` writes runs, `rover-hil sample wheels` the configuration and its drives; of
-    your own: docs/reference/gap_models.md names the columns.
-    """
-    with held_signals():
-        from rover_hil.app.gap import Shortening, check_effects, find_gap, named_model, rover_of
-
-    shortening = Shortening(cut_s=cut, warm_up_s=warm_up)
-    if config is None and len(data or ()) != 1:
-        raise ConfigError("gap needs a model and one file or folder of measured runs, or --config and logs")
-    if config is not None and (check or allowed is not None or shortening != Shortening()):
-        raise ConfigError("--check, --allowed, --cut and --warm-up are for a StateModel: leave out --config")
-    if config is None and cluster is not None:
-        raise ConfigError(
-            "--cluster: the logs of --config are read there; the analysis of a model by its name is one "
-            "computation: leave it out"
-        )
-    if check:
-        sys.exit(check_effects(model, (data or [])[0], as_json=json, shortening=shortening))
-    if out is None:
-        raise ConfigError(
-            "--out is missing: give a folder for verdict, model, plan and report, or use --check"
-        )
-    sys.exit(
-        find_gap(
-            named_model(model, (data or [])[0])
-            if config is None
-            else rover_of(config, [Path(model), *(data or ())], cluster),
-            out=out,
-            extended=extended,
-            confirm=confirm,
-            seed=seed,
-            force=force,
-            as_json=json,
-            shortening=shortening,
-            allowed=allowed,
-        )
-    )
-
-
-@app.command()
 def ftrace(
     frames: Annotated[
         Path,
@@ -666,6 +555,7 @@ def ftrace(
     )
 
 
+app.add_typer(gap_app, name="gap")
 app.add_typer(terrain_app, name="terrain")
 
 app.add_typer(identify_app, name="identify")

@@ -62,6 +62,21 @@ class Group(TyperGroup):
             exit_interrupted()
 
 
+class DefaultGroup(Group):
+    """A group whose first command may be left out; it takes all arguments that begin with no command."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Return the arguments, with the first command where none is named."""
+        if args and args[0] not in (*self.commands, "--help"):
+            args = [self.default, *args]
+        return super().parse_args(ctx, args)
+
+    @property
+    def default(self) -> str:
+        """Name of the command that may be left out."""
+        return next(iter(self.commands))
+
+
 def check_inputs(*paths: Path) -> None:
     """Check that files or folders to be read exist.
 

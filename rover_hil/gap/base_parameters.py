@@ -1,4 +1,4 @@
-"""When a base parameter far from its nominal value is the finding: one rule for both engines.
+"""When a base parameter far from its nominal value is the finding.
 
 Premises, tested on the runs: the interval is narrower than the prior's; with the nominal value neither the
 other base parameters, nor an effect, nor a free term explains the runs as well; on locked runs the fitted

@@ -20,6 +20,11 @@ class Answer(StrEnum):
     NOT_IDENTIFIABLE = "NOT_IDENTIFIABLE"
     BAD_DATA = "BAD_DATA"
 
+    @property
+    def is_name(self) -> bool:
+        """True for verdicts with effects."""
+        return self in (Answer.NAMED, Answer.NAMED_SET, Answer.PARTLY_NAMED)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundParameter:
@@ -93,9 +98,6 @@ class Verdict:
     next_runs: Sequence[Mapping[str, object]] = ()
     detectable: Sequence[Mapping[str, str | float]] = ()
     gap: Mapping[str, Mapping[str, float | Sequence[float] | None]] = field(default_factory=dict)
-    controls: Mapping[str, float | None] = field(
-        default_factory=lambda: {"retuned": None, "placebo": None, "rival": None}
-    )
     missing: Sequence[Mapping[str, str | int]] = ()
     error_budget: Mapping[str, Mapping[str, float | str | None]] = field(default_factory=dict)
     draft: Sequence[Mapping[str, float | str]] = ()
@@ -131,3 +133,9 @@ class Verdict:
             rows.append((one.name, f"{one.value:.4g}", interval, one.unit, *numbers))
         widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
         return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+
+
+def refuse(answer: Answer, reason: str) -> Verdict:
+    """Return the verdict on unusable data."""
+    head = "The data cannot be used" if answer is Answer.BAD_DATA else "The data cannot decide"
+    return Verdict(verdict=answer, sentence=f"{head}: {reason}.")

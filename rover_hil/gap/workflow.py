@@ -4,44 +4,29 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from drivers.clock import SystemClock, seconds
 from drivers.errors import ModelError
-from rover_hil.gap import verdict_rules
 from rover_hil.gap.base_parameters import Trial, judged, with_base_parameters
 from rover_hil.gap.checks import missing_values, object_to
 from rover_hil.gap.data.observed_model import ObservedModel
-from rover_hil.gap.explain.alternative_models import find_alternative_terms
-from rover_hil.gap.explain.base_trial import model_bases, model_trial
-from rover_hil.gap.explain.candidates import candidate_directions
-from rover_hil.gap.explain.gap_test import GapTest, find_gap
-from rover_hil.gap.explain.holdout_validation import validate
-from rover_hil.gap.explain.localise_residuals import localise_residuals
-from rover_hil.gap.explain.naming import Naming, name_effects
-from rover_hil.gap.explain.parameters import EXPLAIN
-from rover_hil.gap.explain.prepare import Prepared, input_units, prepare, relearn_noise
-from rover_hil.gap.explain.residual_equations import Equation, find_equations
-from rover_hil.gap.explain.search import Explanation
-from rover_hil.gap.findings import Analysis, Findings
+from rover_hil.gap.data.problem import is_steady
+from rover_hil.gap.findings import Analysis
 from rover_hil.gap.machines.analysis import analyse_machine
 from rover_hil.gap.machines.base_trial import machine_bases, machine_trial
+from rover_hil.gap.machines.called_machine import CalledMachine, called_machine
 from rover_hil.gap.machines.next_run.allowed import Allowed
+from rover_hil.gap.machines.next_run.conditions import propose_conditions
 from rover_hil.gap.machines.next_run.planned import require_durations
 from rover_hil.gap.machines.next_run.proposal import propose_run
 from rover_hil.gap.machines.next_run.words import option_table, proposal_sentence
+from rover_hil.gap.machines.parameters import MACHINES
+from rover_hil.gap.machines.steady import steady_machine
 from rover_hil.gap.machines.verdict import decide_machine
 from rover_hil.gap.plan import Plan, TooFewRunsError, make_plan, require_runs
-from rover_hil.gap.statistics.fit import Fit, fit, whitened_jacobian
-from rover_hil.gap.statistics.score import score_all
-from rover_hil.gap.verdict import Answer
+from rover_hil.gap.verdict import Answer, refuse
 from sim_backends.models.interface import Machine, Model, Run
 
-ALPHAS = {
-    "gap": EXPLAIN.gap.alpha,
-    "first name": EXPLAIN.naming.alpha,
-    "further name": EXPLAIN.naming.more_alpha,
-}
+ALPHAS = {"gap": MACHINES.tests.alpha}
 
 
 def analyse(
@@ -65,7 +50,7 @@ def analyse(
         allowed: Runs of a machine that may be made next; by default repetitions of the measured ones.
         on_plan: Called with the plan before anything is computed from measured values.
         advance: Called with the current step.
-        announce: Called with a first answer on a machine, long before the verdict.
+        announce: Called with a first answer, long before the verdict.
 
     Raises:
         ConfigError: `confirm` is not an expression, or `allowed` names what the model does not have or
@@ -92,10 +77,13 @@ def analyse(
 def _with_next_run(
     analysis: Analysis, allowed: Allowed, seed: int, advance: Callable[[str], None]
 ) -> Analysis:
-    """Return an analysis of a machine with the proposal of its next run."""
+    """Return an analysis with the proposal of its next run."""
     if analysis.machine is None:
         return analysis
     verdict = analysis.verdict
+    if isinstance(analysis.machine.machine, CalledMachine):
+        next_run = propose_conditions(analysis.machine)
+        return replace(analysis, verdict=replace(verdict, next_run=next_run))
     proposal = propose_run(analysis.machine, verdict.verdict, allowed, seed, advance)
     if proposal is None:
         return analysis
@@ -106,25 +94,14 @@ def _with_next_run(
 
 def _with_base_parameters(analysis: Analysis, seed: int, advance: Callable[[str], None]) -> Analysis:
     """Return an analysis with its base parameters, and those far from nominal in its verdict."""
-    plan, verdict = analysis.plan, analysis.verdict
-    if plan is None:
+    verdict, machine = analysis.verdict, analysis.machine
+    if machine is None:
         return analysis
-    locked = [run for run in analysis.runs if run.name in plan.confirm]
-    if analysis.machine is not None:
-        machine = analysis.machine
-        fitted = machine.best if verdict.effects else machine.base
-        rows = machine_bases(machine, fitted)
-        trial_of: Callable[[str], Trial] = partial(machine_trial, machine, fitted, locked, seed)
-    elif analysis.findings is not None:
-        findings = analysis.findings
-        best = findings.best if verdict.effects else None
-        start = findings.prepared.start if best is None else best.fit
-        rows = model_bases(findings.prepared, start, verdict_rules.intervals(findings, start))
-        trial_of = partial(model_trial, findings.prepared, best, findings.naming.inflation, locked)
-    else:
-        return analysis
+    fitted = machine.best if verdict.effects else machine.base
+    trial_of: Callable[[str], Trial] = partial(machine_trial, machine, fitted, machine.locked, seed)
     advance("comparing base parameters with their nominal values")
-    return replace(analysis, verdict=with_base_parameters(verdict, judged(rows, trial_of)))
+    rows = judged(machine_bases(machine, fitted), trial_of)
+    return replace(analysis, verdict=with_base_parameters(verdict, rows))
 
 
 def _analyse(
@@ -137,8 +114,7 @@ def _analyse(
     announce: Callable[[str], None],
 ) -> Analysis:
     def refused(answer: Answer, reason: str, plan: Plan | None = None) -> Analysis:
-        verdict = verdict_rules.refuse(answer, reason)
-        return Analysis(model=model, verdict=verdict, runs=tuple(runs), plan=plan, findings=None)
+        return Analysis(model=model, verdict=refuse(answer, reason), runs=tuple(runs), plan=plan)
 
     try:
         require_runs(runs)
@@ -159,112 +135,33 @@ def _analyse(
     if objection is not None:
         return refused(Answer.BAD_DATA, f"without the locked runs, {objection.reason}", plan)
     locked_runs = [run for run in runs if run.name in locked]
-    if isinstance(model, Machine):
-        advance("choosing the integration steps")
-        model = model.refined(runs)
-        found = analyse_machine(model, open_runs, locked_runs, seed, advance, announce)
-        verdict = decide_machine(found)
-        return Analysis(
-            model=model, verdict=verdict, runs=tuple(runs), plan=plan, findings=None, machine=found
-        )
     try:
-        findings = _learn(model, open_runs, np.random.default_rng(seed), advance)
+        machine, open_runs, locked_runs = _as_machine(model, runs, open_runs, locked_runs, advance)
     except ModelError as error:
         return refused(Answer.BAD_DATA, str(error), plan)
-    if findings.best is not None:
-        advance("opening the locked runs")
-        findings = _validated(findings, locked_runs, seed + 1)
-    verdict = verdict_rules.decide(findings)
-    return Analysis(model=model, verdict=verdict, runs=tuple(runs), plan=plan, findings=findings)
+    found = analyse_machine(machine, open_runs, locked_runs, seed, advance, announce)
+    shown = machine if isinstance(model, Machine) else model
+    verdict = decide_machine(found)
+    return Analysis(model=shown, verdict=verdict, runs=tuple(runs), plan=plan, machine=found)
 
 
-def _learn(
-    model: Model, runs: Sequence[Run], rng: np.random.Generator, advance: Callable[[str], None]
-) -> Findings:
-    advance("fitting the base model")
-    prepared = prepare(model, runs)
-    naming, gap = _test(prepared, rng, advance)
-    if naming.best is not None and prepared.scatter is None:
-        prepared = relearn_noise(prepared, naming.best.fit)
-        naming, gap = _test(prepared, rng, advance)
-    locations = tuple(
-        localise_residuals(prepared.problem, prepared.noise, prepared.start.point, input_units(model))
-    )
-    findings = Findings(prepared=prepared, gap=gap, locations=locations, naming=naming)
-    if gap.p > EXPLAIN.gap.alpha:
-        return findings
-    advance("testing the remaining gap")
-    return _with_best(findings, naming.best, rng)
+def _as_machine(
+    model: Model,
+    runs: Sequence[Run],
+    open_runs: list[Run],
+    locked_runs: list[Run],
+    advance: Callable[[str], None],
+) -> tuple[Machine, list[Run], list[Run]]:
+    """Return a model as a machine whose sensors have a noise, and the runs as those of this machine.
 
-
-def _with_best(findings: Findings, best: Explanation | None, rng: np.random.Generator) -> Findings:
-    """Return findings with an explanation: its remaining gap, and equations for it."""
-    prepared, remaining_gap = findings.prepared, None
-    observations, noise, fitted = prepared.problem.observations, prepared.noise, prepared.start
-    if best is not None:
-        fitted = _polished(prepared, best.fit)
-        best = replace(best, fit=fitted)
-        remaining_gap = find_gap(
-            observations, noise, prepared.scatter, fitted, prepared.terms, len(best.names), None, rng
-        )
-    equations: list[Equation] = []
-    if remaining_gap is None or remaining_gap.p <= EXPLAIN.gap.alpha:
-        named = () if best is None else best.names
-        others = [item for item in findings.naming.scores if item.card.name not in named]
-        changes = candidate_directions(prepared.problem, noise, fitted, others)
-        effects = score_all(fitted, noise, changes, is_steady=observations.is_steady)
-        threshold = (remaining_gap or findings.gap).threshold
-        equations = find_equations(observations, noise, fitted, prepared.terms, effects, threshold)
-    alternatives = {} if best is None else find_alternative_terms(prepared, findings.naming, best)
-    return replace(
-        findings,
-        best=best,
-        remaining_gap=remaining_gap,
-        alternatives=alternatives,
-        equations=tuple(equations),
-    )
-
-
-def _polished(prepared: Prepared, found: Fit) -> Fit:
-    """Return a converged fit with its derivatives, for intervals and scores."""
-    free = {item.key for item in found.free}
-    fixed = {key: value for key, value in found.point.items() if key not in free}
-    best = fit(prepared.problem, prepared.noise, found.free, found.point, fixed=fixed)
-    jacobian = whitened_jacobian(prepared.problem, prepared.noise, best.free, best.point)
-    return replace(best, jacobian=jacobian)
-
-
-def _validated(findings: Findings, locked_runs: Sequence[Run], seed: int) -> Findings:
-    """Return findings with their validation; effects that the locked runs contradict are withdrawn."""
-    rng = np.random.default_rng(seed)
-    while findings.best is not None:
-        best, naming = findings.best, findings.naming
-        validation = validate(findings.prepared, locked_runs, best, naming, rng)
-        findings = replace(findings, validation=validation)
-        fewer = [one for key, one in naming.tried.items() if len(key) == len(best.names) - 1]
-        fewer = [one for one in fewer if set(one.names) < set(best.names)]
-        if validation.is_confirmed or not fewer:
-            break
-        instead = min(fewer, key=lambda one: one.cost)
-        findings = replace(findings, naming=replace(naming, best=instead, members=(instead,)))
-        findings = _with_best(findings, instead, rng)
-    return findings
-
-
-def _test(
-    prepared: Prepared, rng: np.random.Generator, advance: Callable[[str], None]
-) -> tuple[Naming, GapTest]:
-    problem = prepared.problem
-    naming = name_effects(problem, prepared.noise, prepared.start, problem.model.effects, rng, advance)
-    p_effects = naming.p_name if naming.scores else None
-    gap = find_gap(
-        problem.observations,
-        prepared.noise,
-        prepared.scatter,
-        prepared.start,
-        prepared.terms,
-        0,
-        p_effects,
-        rng,
-    )
-    return naming, gap
+    Raises:
+        ModelError: The model has no solution for many of the runs.
+    """
+    if isinstance(model, Machine):
+        advance("choosing the integration steps")
+        return model.refined(runs), open_runs, locked_runs
+    if is_steady(runs):
+        advance("learning the scatter of replicates")
+        return steady_machine(model, open_runs, locked_runs)
+    advance("learning the noise of the sensors")
+    return called_machine(model, open_runs), open_runs, locked_runs

@@ -71,6 +71,26 @@ LATENCY = EffectCard(
 )
 
 
+STEERING_RATIO = EffectCard(
+    name="steering_ratio",
+    sentence="All steered wheels turn by more or less than their angles state.",
+    place="steering of all wheels: angle per measured angle",
+    parameters=(parameter("error", "1", 0.0, 0.05, -0.6, 1.0, "true over measured angle, less one"),),
+    claims=("curves change by the same share to both sides", "none where all angles are 0"),
+    experiment="circles to both sides with two steering angles",
+    source="gear or linkage between encoder and wheel",
+)
+ROTATION_CENTRE = EffectCard(
+    name="rotation_centre",
+    sentence="A rover that skids in turns has their centre ahead of that of its wheels, or behind it.",
+    place="kinematics: sideways motion of the body per turn",
+    parameters=(parameter("ahead_m", "m", 0.0, 0.03, -2.0, 2.0, "place of the centre, forward"),),
+    claims=("sideways in proportion to the turn", "none on a straight line"),
+    experiment="turns on the spot with the marker at two measured places of the rover",
+    source="load on the axles and slip while turning; Mandow et al. 2007",
+)
+
+
 def uneven_wheel(wheels: int) -> EffectCard:
     """Return the card of one wheel of another radius."""
     return EffectCard(
@@ -105,8 +125,14 @@ def steering_offset(wheels: int) -> EffectCard:
     )
 
 
-def effects_of(wheels: int, *, steers: bool) -> tuple[EffectCard, ...]:
-    """Return all cards of a rover with so many wheels."""
+def effects_of(wheels: int, *, steers: bool, skids: bool) -> tuple[EffectCard, ...]:
+    """Return all cards of a rover with so many wheels.
+
+    Args:
+        wheels: Their number.
+        steers: Some of them are steered.
+        skids: Wheels of two axles are fixed, so that a turn drags them sideways.
+    """
     cards = (
         WHEEL_RADIUS,
         BASE_RADIUS,
@@ -118,7 +144,9 @@ def effects_of(wheels: int, *, steers: bool) -> tuple[EffectCard, ...]:
         gyro_bias("rad/s", 0.005, 0.3, "gyro_bias_rad_s"),
         GYRO_SCALE,
     )
-    return (*cards, steering_offset(wheels)) if steers else cards
+    if steers:
+        return (*cards, steering_offset(wheels), STEERING_RATIO)
+    return (*cards, ROTATION_CENTRE) if skids else cards
 
 
 def of_wheel(values: Values, wheel: int, name: str) -> float:

@@ -53,7 +53,10 @@ class WheelsModel:
         self.wheel_count = len(settings.wheels)
         self.steers = any(wheel.steering is not None for wheel in settings.wheels)
         self.parameters: tuple[Parameter, ...] = _parameters(self.wheel_count)
-        self.effects: tuple[EffectCard, ...] = effects_of(self.wheel_count, steers=self.steers)
+        axles = {wheel.x_m for wheel in settings.wheels if wheel.roller_deg is None}
+        self.effects: tuple[EffectCard, ...] = effects_of(
+            self.wheel_count, steers=self.steers, skids=not self.steers and len(axles) > 1
+        )
         steering = {f"steering_{wheel}_rad": "rad" for wheel in self._numbers} if self.steers else {}
         self.input_units: Mapping[str, str] = {
             "t_s": "s",
@@ -82,6 +85,8 @@ class WheelsModel:
         twist = balanced_motion(
             rover, wheels, self._contact(base, active), weight - acceleration @ rover.mass.T
         )
+        if "rotation_centre" in active:
+            twist[:, 1] -= active["rotation_centre"]["ahead_m"] * twist[:, 2]
         age_s = base["pose_age_s"] + active["latency"]["time"]
         forward, left, turn = (_shifted(t_s, one, age_s) for one in _at_marker(twist, base).T)
         rate = _shifted(t_s, twist[:, 2], base["gyro_age_s"])
@@ -104,7 +109,8 @@ class WheelsModel:
             angle = np.full(rims[-1].shape, float(self._rover.angle[index]))
             if self.steers:
                 offset_deg = of_wheel(active["steering_offset"], wheel, "angle_deg")
-                angle = angle + run.inputs[f"steering_{wheel}_rad"] + math.radians(offset_deg)
+                ratio = 1.0 + active["steering_ratio"]["error"]
+                angle = angle + ratio * run.inputs[f"steering_{wheel}_rad"] + math.radians(offset_deg)
             along.append(angle)
         wider = 1.0 + base["base_error"] + active["base_radius"]["error"]
         place_m = self._rover.place.copy()

@@ -14,6 +14,7 @@ from typer.main import get_command
 from benchmarks.program.how_tos import blocks_of
 from rover_hil.app.app import _spread, app
 from rover_hil.app.sample.catalogue import SAMPLES
+from rover_hil.console.options import DefaultGroup
 from tests.rover_hil.command import Command, assert_one_sentence
 
 ROOT = Path(__file__).parents[2]
@@ -25,6 +26,7 @@ NEEDS_NOTHING = {
         "bench",
         "simulate",
         "check",
+        "gap check",
         "doctor",
         "terrain wheel",
         "terrain traverse",
@@ -84,7 +86,10 @@ def test_every_example_parses(line: str) -> None:
     if arguments and arguments[0] == "--install-completion":
         return  # to parse it is to install it
     while isinstance(item, TyperGroup) and arguments:
-        item = item.commands[arguments.pop(0)]
+        if isinstance(item, DefaultGroup) and arguments[0] not in item.commands:
+            item = item.commands[item.default]
+        else:
+            item = item.commands[arguments.pop(0)]
     if arguments:  # a bare name of a command is no call
         item.make_context("rover-hil", arguments)
 

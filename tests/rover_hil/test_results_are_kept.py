@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-import rover_hil.app.gap as gap_command
+import rover_hil.app.gap.find as gap_command
 import rover_hil.app.run as run_command
 from drivers.errors import ConfigError
 from rover_hil.pages.atomic_write import unfinished, write_file, write_files

@@ -205,13 +205,10 @@ class Problem:
         column: Array = self.derivatives(point, [free])[:, 0]
         return column
 
-    def base_free(
-        self, widening: float = 1.0, leave_out: Sequence[str] = (), names: Sequence[str] = ()
-    ) -> list[Free]:
-        """Return the uncertain base parameters and those of each run; priors of the former may be widened.
+    def base_free(self, leave_out: Sequence[str] = (), names: Sequence[str] = ()) -> list[Free]:
+        """Return the uncertain base parameters and those of each run.
 
         Args:
-            widening: Factor on the priors.
             leave_out: Base parameters that are not free.
             names: Active effects, whose strengths may scatter between runs.
         """
@@ -219,7 +216,7 @@ class Problem:
             Free(
                 key=("", item.name),
                 mean=item.nominal,
-                sd=widening * item.prior_sd,
+                sd=item.prior_sd,
                 lower=item.lower,
                 upper=item.upper,
                 start=item.nominal,
@@ -364,11 +361,6 @@ def _sides(point: Point, free: Free) -> tuple[float, float]:
         other = high if high > here else low
         low, high = min(here, other), max(here, other)
     return low, high
-
-
-def predict_rows(model: Model, sites: Sequence[Run], point: Point) -> Array:
-    """Return the predictions for `sites` in the order of `observe`."""
-    return predict_points(model, sites, [point])[0]
 
 
 def predict_points(model: Model, sites: Sequence[Run], points: Sequence[Point]) -> list[Array]:

@@ -51,7 +51,7 @@ def _run(model: WheelsModel, drive: RecordedDrive, name: str, rng: np.random.Gen
     if not isinstance(rover, WheelsRoverSettings) or len(rover.wheels) != model.wheel_count:
         raise ConfigError(
             f"log {name} is of a rover with other wheels ({rover.kinematics}) than the {model.wheel_count} "
-            "of --config: give logs of this rover"
+            "of the configuration: give logs of this rover"
         )
     poses = drive.true_poses()
     true_s = drive.seconds(poses.t_ns)

@@ -7,7 +7,6 @@ the name, `speed_rad_s`; they must be those of the model. The times of a series 
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from rover_hil.gap.data.parameters import DATA
 from sim_backends.models.interface import Array, DrivenModel, Machine, Model, Run
 
 TIME = "t_s"
+OTHER_TIME = "time"
 MOST_DIGITS = 9
 
 
@@ -37,7 +37,7 @@ def read_table(model: Model, path: Path) -> list[Run]:
 
 
 def _read_file(model: Model, path: Path) -> list[Run]:
-    cells = _with_time(read_csv(path, ConfigError))
+    cells = read_csv(path, ConfigError)
     if not cells.rows:
         raise ConfigError(f"{path} holds no runs: a header line and one row per run or sample are needed")
     units = {channel.name: channel.unit for channel in model.channels} | dict(model.condition_units)
@@ -45,13 +45,13 @@ def _read_file(model: Model, path: Path) -> list[Run]:
         units |= dict(model.input_units)
     if isinstance(model, Machine):
         units.setdefault(TIME, "s")
-    for name in cells.names:
-        if name in units:
-            _check_unit(path, name, cells.units.get(name), units[name])
+    columns = _columns(cells, units)
+    for name, column in columns.items():
+        _check_unit(path, column, cells.units.get(column), units[name])
     for name in (*model.condition_units, *_input_names(model)):
-        if name not in cells.names:
+        if name not in columns:
             raise ConfigError(f"{path} has no column '{name}' [{units[name]}]")
-    table = {name: cells.numbers(name) for name in cells.names if name in units}
+    table = {name: cells.numbers(column) for name, column in columns.items()}
     names = cells.text("run") if "run" in cells.names else [path.stem] * len(cells.rows)
     members: dict[str, list[int]] = {}
     for index, name in enumerate(names):
@@ -89,15 +89,12 @@ def _run(
     )
 
 
-def _with_time(cells: CsvTable) -> CsvTable:
-    """Return a table whose column `time [s]` has the name that models use."""
-    if TIME in cells.names or "time" not in cells.names:
-        return cells
-    names = [TIME if name == "time" else name for name in cells.names]
-    units = {TIME if name == "time" else name: unit for name, unit in cells.units.items()}
-    if TIME not in units:
-        units[TIME] = ""
-    return replace(cells, names=names, units=units)
+def _columns(cells: CsvTable, units: Mapping[str, str]) -> dict[str, str]:
+    """Return the column of each name that a model knows; its times may be called `time`, also as an input."""
+    columns = {name: name for name in cells.names if name in units}
+    if TIME in units and TIME not in columns and OTHER_TIME in cells.names:
+        columns[TIME] = OTHER_TIME
+    return columns
 
 
 def _even_times(t_s: Array, where: str, step_s: float | None) -> Array:

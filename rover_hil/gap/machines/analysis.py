@@ -7,6 +7,7 @@ from typing import TypeGuard
 import numpy as np
 
 from rover_hil.gap.data.problem import Problem, observe
+from rover_hil.gap.machines.called_machine import CalledMachine
 from rover_hil.gap.machines.descent import residual_of
 from rover_hil.gap.machines.drafts import DraftTerm, find_drafts
 from rover_hil.gap.machines.error_budget import ChannelError, error_budget
@@ -14,8 +15,11 @@ from rover_hil.gap.machines.first_answer import first_answer
 from rover_hil.gap.machines.free_terms import FittedTerm, free_terms, search_terms, strength_of
 from rover_hil.gap.machines.gap_tests import gap_p
 from rover_hil.gap.machines.holdout import Holdout, hold_out
-from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
+from rover_hil.gap.machines.localise import ResidualLocation, localise_residuals
+from rover_hil.gap.machines.machine_fit import EvidenceKind, MachineFit, MachineFits
+from rover_hil.gap.machines.output_terms import equal_terms, equations_of, term_scores
 from rover_hil.gap.machines.parameters import MACHINES
+from rover_hil.gap.machines.residual_equations import Equation
 from rover_hil.gap.machines.run_scatter import RunScatter, run_scatter
 from rover_hil.gap.machines.search import (
     Found,
@@ -39,6 +43,7 @@ class MachineFindings:
     Attributes:
         machine: The model, with integration steps that are small enough.
         problem: The runs of the search.
+        locked: The runs of the validation.
         base: The fit without effects.
         budget_before: Error budget of it.
         p_gap: Probability of its misfit if only the sensors err.
@@ -52,6 +57,8 @@ class MachineFindings:
         holdout: Result on the locked runs; None without explanation.
         rival_terms: Free-form terms that the runs do not distinguish from the explanation.
         drafts: Terms that are missing, where no effect explains the gap.
+        equations: Terms of the outputs in place of drafts, of a machine that has no equations.
+        locations: Where the outputs of such a machine differ most at the base fit.
         tracked: The machine on its runs, with the force that keeps it there; None without a gap, without
             ports, or where no such force is found.
         other_weighting: Sizes of the effects by the other weighting, random forces at the ports.
@@ -61,6 +68,7 @@ class MachineFindings:
 
     machine: Machine
     problem: Problem
+    locked: tuple[Run, ...] = ()
     base: MachineFit
     budget_before: tuple[ChannelError, ...]
     p_gap: float
@@ -74,6 +82,8 @@ class MachineFindings:
     holdout: Holdout | None = None
     rival_terms: tuple[str, ...] = ()
     drafts: tuple[DraftTerm, ...] = ()
+    equations: tuple[Equation, ...] = ()
+    locations: tuple[ResidualLocation, ...] = ()
     tracked: Tracked | None = None
     other_weighting: Mapping[tuple[str, str], float] = field(default_factory=dict)
     runners_up: tuple[MachineFit, ...] = ()
@@ -118,9 +128,10 @@ def analyse_machine(
     findings = MachineFindings(
         machine=machine,
         problem=problem,
+        locked=tuple(locked),
         base=base,
         budget_before=budget,
-        p_gap=gap_p(base, problem, search.scores(base), rng),
+        p_gap=gap_p(base, problem, search.scores(base), rng, _free_scores(problem, base)),
         scores=tuple(search.scores(base)),
         best=base,
         budget_after=budget,
@@ -130,7 +141,9 @@ def analyse_machine(
     if findings.p_gap > MACHINES.tests.alpha:
         return findings
     found = search.run()
-    findings = replace(findings, found=found, runners_up=_runners_up(fits, found))
+    findings = replace(
+        findings, found=found, runners_up=_runners_up(fits, found), locations=_locations(problem, base)
+    )
     findings = _with_best(findings, fits, found.best)
     if found.best.names:
         advance("opening the locked runs")
@@ -140,13 +153,14 @@ def analyse_machine(
         findings = replace(findings, p_within_runs=gap_p(own, problem, score_effects(fits, own), rng))
     else:
         advance("comparing with free-form terms")
-        findings = _with_rivals(findings)
-    findings = replace(findings, p_remaining=gap_p(findings.best, problem, [], rng))
+        findings = _with_rivals(findings, fits)
+    left = _free_scores(problem, findings.best)
+    findings = replace(findings, p_remaining=gap_p(findings.best, problem, [], rng, left))
     advance("estimating the unknown forces")
     findings = _followed(findings, fits)
     if findings.p_remaining <= MACHINES.tests.alpha:
         advance("searching a missing term")
-        findings = _with_drafts(findings, locked)
+        findings = _with_drafts(findings, fits, locked, rng)
     return findings
 
 
@@ -172,15 +186,37 @@ def _with_best(findings: MachineFindings, fits: MachineFits, best: MachineFit) -
 def _validated(
     findings: MachineFindings, fits: MachineFits, locked: Sequence[Run], rng: np.random.Generator
 ) -> MachineFindings:
-    holdout = hold_out(findings.machine, locked, findings.base, findings.best, rng)
-    is_contradicted = holdout.improved < 0.5 or (holdout.closure is not None and holdout.closure < 0.0)
+    is_called = isinstance(findings.machine, CalledMachine)
+    holdout = hold_out(findings.machine, locked, findings.base, findings.best, rng, is_nominal=is_called)
+    if findings.best.evidence is EvidenceKind.ROWS:
+        lean, length = holdout.lean
+        is_contradicted = lean > max(MACHINES.steady.veto_sd, 0.5 * length)
+    else:
+        is_contradicted = holdout.improved < 0.5 or (holdout.closure is not None and holdout.closure < 0.0)
     best = findings.base if is_contradicted else findings.best
     return _with_best(replace(findings, holdout=holdout), fits, best)
 
 
-def _with_rivals(findings: MachineFindings) -> MachineFindings:
+def _locations(problem: Problem, base: MachineFit) -> tuple[ResidualLocation, ...]:
+    machine = problem.model
+    if not isinstance(machine, CalledMachine):
+        return ()
+    return tuple(localise_residuals(problem, base.noise, base.fit.point, machine.input_units))
+
+
+def _free_scores(problem: Problem, at: MachineFit) -> list[Score]:
+    """Return the scores of free-form terms where these act on the outputs."""
+    machine = problem.model
+    return term_scores(machine, problem, at) if isinstance(machine, CalledMachine) else []
+
+
+def _with_rivals(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
     """Add the free-form terms that replace the only effect of an explanation as well as it explains."""
     machine = findings.machine
+    if findings.problem.observations.is_steady:
+        return findings
+    if isinstance(machine, CalledMachine):
+        return replace(findings, rival_terms=_rivals_at_outputs(machine, findings, fits))
     if len(findings.best.names) != 1 or not has_ports(machine):
         return findings
     base, best = findings.base, findings.best
@@ -193,6 +229,17 @@ def _with_rivals(findings: MachineFindings) -> MachineFindings:
             rivals.append(one)
     names = tuple(strength_of(machine, one.term)[0] for one in rivals)
     return replace(findings, rival_terms=names, unlisted=_with_terms(machine, rivals))
+
+
+def _rivals_at_outputs(
+    machine: CalledMachine, findings: MachineFindings, fits: MachineFits
+) -> tuple[str, ...]:
+    best, found = findings.best, []
+    for name in best.names:
+        part = fits.tried.get(tuple(one for one in best.names if one != name))
+        if part is not None:
+            found += equal_terms(machine, findings.problem, part, best)[:1]
+    return tuple(found)
 
 
 def _with_terms(machine: StateModel, terms: Sequence[FittedTerm]) -> tuple[tuple[Machine, MachineFit], ...]:
@@ -229,9 +276,14 @@ def _followed(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
     return replace(findings, tracked=tracked, other_weighting=moved)
 
 
-def _with_drafts(findings: MachineFindings, locked: Sequence[Run]) -> MachineFindings:
+def _with_drafts(
+    findings: MachineFindings, fits: MachineFits, locked: Sequence[Run], rng: np.random.Generator
+) -> MachineFindings:
     """Add the free-form terms that explain what is left."""
     machine = findings.machine
+    if isinstance(machine, CalledMachine):
+        found_equations = equations_of(machine, findings.problem, fits, findings.best, rng)
+        return replace(findings, equations=found_equations)
     if not has_ports(machine):
         return findings
     found = find_drafts(machine, findings.problem, locked, findings.best)

@@ -10,7 +10,7 @@ from rover_hil.gap.data.problem import Problem, run_of
 from rover_hil.gap.machines.analysis import MachineFindings, has_ports, likeness
 from rover_hil.gap.machines.free_terms import free_terms, search_terms, strength_of
 from rover_hil.gap.machines.holdout import hold_out
-from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
+from rover_hil.gap.machines.machine_fit import EvidenceKind, MachineFit, MachineFits
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.search import best_shapes, is_equal, is_within_noise, score_effects
 from rover_hil.gap.machines.sizes import size_of
@@ -88,6 +88,8 @@ def _is_as_good(rival: MachineFit, found: MachineFit, part: MachineFit) -> bool:
         return True
     if rival.merit <= found.merit:
         return True
+    if found.evidence is EvidenceKind.ROWS:
+        return is_equal(rival, found)
     gain = part.error - found.error
     return part.error - rival.error >= MACHINES.search.set_share * gain and is_equal(rival, found)
 

@@ -6,21 +6,32 @@ dampings tried at once).
 """
 
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from rover_hil.gap.data.problem import DerivativeRequest, Free, Observations, Point, Problem, predict_points
+from rover_hil.gap.data.problem import (
+    DerivativeRequest,
+    Free,
+    Key,
+    Observations,
+    Point,
+    Problem,
+    predict_points,
+)
+from rover_hil.gap.machines.called_machine import CalledMachine
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise, noise_of_residual
-from sim_backends.models.interface import Array
+from sim_backends.models.interface import Array, Model
 
 Descent: TypeAlias = Generator[Sequence[Point], Sequence[Array], tuple[Fit, SensorNoise]]
 
 POINTS_AT_ONCE = 256
+VALUES_AT_ONCE = 8_000_000
+"""Predicted values that are kept in memory while points are integrated together."""
 RIDGE = 1e-12
 FAR = 1e6
 """Residual, in declared deviations, where a model has no solution."""
@@ -33,8 +44,9 @@ def descend_together(problem: Problem, descents: Sequence[Descent]) -> list[tupl
     while asked:
         points = [point for some in asked.values() for point in some]
         rows: list[Array] = []
-        for first in range(0, len(points), POINTS_AT_ONCE):
-            rows += predict_points(problem.model, problem.sites, points[first : first + POINTS_AT_ONCE])
+        at_once = min(POINTS_AT_ONCE, max(VALUES_AT_ONCE // problem.observations.values.size, 1))
+        for first in range(0, len(points), at_once):
+            rows += predict_points(problem.model, problem.sites, points[first : first + at_once])
         problem.evaluations += len(points)
         following: dict[int, Sequence[Point]] = {}
         for index, some in asked.items():
@@ -47,7 +59,13 @@ def descend_together(problem: Problem, descents: Sequence[Descent]) -> list[tupl
     return [found[index] for index in range(len(descents))]
 
 
-def descend(problem: Problem, free: Sequence[Free], start: Point, fixed: Point) -> Descent:
+def descend(
+    problem: Problem,
+    free: Sequence[Free],
+    start: Point,
+    fixed: Point,
+    known: Mapping[Key, Array] | None = None,
+) -> Descent:
     """Fit parameters; the generator yields the points where it needs predictions.
 
     Each round the errors are taken as large as the residual of each channel, at least as declared.
@@ -57,38 +75,42 @@ def descend(problem: Problem, free: Sequence[Free], start: Point, fixed: Point) 
         free: Parameters to fit.
         start: Their starting values.
         fixed: Other parameters.
+        known: Derivatives by some of the parameters near the start, per unit: they are used until no step
+            with them gains.
 
     Returns:
         The fit, with derivatives at it, and the errors it assumed.
     """
     search = _Descent(problem, free, fixed)
+    slopes = _Slopes(problem, free, known or {})
     pull = search.pull_of(start)
     (predicted,) = yield [search.point(pull)]
     residual = search.residual(predicted)
     last = np.zeros(pull.size)
     for _ in range(MACHINES.descent.most_rounds):
         noise = noise_of_residual(problem.observations, residual)
-        request = DerivativeRequest(problem, search.point(pull), free)
-        jacobian = search.jacobian(noise, request.matrix((yield request.points)))
+        request = slopes.request(search.point(pull))
+        jacobian = search.jacobian(noise, slopes.matrix(request, (yield request.points)))
         moved = None
-        for dampings in (MACHINES.descent.dampings, MACHINES.descent.small_dampings):
+        for dampings in _damping_groups(problem.model):
             trials = search.trials(pull, noise.whiten(search.filled(residual)), jacobian, dampings)
-            trials += [
-                search.clipped(pull + factor * last) for factor in MACHINES.descent.farther if np.any(last)
-            ]
+            if len(dampings) > 1 and np.any(last):
+                trials += [search.clipped(pull + factor * last) for factor in MACHINES.descent.farther]
             rows = yield [search.point(trial) for trial in trials]
             moved = search.best(noise, (pull, residual), trials, rows)
-            if moved is not None:
+            if moved is not None or slopes.known:
                 break
-        if moved is None:
-            break
-        last = moved[0] - pull
-        pull, residual, gain = moved
+        gain = 0.0
+        if moved is not None:
+            last = moved[0] - pull
+            pull, residual, gain = moved
         if gain < max(MACHINES.descent.converged, MACHINES.descent.slow * residual.size):
-            break
+            if not slopes.known:
+                break
+            slopes.known.clear()
     noise = noise_of_residual(problem.observations, residual)
-    request = DerivativeRequest(problem, search.point(pull), free)
-    jacobian = search.jacobian(noise, request.matrix((yield request.points)))
+    request = slopes.request(search.point(pull))
+    jacobian = search.jacobian(noise, slopes.matrix(request, (yield request.points)))
     whitened = noise.whiten(search.filled(residual))
     fit = Fit(
         free=tuple(free),
@@ -99,6 +121,39 @@ def descend(problem: Problem, free: Sequence[Free], start: Point, fixed: Point) 
         cost=float(whitened @ whitened + pull @ pull),
     )
     return fit, noise
+
+
+class _Slopes:
+    """Derivatives of a fit, of which some are known already.
+
+    Args:
+        problem: Model and observations.
+        free: Fitted parameters.
+        known: Derivatives by key, per unit.
+    """
+
+    def __init__(self, problem: Problem, free: Sequence[Free], known: Mapping[Key, Array]) -> None:
+        self._problem = problem
+        self._free = free
+        self.known = {item.key: known[item.key] for item in free if item.key in known}
+
+    def request(self, point: Point) -> DerivativeRequest:
+        """Return what the derivatives need that are not known."""
+        return DerivativeRequest(
+            self._problem, point, [item for item in self._free if item.key not in self.known]
+        )
+
+    def matrix(self, request: DerivativeRequest, rows: Sequence[Array]) -> Array:
+        """Return rows x parameters, given the predictions at the points of a request."""
+        new = iter(request.matrix(rows).T)
+        columns = [self.known[item.key] if item.key in self.known else next(new) for item in self._free]
+        return np.stack(columns, axis=1) if columns else request.matrix(rows)
+
+
+def _damping_groups(model: Model) -> tuple[tuple[float, ...], ...]:
+    """Return the dampings that are tried at once; one where each prediction costs its own time."""
+    groups = (MACHINES.descent.dampings, MACHINES.descent.small_dampings)
+    return ((0.0,), *groups) if isinstance(model, CalledMachine) else groups
 
 
 def residual_of(observations: Observations, predicted: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from rover_hil.gap.data.problem import Problem
-from rover_hil.gap.machines.machine_fit import MachineFit
+from rover_hil.gap.machines.machine_fit import EvidenceKind, MachineFit
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.parameters import STATISTICS
 from rover_hil.gap.statistics.random_force import force_basis
@@ -17,26 +17,64 @@ from rover_hil.gap.statistics.sensor_noise import declared_noise
 from sim_backends.models.interface import Array, MachineModel
 
 
-def gap_p(found: MachineFit, problem: Problem, scores: Sequence[Score], rng: np.random.Generator) -> float:
+def gap_p(
+    found: MachineFit,
+    problem: Problem,
+    scores: Sequence[Score],
+    rng: np.random.Generator,
+    free: Sequence[Score] = (),
+) -> float:
     """Return the probability of such a misfit if only the sensors err.
 
-    Three kinds of tests share it: the size of the misfit, its part that a force at a port can produce, and
-    the scores of the effects.
+    Several kinds of tests share it: the size of the misfit, its part that a force at a port can produce, the
+    scores of the effects, and those of free-form terms where there are no ports (weighted Bonferroni).
 
     Args:
         found: The fitted machine.
         problem: Model and observations.
         scores: Of the effects at this fit; none where it contains effects.
         rng: For the calibration of the scores.
+        free: Of free-form terms at this fit.
     """
     residual = found.errors
-    parts = [_size_p(residual, len(found.fit.free))]
-    parts += [_structure_p(problem, found, residual, knots) for knots in MACHINES.tests.knot_counts]
-    if scores:
-        draws = family_draws(scores, math.inf, rng)
-        greatest = max(one_sided_z(one) for one in scores)
-        parts.append(family_p(scores, greatest, draws, math.inf))
-    return min(1.0, len(parts) * min(parts))
+    if found.evidence is EvidenceKind.ROWS:
+        parts = [_fit_p(found)]
+    else:
+        parts = [_size_p(residual, len(found.fit.free))]
+        parts += [_structure_p(problem, found, residual, knots) for knots in MACHINES.tests.knot_counts]
+    weights = [1.0 for _ in parts]
+    for family, weight in ((scores, MACHINES.tests.effects_weight if free else 1.0), (free, 1.0)):
+        if family:
+            draws = family_draws(family, found.freedom, rng)
+            greatest = max(one_sided_z(one) for one in family)
+            parts.append(family_p(family, greatest, draws, found.freedom))
+            weights.append(weight)
+    shared = [sum(weights) / weight * p for weight, p in zip(weights, parts, strict=True)]
+    return min(1.0, *shared)
+
+
+def _fit_p(found: MachineFit) -> float:
+    """Return the probability of such a lack of fit against replicates, in total or in any channel.
+
+    Under its priors the sum of squares of residuals and pulls has as many degrees of freedom as there are
+    values.
+    """
+    channel = found.noise.channel
+    squares = np.bincount(channel, weights=found.errors**2)
+    counts = np.bincount(channel)
+    total = _ratio_p(found.cost - found.charge, found.count - len(found.names), found.freedom)
+    each = [
+        _ratio_p(float(square), float(count), found.freedom)
+        for square, count in zip(squares, counts, strict=True)
+        if count
+    ]
+    return min(1.0, 2.0 * min(total, len(each) * min(each)))
+
+
+def _ratio_p(square: float, count: float, freedom: float) -> float:
+    if math.isfinite(freedom):
+        return float(stats.f.sf(square / count, count, freedom))
+    return float(stats.chi2.sf(square, count))
 
 
 def _size_p(residual: Array, fitted: int) -> float:

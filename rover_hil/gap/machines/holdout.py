@@ -41,6 +41,8 @@ class Holdout:
         channels: By name.
         closure: Over all channels, each in units of its noise; None where nothing was to be closed.
         improved: Share of the locked runs that the effects improve.
+        lean: Errors with the effects along the way to the base model, in its length, and this length in
+            standard errors: with the right effects the first is normal.
         residuals: Measured minus simulated of the base model and with the effects, by row.
         problem: The locked runs.
     """
@@ -48,12 +50,19 @@ class Holdout:
     channels: dict[str, HoldoutChannel]
     closure: float | None
     improved: float
+    lean: tuple[float, float]
     residuals: tuple[Array, Array]
     problem: Problem
 
 
 def hold_out(
-    model: Model, runs: Sequence[Run], base: MachineFit, best: MachineFit, rng: np.random.Generator
+    model: Model,
+    runs: Sequence[Run],
+    base: MachineFit,
+    best: MachineFit,
+    rng: np.random.Generator,
+    *,
+    is_nominal: bool = False,
 ) -> Holdout:
     """Validate an explanation on the locked runs; only the unknowns of each run are fitted there.
 
@@ -63,13 +72,17 @@ def hold_out(
         base: Fit without effects to the other runs.
         best: Fit with the effects to the other runs.
         rng: For intervals.
+        is_nominal: The error before is that of the nominal base parameters, not of the fitted ones.
     """
     problem = Problem(model, observe(model, runs))
     observations = problem.observations
     residuals = []
-    for one in (base, best):
-        point = with_own_unknowns(problem, one.fit.point)
+    for shared in (base.fit.point, best.fit.point):
+        point = with_own_unknowns(problem, shared)
         residuals.append(residual_of(observations, problem.predict(point)))
+    lean_of = [np.nan_to_num(one / declared_noise(observations).row_sd) for one in residuals]
+    if is_nominal:
+        residuals[0] = residual_of(observations, problem.predict(with_own_unknowns(problem, {})))
     noise = declared_noise(observations).row_sd
     by_run = [_by_run(problem, residual / noise) for residual in residuals]
     count = _by_run(problem, np.where(np.isfinite(observations.values), 1.0, np.nan))
@@ -85,6 +98,7 @@ def hold_out(
         if excess > 2.0 * math.sqrt(2.0 * float(count.sum()))
         else None,
         improved=float(np.mean(by_run[1] < by_run[0])),
+        lean=_lean(*lean_of),
         residuals=(residuals[0], residuals[1]),
         problem=problem,
     )
@@ -100,6 +114,12 @@ def with_own_unknowns(problem: Problem, point: Point) -> Point:
     start = {**{item.key: item.start for item in free}, **start_of_runs(problem, shared)}
     ((found, _),) = descend_together(problem, [descend(problem, free, start, shared)])
     return found.point
+
+
+def _lean(base: Array, best: Array) -> tuple[float, float]:
+    apart = best - base
+    length = float(np.linalg.norm(apart))
+    return float(best @ apart) / max(length, 1e-300), length
 
 
 def _by_run(problem: Problem, values: Array) -> Array:

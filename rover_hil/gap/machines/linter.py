@@ -12,7 +12,7 @@ import numpy as np
 
 from drivers.errors import ConfigError
 from rover_hil.gap.data.problem import Key, Problem, observe
-from rover_hil.gap.explain.candidates import card_changes, imitating_parameter, shape_points
+from rover_hil.gap.machines.card_changes import card_changes, imitating_parameter, shape_points
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.reach import Reach, signal_ranges, threshold_reaches
 from rover_hil.gap.statistics.fit import Fit, whitened_jacobian

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from typing import TypeAlias
 
 import numpy as np
@@ -20,8 +21,10 @@ from rover_hil.gap.data.problem import (
     is_deviation,
     run_of,
 )
+from rover_hil.gap.machines.called_machine import CalledMachine
 from rover_hil.gap.machines.descent import descend, descend_together
 from rover_hil.gap.machines.parameters import MACHINES
+from rover_hil.gap.machines.steady import SteadyMachine
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise
 from sim_backends.models.interface import RUN_SEPARATOR, Array, EffectCard
@@ -29,6 +32,15 @@ from sim_backends.models.interface import RUN_SEPARATOR, Array, EffectCard
 Names: TypeAlias = tuple[str, ...]
 Shapes: TypeAlias = Mapping[str, Mapping[str, float]]
 """Effect to the shapes that its fit starts from."""
+
+
+class EvidenceKind(Enum):
+    """What speaks for an explanation, and how the size of the errors is known."""
+
+    RUNS = "runs that the others predict; the noise of each sensor is declared"
+    LEARNED = "the same; the noise is learned from the runs, so that a small rest proves nothing"
+    ROWS = "the likelihood of all values; their noise is known by replicates"
+
 
 RIDGE = 1e-12
 FAR = 1e9
@@ -67,6 +79,9 @@ class MachineFit:
         noise: Size of the errors that the fit assumed.
         declared_sd: Declared noise by channel.
         left_out: Leave-one-run-out results.
+        evidence: What it is compared by.
+        charge: For free shapes, in minus two log-likelihood (Laplace).
+        freedom: Degrees of freedom behind the size of the errors.
     """
 
     names: Names
@@ -74,6 +89,34 @@ class MachineFit:
     noise: SensorNoise
     declared_sd: Array
     left_out: LeftOut
+    evidence: EvidenceKind = EvidenceKind.RUNS
+    charge: float = 0.0
+    freedom: float = math.inf
+
+    @property
+    def cost(self) -> float:
+        """Minus two log-posterior by the declared noise."""
+        return float(self.errors @ self.errors + self.fit.pull @ self.fit.pull) + self.charge
+
+    @property
+    def pulls(self) -> float:
+        """Cost of base parameters away from nominal, where it is compared with that of errors."""
+        if self.evidence is not EvidenceKind.LEARNED:
+            return 0.0
+        base = [not item.key[0] and not run_of(item.key) for item in self.fit.free]
+        return float(np.sum(self.fit.pull[np.array(base, dtype=np.bool_)] ** 2))
+
+    @property
+    def count(self) -> float:
+        """Number of values."""
+        return float(self.left_out.counts.sum())
+
+    @property
+    def inflation(self) -> float:
+        """Ratio of the remaining cost to that of errors alone, at least 1, where values count one by one."""
+        if self.evidence is not EvidenceKind.ROWS:
+            return 1.0
+        return max(1.0, (self.cost - self.charge) / max(self.count - len(self.names), 1.0))
 
     @property
     def errors(self) -> Array:
@@ -89,10 +132,13 @@ class MachineFit:
     def merit(self) -> float:
         """Minus two log-likelihood of the left-out runs, each with errors of its own size; smaller is better.
 
-        One run that lies far outside the others, and is extrapolated badly, cannot decide alone.
+        One run that lies far outside the others, and is extrapolated badly, cannot decide alone. Runs of few
+        values are not left out.
         """
+        if self.evidence is EvidenceKind.ROWS:
+            return self.cost
         counts = self.left_out.counts
-        return float(np.sum(counts * np.log(self.left_out.squares / counts)))
+        return float(np.sum(counts * np.log(self.left_out.squares / counts))) + self.pulls
 
     @property
     def excess(self) -> float:
@@ -112,6 +158,68 @@ class MachineFits:
         self.problem = problem
         self.cards = {card.name: card for card in cards}
         self._known: dict[Names, MachineFit] = {}
+        self._slopes: dict[Key, Array] = {}
+
+    @property
+    def evidence(self) -> EvidenceKind:
+        """What explanations are compared by."""
+        if isinstance(self.problem.model, SteadyMachine):
+            return EvidenceKind.ROWS
+        is_learned = isinstance(self.problem.model, CalledMachine) and bool(self.problem.model.learned)
+        return EvidenceKind.LEARNED if is_learned else EvidenceKind.RUNS
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom behind the size of the errors."""
+        return self.problem.model.freedom if isinstance(self.problem.model, SteadyMachine) else math.inf
+
+    def _starts(
+        self, names: Names, free: Sequence[Free], begin: Point, fixed: Point, *, is_near: bool
+    ) -> list[Point]:
+        """Return the points that a fit starts from: near the given one, and with stronger effects."""
+        plain: Point = {item.key: begin.get(item.key, item.start) for item in free}
+        if not names or is_near:
+            return [plain]
+        if not isinstance(self.problem.model, CalledMachine):
+            return [plain, *(_stronger(free, begin, share) for share in MACHINES.fit.start_shares)]
+        # A prediction is dear, a start is one, a fit many: only the best starts are fitted.
+        starts: list[Point] = [plain, *self._far_starts(names, plain, begin)]
+        ranked = sorted(starts, key=lambda one: self._start_cost(free, one, fixed))
+        return ranked[: 1 if self.evidence is EvidenceKind.ROWS else MACHINES.fit.called_starts]
+
+    def _far_starts(self, names: Names, plain: Point, begin: Point) -> list[Point]:
+        """Return starts with new effects of several sizes; base parameters as given, and nominal.
+
+        Without a large effect the base parameters compensate so much that derivatives there are useless.
+        """
+        new = [self.cards[name] for name in names if (name, self.cards[name].parameters[0].name) not in begin]
+        nominal = {item.key: item.start for item in self.problem.base_free() if item.key in plain}
+        starts: list[Point] = []
+        for share in MACHINES.fit.called_shares:
+            moved: dict[Key, float] = {}
+            for card in new:
+                first, single = card.parameters[0], self._known.get((card.name,))
+                size = first.nominal + share * first.prior_sd
+                if len(new) > 1 and single is not None:
+                    size = single.fit.point[card.name, first.name]
+                elif share == 0.0 and card.releases is not None:
+                    # What the base parameter has taken on itself.
+                    size += begin.get(("", card.releases), 0.0) - self.fixed((card.name,))["", card.releases]
+                moved[card.name, first.name] = min(max(size, first.lower), first.upper)
+            starts += [{**plain, **moved}, {**plain, **nominal, **moved}]
+        return starts
+
+    def _start_cost(self, free: Sequence[Free], start: Point, fixed: Point) -> float:
+        """Return minus two log-posterior at a start."""
+        error = self.problem.observations.values - self.problem.predict({**fixed, **start})
+        whitened = declared_noise(self.problem.observations).whiten(np.clip(np.nan_to_num(error), -FAR, FAR))
+        pull = np.array([(start[item.key] - item.mean) / item.sd for item in free])
+        return float(whitened @ whitened + pull @ pull)
+
+    def _charge(self, found: Fit) -> float:
+        names = {item.key[0] for item in found.free if item.key[0]}
+        shapes = [(name, item.name) for name in names for item in self.cards[name].parameters[1:]]
+        return found.shape_information(shapes) if shapes else 0.0
 
     @property
     def tried(self) -> Mapping[Names, MachineFit]:
@@ -120,7 +228,12 @@ class MachineFits:
 
     def base(self) -> MachineFit:
         """Return the fit without effects."""
-        return self.best((), {}, start_of_runs(self.problem))
+        found = self.best((), {}, start_of_runs(self.problem))
+        if isinstance(self.problem.model, CalledMachine) and found.fit.free:
+            # Each prediction costs its own time, and derivatives by base parameters hardly change.
+            columns = self.problem.derivatives(found.fit.point, found.fit.free)
+            self._slopes = {item.key: columns[:, place] for place, item in enumerate(found.fit.free)}
+        return found
 
     def best(self, names: Sequence[str], shapes: Shapes, begin: Point) -> MachineFit:
         """Return the fit of a set of effects.
@@ -164,12 +277,9 @@ class MachineFits:
         descents, owners = [], []
         for names, (shapes, begin) in new.items():
             free, fixed = self.free(names, shapes), self.fixed(names)
-            starts: list[Point] = [{item.key: begin.get(item.key, item.start) for item in free}]
-            starts += [
-                _stronger(free, begin, share) for share in MACHINES.fit.start_shares if names and not is_near
-            ]
+            starts = self._starts(names, free, begin, fixed, is_near=is_near)
             for start in starts:
-                descents.append(descend(self.problem, free, start, fixed))
+                descents.append(descend(self.problem, free, start, fixed, self._slopes))
                 owners.append(names)
         best: dict[Names, tuple[float, Fit, SensorNoise]] = {}
         declared = declared_noise(self.problem.observations).channel_sd
@@ -185,6 +295,9 @@ class MachineFits:
                 noise=noise,
                 declared_sd=declared,
                 left_out=leave_one_run_out(found, noise, declared, self.problem.owner[noise.keep]),
+                evidence=self.evidence,
+                charge=self._charge(found) if self.evidence is EvidenceKind.ROWS else 0.0,
+                freedom=self.freedom,
             )
         return [self._known[tuple(sorted(names))] for names, *_ in options]
 

@@ -35,8 +35,37 @@ class MachineFitParameters:
     start_draws: int = 64  # starts of the unknowns of a run
     beginning: float = 0.25  # share of a run that its unknowns are started from
     start_shares: tuple[float] = (0.3,)  # strengths to start from besides none, in natural sizes
+    # The same of models that can only be called, and how many of these starts are fitted.
+    called_shares: tuple[float, ...] = (0.0, 0.3, -0.3, 0.5, -0.5, 1.0, -1.0, 2.0, -2.0, 4.0, -4.0)
+    called_starts: int = 2
     # Step of derivatives by effects, over the usual one: an integration is exact to many digits.
     fine_step: float = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearnedNoiseParameters:
+    """Noise that no sensor declares, learned from the runs."""
+
+    # Greatest ratio of errors to their fast part, by which neighbouring samples differ, that is still noise:
+    # an autoregression of 0.95 has 4.5, white noise 1.
+    slow: float = 5.0
+    # Least distance of a strength from its null where the noise is learned, in place of those of the search.
+    z: float = 3.3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SteadyParameters:
+    """Steady experiments: the errors are known by replicates, and a run has few values."""
+
+    condition_step: float = 0.01  # step of derivatives by a condition, over its range
+    unsolved_share: float = 0.2  # of the runs without a solution, above which the data are refused
+    # Likelihood ratio of a first effect, and of each further one, as a standard normal.
+    first_z: float = 2.7
+    more_z: float = 3.3
+    more_share: float = 0.5  # of the remaining error, that a further effect must explain
+    set_level: float = 0.99  # of the likelihood ratio for one alternative in the set
+    # Greatest tendency of the errors on the locked runs towards the base model, in standard deviations.
+    veto_sd: float = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +73,7 @@ class GapTestParameters:
     """Tests of the gap."""
 
     alpha: float = 0.01  # probability of a gap without one, a promise to users
+    effects_weight: float = 2.0  # of the scores of effects beside those of free-form terms
     sigma_uncertainty: float = 0.1  # relative uncertainty of a declared sensor noise
     # Of the random force in the longest run: slow errors, and faster ones.
     knot_counts: tuple[int, int] = (8, 40)
@@ -74,6 +104,8 @@ class MachineSearchParameters:
     least_z: float = 2.5
     clear_z: float = 1.9  # the same for an effect that explains `clear_share`
     clear_share: float = 0.5  # of the remaining excess error
+    # Greatest ratio of the effects one by one to their sum, where the noise is learned.
+    most_cancellation: float = 4.0
     singles: int = 10  # effects to fit in one step, the best to first order
     pairs: int = 15  # the same, of pairs
     most_effects: int = 6  # of an explanation
@@ -93,8 +125,27 @@ class FreeTermParameters:
     most_fitted: int = 5  # the best to first order; 8 until fits were made faster
     threshold: float = 0.6  # place of a threshold, over the largest and the smallest value of its source
     same_law: float = 0.97  # cosine from which a term is the same law as an effect
+    alike: float = 0.9  # the same, of a term at an output
     most_drafts: int = 3  # that are reported
     most_runners_up: int = 4  # explanations that are reported besides the best
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocaliseParameters:
+    """Where the residual is."""
+
+    alpha: float = 0.01
+    most_levels: int = 8  # of a condition; of one with more, quartiles are the levels
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EquationParameters:
+    """Equations of a residual without a name."""
+
+    top_terms: int = 12  # by score
+    most_terms: int = 3  # of an equation
+    most: int = 3  # equations
+    most_sources: int = 6  # of terms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -214,6 +265,15 @@ class PlannedParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ConditionParameters:
+    """The next steady experiment."""
+
+    most_levels: int = 5  # of a condition that are tried
+    clear_sd: float = 3.0  # distance of two explanations that separates them
+    most_repetitions: int = 12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DecisionParameters:
     """What the next run is expected to decide."""
 
@@ -249,10 +309,14 @@ class MachinesParameters:
 
     descent: DescentParameters = DescentParameters()
     fit: MachineFitParameters = MachineFitParameters()
+    noise: LearnedNoiseParameters = LearnedNoiseParameters()
+    steady: SteadyParameters = SteadyParameters()
     tests: GapTestParameters = GapTestParameters()
     budget: BudgetParameters = BudgetParameters()
     search: MachineSearchParameters = MachineSearchParameters()
     terms: FreeTermParameters = FreeTermParameters()
+    localise: LocaliseParameters = LocaliseParameters()
+    equations: EquationParameters = EquationParameters()
     tracking: TrackingParameters = TrackingParameters()
     verdict: MachineVerdictParameters = MachineVerdictParameters()
     first: FirstAnswerParameters = FirstAnswerParameters()
@@ -262,6 +326,7 @@ class MachinesParameters:
     source: ErrorSourceParameters = ErrorSourceParameters()
     hypotheses: HypothesisParameters = HypothesisParameters()
     planned: PlannedParameters = PlannedParameters()
+    conditions: ConditionParameters = ConditionParameters()
     decision: DecisionParameters = DecisionParameters()
     proposal: ProposalParameters = ProposalParameters()
 

@@ -17,6 +17,8 @@ from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.fit import Fit
 from sim_backends.models.interface import DEVIATION, Array
 
+ROWS_AT_ONCE = 10_000
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunScatter:
@@ -49,6 +51,9 @@ class RunScatter:
 def run_scatter(fits: MachineFits, found: MachineFit) -> RunScatter:
     """Return what own base parameters of each run explain, and how much they differ."""
     problem = fits.problem
+    if problem.observations.is_steady:
+        none = np.zeros(found.noise.channel_sd.size)
+        return RunScatter(fit=found, channel_rms=none, parameter_sd={})
     own = [
         one
         for item in problem.model.parameters
@@ -65,7 +70,8 @@ def run_scatter(fits: MachineFits, found: MachineFit) -> RunScatter:
     common = {key: value for key, value in point.items() if key not in {item.key for item in own}}
     moved = noise.whiten(problem.predict(point) - problem.predict(common))
     columns = fit.jacobian[:, first:]
-    expected = np.sum((columns @ by_noise) * columns, axis=1)
+    blocks = np.array_split(columns, math.ceil(columns.shape[0] / ROWS_AT_ONCE))
+    expected = np.concatenate([np.sum((part @ by_noise) * part, axis=1) for part in blocks])
     count = noise.channel_sd.size
     rows = np.maximum(np.bincount(noise.channel, minlength=count), 1)
     excess = np.bincount(noise.channel, weights=moved**2 - expected, minlength=count) / rows

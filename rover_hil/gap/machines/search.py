@@ -9,15 +9,21 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+from scipy import special, stats
 
 from rover_hil.gap.data.problem import Key, Point
-from rover_hil.gap.explain.candidates import card_changes
-from rover_hil.gap.explain.search import linear_gain
-from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits, Names, Shapes, jackknife_error
+from rover_hil.gap.machines.card_changes import card_changes
+from rover_hil.gap.machines.machine_fit import (
+    EvidenceKind,
+    MachineFit,
+    MachineFits,
+    Names,
+    Shapes,
+    jackknife_error,
+)
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.jackknife import as_normal, scatter_of_runs
-from rover_hil.gap.statistics.score import Score, cosine, one_sided_z, score_all
+from rover_hil.gap.statistics.score import Score, cosine, linear_gain, one_sided_z, score_all
 from sim_backends.models.interface import EffectCard, Parameter
 
 
@@ -76,7 +82,7 @@ class MachineSearch:
         base = self._fits.base()
         best = base
         for _ in range(MACHINES.search.most_rounds):
-            if best.names and is_within_noise(best):
+            if best.names and _leaves_noise(best):
                 break
             better = self._better(best)
             if better is None:
@@ -95,15 +101,15 @@ class MachineSearch:
             self._scores[at.names] = score_effects(self._fits, at)
         return self._scores[at.names]
 
-    def evidence(self, found: MachineFit) -> list[Evidence]:
-        """Return the evidence for each effect of an explanation."""
-        return [self._evidence(found, name) for name in found.names]
+    def evidence(self, found: MachineFit, *, is_alternative: bool = False) -> list[Evidence]:
+        """Return the evidence for each effect of an explanation; an alternative needs less than a name."""
+        return [self._evidence(found, name, is_alternative=is_alternative) for name in found.names]
 
     def _better(self, best: MachineFit) -> MachineFit | None:
         """Return a better explanation that is accepted; with a pair only where no single effect suffices."""
         singles = self._fitted([*self._singles(best), *self._swapped(best)])
         better = self._best_of(singles, best)
-        if (better is not None and is_within_noise(better)) or is_small(best):
+        if is_small(best) or (better is not None and (_leaves_noise(better) or _explains_most(best, better))):
             return better
         pairs = self._fitted(self._pairs(best))
         return self._best_of([*singles, *pairs], best)
@@ -174,24 +180,28 @@ class MachineSearch:
                 self._objections[one.name] = one.objection
         return all(not one.objection for one in evidence)
 
-    def _evidence(self, found: MachineFit, name: str) -> Evidence:
+    def _evidence(self, found: MachineFit, name: str, *, is_alternative: bool) -> Evidence:
         card = self._fits.cards[name]
         part = self._part(found, name)
         share, agreeing = explained(part, found)
-        z = strength_z(found, (name, card.parameters[0].name))
+        z = _z(part, found, (name, card.parameters[0].name))
+        least_share, needed = _needed(found, share)
+        if is_alternative:
+            needed = min(needed, MACHINES.search.clear_z)
         objection = ""
-        if share < MACHINES.search.share:
+        if (
+            found.evidence is EvidenceKind.LEARNED
+            and _cancellation(found) > MACHINES.search.most_cancellation
+        ):
+            objection = "large effects nearly cancel: they imitate a third"
+        elif share < least_share:
             objection = (
                 f"explains {max(share, 0.0):.0%} of the remaining error on left-out runs, "
-                f"{MACHINES.search.share:.0%} required"
+                f"{least_share:.0%} required"
             )
         elif agreeing < MACHINES.search.agreeing_share:
             objection = f"improves {agreeing:.0%} of the runs only"
-        elif abs(z) < (
-            needed := MACHINES.search.clear_z
-            if share >= MACHINES.search.clear_share
-            else MACHINES.search.least_z
-        ):
+        elif abs(z) < needed:
             objection = f"runs disagree on its size: {abs(z):.1f} standard deviations, {needed:g} required"
         else:
             objection = _at_bound(found, card)
@@ -218,12 +228,16 @@ class MachineSearch:
                 and names != best.names
                 and (
                     is_within_noise(one)
-                    or (base.merit - one.merit >= MACHINES.search.set_share * gain and is_equal(one, best))
+                    or (self._gains_alike(base.merit - one.merit, gain) and is_equal(one, best))
                 )
-                and all(not item.objection for item in self.evidence(one))
+                and all(not item.objection for item in self.evidence(one, is_alternative=True))
             ),
             key=lambda one: one.merit,
         )
+
+    def _gains_alike(self, gain: float, best: float) -> bool:
+        """Return True where an alternative gains enough; values that count one by one have one rule only."""
+        return self._fits.evidence is EvidenceKind.ROWS or gain >= MACHINES.search.set_share * best
 
     def _twins(self, part: MachineFit, best: MachineFit, name: str) -> list[Score]:
         """Return the effects most similar to one of the best explanation."""
@@ -250,7 +264,7 @@ def score_effects(fits: MachineFits, at: MachineFit) -> list[Score]:
     others = [card for name, card in fits.cards.items() if name not in at.names]
     changes = card_changes(fits.problem, at.fit.point, others)
     whitened = [replace(one, change=at.noise.whiten(one.change)) for one in changes]
-    return score_all(at.fit, at.noise, whitened, is_steady=True)
+    return score_all(at.fit, at.noise, whitened, is_steady=fits.evidence is not EvidenceKind.LEARNED)
 
 
 def strength_z(found: MachineFit, key: Key) -> float:
@@ -264,8 +278,60 @@ def strength_z(found: MachineFit, key: Key) -> float:
     return math.copysign(as_normal(pull / by_samples, spread, freedom), pull)
 
 
+def _z(part: MachineFit, found: MachineFit, key: Key) -> float:
+    """Return how certain a strength is: over the scatter of runs, or by the likelihood of all values."""
+    if found.evidence is EvidenceKind.RUNS:
+        return strength_z(found, key)
+    if found.evidence is EvidenceKind.LEARNED:
+        # A base parameter that an effect releases must also lie beyond its prior.
+        most = math.sqrt(max(part.merit - found.merit, 0.0))
+        return float(np.clip(strength_z(found, key), -most, most))
+    gain = max(part.merit - found.merit, 0.0) / found.inflation
+    return -float(special.ndtri(max(0.5 * float(_ratio_sf(gain, found.freedom)), 1e-300)))
+
+
+def _cancellation(found: MachineFit) -> float:
+    """Return the ratio of the change by effects one by one to that of all together, at least 1.
+
+    Large effects that nearly cancel imitate another effect by their small difference.
+    """
+    first: dict[str, int] = {}
+    for place, item in enumerate(found.fit.free):
+        if item.key[0]:
+            first.setdefault(item.key[0], place)
+    places = list(first.values())
+    changes = found.fit.jacobian[:, places] * found.fit.pull[places]
+    together = float(np.linalg.norm(changes.sum(axis=1)))
+    return float(np.linalg.norm(changes, axis=0).sum()) / max(together, 1e-300)
+
+
+def _ratio_sf(gain: float, freedom: float) -> float:
+    """Return the probability of a likelihood ratio by chance; the size of the errors is uncertain."""
+    return float(stats.f.sf(gain, 1, freedom) if math.isfinite(freedom) else stats.chi2.sf(gain, 1))
+
+
+def _needed(found: MachineFit, share: float) -> tuple[float, float]:
+    """Return the least share of the remaining error that an effect explains, and its least certainty."""
+    if found.evidence is EvidenceKind.ROWS:
+        if len(found.names) > 1:
+            return MACHINES.steady.more_share, MACHINES.steady.more_z
+        return MACHINES.search.share, MACHINES.steady.first_z
+    if found.evidence is EvidenceKind.LEARNED:
+        return MACHINES.search.share, MACHINES.noise.z
+    is_clear = share >= MACHINES.search.clear_share
+    return MACHINES.search.share, MACHINES.search.clear_z if is_clear else MACHINES.search.least_z
+
+
+def set_reach(freedom: float) -> float:
+    """Return the greatest difference of the costs of two explanations that are both possible."""
+    level = MACHINES.steady.set_level
+    return float(stats.f.ppf(level, 1, freedom) if math.isfinite(freedom) else stats.chi2.ppf(level, 1))
+
+
 def is_equal(one: MachineFit, other: MachineFit) -> bool:
     """Return True where left-out runs do not find the first clearly worse than the second, nor better."""
+    if one.evidence is EvidenceKind.ROWS:
+        return abs(one.merit - other.merit) <= other.inflation * set_reach(other.freedom)
     differences = np.log(one.left_out.squares / other.left_out.squares) * np.sqrt(other.left_out.counts)
     if differences.size < 2:
         return True
@@ -281,8 +347,23 @@ def is_small(found: MachineFit) -> bool:
 
 def is_within_noise(found: MachineFit) -> bool:
     """Return True where the declared noise of the sensors explains what a fit leaves of left-out runs."""
+    if found.evidence is not EvidenceKind.RUNS:
+        return False
     count = float(found.left_out.counts.sum())
     return found.error <= count * (1.0 + 3.0 * math.sqrt(2.0 / count))
+
+
+def _leaves_noise(found: MachineFit) -> bool:
+    """Return True where no further effect is worth a search."""
+    if found.evidence is EvidenceKind.ROWS:
+        return found.cost - found.charge <= found.count * (1.0 + 3.0 * math.sqrt(2.0 / found.count))
+    return is_within_noise(found)
+
+
+def _explains_most(part: MachineFit, found: MachineFit) -> bool:
+    """Return True where one effect leaves no room for a pair; only of models whose predictions are dear."""
+    is_dear = found.evidence is EvidenceKind.LEARNED
+    return is_dear and explained(part, found)[0] >= MACHINES.verdict.whole
 
 
 def explained(part: MachineFit, found: MachineFit) -> tuple[float, float]:
@@ -291,12 +372,28 @@ def explained(part: MachineFit, found: MachineFit) -> tuple[float, float]:
     Each run has the weight of its excess error, at most that of its samples, so that a run that lies far
     outside the others cannot decide alone.
     """
+    if found.evidence is EvidenceKind.ROWS:
+        excess_cost = max(part.cost - part.charge - part.count, 1e-9)
+        share = float(np.clip((part.merit - found.merit) / excess_cost, -1.0, 1.0))
+        return share, 1.0 if share > 0.0 else 0.0
     before, after = part.left_out.squares, found.left_out.squares
+    if found.evidence is EvidenceKind.LEARNED:
+        return _explained_with_pulls(part, found)
     excess = np.maximum(before - part.left_out.counts, 1e-9)
     weight = np.minimum(excess, part.left_out.counts)
     shares = np.clip((before - after) / excess, -1.0, 1.0)
     total = float(weight.sum())
     return float((weight * shares).sum() / total), float(weight[after < before].sum() / total)
+
+
+def _explained_with_pulls(part: MachineFit, found: MachineFit) -> tuple[float, float]:
+    """Return the same where base parameters may have taken the gap on themselves, against their priors."""
+    gains = part.left_out.squares - found.left_out.squares
+    by_pulls = part.pulls - found.pulls
+    asked = max(part.error - part.count, 0.0) + part.pulls
+    share = float(np.clip((float(gains.sum()) + by_pulls) / max(asked, 1e-9), -1.0, 1.0))
+    better = float(gains[gains > 0.0].sum()) + max(by_pulls, 0.0)
+    return share, better / max(float(np.abs(gains).sum()) + abs(by_pulls), 1e-300)
 
 
 def best_shapes(scores: Sequence[Score]) -> list[Score]:
@@ -313,8 +410,11 @@ def best_shapes(scores: Sequence[Score]) -> list[Score]:
 
 
 def _at_bound(found: MachineFit, card: EffectCard) -> str:
-    """Return which parameter of an effect is at a bound that is not its null; empty for none."""
-    for item in card.parameters:
+    """Return which parameter of an effect is at a bound that is not its null; empty for none.
+
+    Steady experiments seldom determine a shape; a share of 0 or 1 is possible there.
+    """
+    for item in card.parameters[:1] if found.evidence is EvidenceKind.ROWS else card.parameters:
         value = found.fit.point[card.name, item.name]
         bounds = [one for one in (item.lower, item.upper) if math.isfinite(one) and one != item.nominal]
         if any(abs(value - one) <= MACHINES.search.at_limit * _range(item, one) for one in bounds):

@@ -1,12 +1,16 @@
 """Sizes of the effects of a machine, with intervals over runs."""
 
+import math
 from dataclasses import dataclass
 
 from scipy import stats
 
 from rover_hil.gap.data.problem import Key
-from rover_hil.gap.machines.machine_fit import MachineFit, jackknife_error
+from rover_hil.gap.machines.machine_fit import EvidenceKind, MachineFit, jackknife_error
 from rover_hil.gap.statistics.jackknife import scatter_of_runs
+
+MANY = 1e9
+"""Degrees of freedom of a normal distribution."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,8 +31,14 @@ def size_of(found: MachineFit, key: Key) -> Size:
     index = left_out.keys.index(key)
     item = next(one for one in found.fit.free if one.key == key)
     by_samples = float(left_out.by_samples[index])
+    value = found.fit.point[key]
+    if found.evidence is EvidenceKind.ROWS:
+        far = float(
+            stats.t.ppf(0.975, found.freedom) if math.isfinite(found.freedom) else stats.norm.ppf(0.975)
+        )
+        half = far * math.sqrt(found.inflation) * by_samples * item.sd
+        return Size(value=value, low=max(value - half, item.lower), high=min(value + half, item.upper))
     ratio = jackknife_error(left_out, index) / by_samples
     spread, freedom = scatter_of_runs(ratio, left_out.informed[:, index])
     half = float(stats.t.ppf(0.975, freedom)) * spread * by_samples * item.sd
-    value = found.fit.point[key]
     return Size(value=value, low=max(value - half, item.lower), high=min(value + half, item.upper))

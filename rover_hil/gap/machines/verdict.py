@@ -3,10 +3,12 @@
 from collections.abc import Mapping, Sequence
 
 from rover_hil.gap.machines.analysis import MachineFindings
+from rover_hil.gap.machines.called_machine import CalledMachine
 from rover_hil.gap.machines.error_budget import ChannelError
+from rover_hil.gap.machines.machine_fit import EvidenceKind
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.search import best_shapes
-from rover_hil.gap.statistics.score import one_sided_z
+from rover_hil.gap.statistics.score import Score, one_sided_z
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
 from sim_backends.state_model.model import StateModel
 
@@ -23,18 +25,11 @@ def decide_machine(findings: MachineFindings) -> Verdict:
         verdict=answer,
         sentence=_sentence(findings, answer, reasons),
         p_gap=findings.p_gap,
+        where=_where(findings),
         effects=_effects(findings) if is_named else [],
         confidence_set=[list(names) for names in members],
         rejected=_rejected(findings, answer),
-        unnamed=[
-            {
-                "equation": _equation(one.equation, one.coefficient, one.unit),
-                "unit": one.unit,
-                "closest": one.closest,
-                "cosine": round(one.cosine, 3),
-            }
-            for one in findings.drafts
-        ],
+        unnamed=_unnamed(findings),
         detectable=_detectable(findings),
         gap=_gap(findings),
         error_budget=_budget(findings),
@@ -58,12 +53,34 @@ def decide_machine(findings: MachineFindings) -> Verdict:
     )
 
 
+def _unnamed(findings: MachineFindings) -> list[dict[str, str | float]]:
+    """Return what no effect explains as equations."""
+    found: list[tuple[str, str, str, float]] = [
+        (_equation(one.equation, one.coefficient, one.unit), one.unit, one.closest, one.cosine)
+        for one in findings.drafts
+    ]
+    found += [(one.text, one.unit, one.closest, one.cosine) for one in findings.equations]
+    return [
+        {"equation": text, "unit": unit, "closest": closest, "cosine": round(cosine, 3)}
+        for text, unit, closest, cosine in found
+    ]
+
+
+def _where(findings: MachineFindings) -> list[dict[str, str | float | int]]:
+    return [
+        {"channel": one.channel, "condition": one.condition, "size": one.size, "unit": one.unit, "n": one.n}
+        for one in findings.locations
+    ]
+
+
 def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
     if findings.p_gap > MACHINES.tests.alpha:
+        is_by_rows = findings.base.evidence is EvidenceKind.ROWS
         unsure = [one for one in findings.budget_before if not one.is_good_enough]
-        if unsure:
+        if unsure and not is_by_rows:
             return Answer.NOT_IDENTIFIABLE, [one.sentence() for one in unsure]
-        return Answer.NO_GAP, []
+        unjudged = _unjudged(findings)
+        return (Answer.NOT_IDENTIFIABLE, [unjudged]) if unjudged else (Answer.NO_GAP, [])
     found, holdout = findings.found, findings.holdout
     if found is None or not findings.best.names or holdout is None:
         return _without_name(findings)
@@ -81,7 +98,11 @@ def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
 def _explained(findings: MachineFindings) -> float:
     """Return the share of the gap that the best explains, on locked runs where that is defined."""
     closure = None if findings.holdout is None else findings.holdout.closure
-    return findings.share if closure is None else closure
+    kind = findings.best.evidence
+    if kind is EvidenceKind.RUNS or (kind is EvidenceKind.LEARNED and closure is not None):
+        return findings.share if closure is None else closure
+    # Without an absolute scale, or with few values, a gap may lie in the pulls of the base parameters alone.
+    return 1.0 if findings.p_remaining > MACHINES.tests.alpha else findings.share
 
 
 def _without_name(findings: MachineFindings) -> tuple[Answer, list[str]]:
@@ -93,9 +114,23 @@ def _without_name(findings: MachineFindings) -> tuple[Answer, list[str]]:
             return Answer.NO_GAP, [differ]
         return Answer.UNNAMED, [f"{differ}, which explains it: give them a `scatter_sd`"]
     withdrawn = () if findings.found is None else findings.found.best.names
+    unjudged = _unjudged(findings)
+    if unjudged:
+        return Answer.NOT_IDENTIFIABLE, [unjudged]
     if withdrawn:
         return Answer.UNNAMED, [f"the best, {_join(withdrawn)}, {_on_locked_runs(findings)}"]
     return Answer.UNNAMED, []
+
+
+def _unjudged(findings: MachineFindings) -> str:
+    """Return why agreement cannot be judged; empty where it can."""
+    slow = findings.machine.slow if isinstance(findings.machine, CalledMachine) else ()
+    if not slow:
+        return ""
+    return (
+        f"agreement cannot be judged without sigma: the errors of {', '.join(slow)} are slow, and may be "
+        "those of the sensor or of the model; declare sigma of the sensor"
+    )
 
 
 def _on_locked_runs(findings: MachineFindings) -> str:
@@ -105,8 +140,11 @@ def _on_locked_runs(findings: MachineFindings) -> str:
 
 def _reservations(findings: MachineFindings) -> list[str]:
     """Return why the names are not certain or not complete."""
-    reasons = []
+    reasons: list[str] = []
     holdout = findings.holdout
+    if findings.best.evidence is EvidenceKind.ROWS:
+        is_rest = findings.p_remaining <= MACHINES.tests.alpha and findings.share < MACHINES.verdict.whole
+        return [f"{1.0 - findings.share:.0%} of the gap remain unexplained"] if is_rest else []
     is_rest_small = all(one.is_good_enough for one in findings.budget_after)
     closure = None if holdout is None else holdout.closure
     if closure is None:
@@ -198,26 +236,29 @@ def _rejected(findings: MachineFindings, answer: Answer) -> list[dict[str, str]]
         weak = f"explains only a part of the gap: {_explained(findings):.0%}"
         objections |= dict.fromkeys(kept, weak)
         kept = set()
-    scored = {one.direction.name for one in findings.scores}
+    scores = {one.direction.name: one for one in best_shapes(findings.scores)}
     return [
-        {"name": card.name, "why": objections.get(card.name, _unscored(card.name, scored))}
+        {"name": card.name, "why": objections.get(card.name) or _unscored(scores.get(card.name))}
         for card in findings.machine.effects
         if card.name not in kept
     ]
 
 
-def _unscored(name: str, scored: set[str]) -> str:
-    if name not in scored:
+def _unscored(score: Score | None) -> str:
+    if score is not None and one_sided_z(score) == 0.0 and score.z:
+        return f"the data supports only the impossible sign ({score.z:+.1f} standard deviations)"
+    if score is None:
         return "not visible in these runs: it changes no prediction, or base parameters imitate it"
     return "other effects explain more on left-out runs"
 
 
 def _detectable(findings: MachineFindings) -> list[dict[str, str | float]]:
-    scores = best_shapes(findings.scores)
+    scores, machine = best_shapes(findings.scores), findings.machine
+    power_z = MACHINES.verdict.power_z * (machine.widening if isinstance(machine, CalledMachine) else 1.0)
     return [
         {
             "name": one.direction.name,
-            "size": MACHINES.verdict.power_z * one.standard_error,
+            "size": power_z * one.standard_error,
             "unit": one.direction.unit,
         }
         for one in sorted(scores, key=one_sided_z, reverse=True)

@@ -190,7 +190,7 @@ def describe_model(
     provenance: Provenance,
     fitted: Fit | None,
     intervals: Mapping[Key, tuple[float, float]],
-    deviations: Mapping[Key, float] | None = None,
+    deviations: Mapping[Key, float],
 ) -> ModelFile:
     """Return the model file after a fit; unchanged without one.
 
@@ -200,7 +200,7 @@ def describe_model(
         provenance: Origin of the numbers.
         fitted: Parameters and effects; None changes nothing.
         intervals: 95 % interval of each fitted parameter, as in the verdict.
-        deviations: Standard deviation of each fitted parameter; by default that of the fit.
+        deviations: Standard deviation of each fitted parameter.
     """
     parameters: dict[str, Number] = {}
     effects: dict[str, dict[str, Number]] = {}
@@ -238,12 +238,11 @@ def _number(
     key: Key,
     fitted: Fit | None,
     intervals: Mapping[Key, tuple[float, float]],
-    deviations: Mapping[Key, float] | None,
+    deviations: Mapping[Key, float],
 ) -> Number:
     if fitted is None or key not in {free.key for free in fitted.free}:
         return Number(value=item.nominal, unit=item.unit, sd=item.prior_sd)
-    sd = fitted.standard_error(key) if deviations is None else deviations[key]
-    return Number(value=fitted.value(key), unit=item.unit, sd=sd, ci95=intervals[key])
+    return Number(value=fitted.point[key], unit=item.unit, sd=deviations[key], ci95=intervals[key])
 
 
 def model_file_text(file: ModelFile) -> str:

@@ -9,10 +9,9 @@ from rover_hil.gap.findings import Analysis
 from rover_hil.gap.output.machines.draft_file import DRAFT_NAME, draft_text
 from rover_hil.gap.output.machines.machine_file import describe_machine
 from rover_hil.gap.output.machines.next_run_file import NEXT_RUN_NAME, next_run_text
+from rover_hil.gap.output.machines.report import report_text
 from rover_hil.gap.output.model_file import Provenance, describe_model, model_file_text, with_found
-from rover_hil.gap.output.report import report_text
 from rover_hil.gap.plan import Plan
-from rover_hil.gap.verdict_rules import intervals, is_named
 from rover_hil.pages.atomic_write import write_files
 
 VERDICT_NAME = "verdict.json"
@@ -67,22 +66,20 @@ def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> Non
 
 
 def _model_text(analysis: Analysis, base: str, date: str) -> str:
-    plan, findings, verdict = analysis.plan, analysis.findings, analysis.verdict
-    named = is_named(verdict.verdict)
+    plan, verdict = analysis.plan, analysis.verdict
     provenance = Provenance(
         date=date,
         verdict=str(verdict.verdict),
         data_sha256=plan.data_sha256 if plan is not None else "",
         plan_sha256=str(plan.content()["plan_sha256"]) if plan is not None else "",
         seed=plan.seed if plan is not None else 0,
-        alternatives=tuple(tuple(names) for names in verdict.confidence_set[1:]) if named else (),
+        alternatives=tuple(tuple(names) for names in verdict.confidence_set[1:])
+        if verdict.verdict.is_name
+        else (),
     )
     if verdict.effects and analysis.machine is not None:
         file = describe_machine(analysis.machine, analysis.model, base, provenance)
-    elif verdict.effects and findings is not None and findings.best is not None:
-        ci95 = intervals(findings, findings.best.fit)
-        file = describe_model(analysis.model, base, provenance, findings.best.fit, ci95)
     else:
-        file = describe_model(analysis.model, base, provenance, None, {})
+        file = describe_model(analysis.model, base, provenance, None, {}, {})
         file = with_found(file, verdict.base_parameters)
     return model_file_text(file)

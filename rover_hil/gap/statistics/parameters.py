@@ -10,18 +10,6 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FitParameters:
-    """Gauss-Newton fit of base parameters and effects."""
-
-    most_rounds: int = 8  # each with derivatives of its own
-    most_steps: int = 7  # of a round
-    # Of the predicted gain, that a step must reach; otherwise the derivatives are computed anew.
-    good_share: float = 0.5
-    fine: float = 0.05  # of the usual step of derivatives, where that one makes no progress
-    settled: float = 0.05  # gain of minus two log-likelihood below which the fit ends
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class JackknifeParameters:
     """Scatter of a parameter from run to run."""
 
@@ -31,18 +19,13 @@ class JackknifeParameters:
     agreeing_runs: float = 3.0
     beyond_chance: float = 0.9  # level of a test that runs scatter more than their samples
     scattering_runs: float = 1.0  # weight of the prior, in runs, if they do
-    almost_all: float = 0.999  # greatest share of the information on a parameter that one run may hold
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseParameters:
     """Errors of the measurements."""
 
-    most_lags: int = 8  # of an autoregressive model
-    huber_sd: float = 2.5  # errors further off get less weight
     least_blocks: int = 24  # independent stretches of all runs together
-    ringing: float = 0.9  # size of complex poles from which errors oscillate for ten samples and more
-    clearly: float = 1.0  # least gain in minus two log-likelihood for constants per run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,7 +74,6 @@ class ScoreParameters:
 class StatisticsParameters:
     """All tuned numbers, by their part of the workflow."""
 
-    fit: FitParameters = FitParameters()
     jackknife: JackknifeParameters = JackknifeParameters()
     noise: NoiseParameters = NoiseParameters()
     force: ForceParameters = ForceParameters()

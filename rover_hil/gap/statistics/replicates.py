@@ -116,6 +116,32 @@ def winsorise(groups: Sequence[Group], channels: Sequence[Channel], scatter: Sca
     return runs
 
 
+def group_covariance(channels: Sequence[Channel], single: Array, counts: Array) -> Array:
+    """Return the covariance of the means of a group of replicates.
+
+    Args:
+        channels: Those that were measured.
+        single: Covariance of the channels of one run.
+        counts: Runs behind the mean of each channel.
+    """
+    mean = single / np.sqrt(counts[:, None] * counts[None, :])
+    shared = [_shared_variance(one, float(single[place, place])) for place, one in enumerate(channels)]
+    covariance: Array = mean + np.diag(shared)
+    return covariance
+
+
+def _shared_variance(channel: Channel, variance: float) -> float:
+    """Return the variance that replicates have in common: the model's own error, and rounding.
+
+    Where the scatter is small against the step, all replicates are rounded alike; the correlation of
+    two rounding errors is exp(-(2 pi sd / step)^2) (characteristic function of the scatter).
+    """
+    if channel.quantum <= 0.0:
+        return channel.tolerance**2
+    alike = math.exp(-((2.0 * math.pi / channel.quantum) ** 2) * variance)
+    return channel.tolerance**2 + channel.quantum**2 / 12.0 * alike
+
+
 def _known_sd(channel: Channel) -> float:
     return math.hypot(channel.sigma or 0.0, channel.quantum / math.sqrt(12.0))
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
+from scipy.optimize import lsq_linear
 
 from rover_hil.gap.data.problem import Indices
 from rover_hil.gap.statistics.fit import Fit
@@ -189,3 +190,20 @@ def quantile(draws: Array, alpha: float) -> float:
 def cosine(first: Score, second: Score) -> float:
     """Return the similarity of two directions after projection, -1..1."""
     return float(first.projected @ second.projected)
+
+
+def linear_gain(scores: Sequence[Score]) -> float:
+    """Return the reduction of the cost by a subset to first order, with the signs of the effects."""
+    matrix = np.stack([score.projected for score in scores], axis=1)
+    target = np.array([score.z for score in scores])
+    gram = matrix.T @ matrix + 1e-9 * np.eye(len(scores))
+    root = np.linalg.cholesky(gram).T
+    aim = np.linalg.solve(root.T, target)
+    low = [0.0 if score.direction.sign > 0 else -np.inf for score in scores]
+    high = [0.0 if score.direction.sign < 0 else np.inf for score in scores]
+    if all(bound == -np.inf for bound in low) and all(bound == np.inf for bound in high):
+        return float(aim @ aim)
+    unexplained = lsq_linear(
+        root, aim, bounds=(low, np.maximum(high, np.array(low) + 1e-9)), method="bvls"
+    ).cost
+    return float(aim @ aim - 2.0 * unexplained)

@@ -54,7 +54,9 @@ def declared_noise(observations: Observations, channel_sd: Array | None = None) 
 
 
 def noise_of_residual(observations: Observations, residual: Array) -> SensorNoise:
-    """Return errors as large as a residual, and not smaller than declared."""
+    """Return errors as large as a residual, and not smaller than declared; those of replicates are known."""
+    if observations.is_steady:
+        return declared_noise(observations)
     sd = []
     for index, channel in enumerate(observations.channels):
         errors = residual[(observations.channel == index) & np.isfinite(residual)]

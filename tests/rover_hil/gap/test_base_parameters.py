@@ -79,3 +79,34 @@ def test_a_base_parameter_far_from_its_nominal_value_contradicts_a_name(model: W
     first = verdict.sentence.split(". ")[0]
     assert "gyro_age_s is " in verdict.sentence
     assert " prior deviations" in first
+
+
+def test_a_skidding_rover_turns_about_a_place_of_its_own_and_others_do_not(model: WheelsModel) -> None:
+    """The centre moves the marker sideways in proportion to the turn."""
+    assert "rotation_centre" not in {card.name for card in model.effects}
+    settings = load_config("docs/examples/six_wheels.toml").require_simulation().plant
+    assert isinstance(settings, WheelsPlantSettings)
+    fixed = [wheel.model_copy(update={"steering": None}) for wheel in settings.wheels]
+    skidding = WheelsModel(settings.model_copy(update={"wheels": tuple(fixed)}))
+    assert "rotation_centre" in {card.name for card in skidding.effects}
+    runs = drives(skidding, np.random.default_rng(3))
+    before = skidding.predict(runs, {}, {})
+    after = skidding.predict(runs, {}, {"rotation_centre": {"ahead_m": 0.1}})
+    for one, other in zip(before, after, strict=True):
+        assert other["left_m_s"] - one["left_m_s"] == pytest.approx(-0.1 * one["turn_rad_s"], abs=1e-9)
+        assert other["forward_m_s"] == pytest.approx(one["forward_m_s"])
+
+
+def test_a_steering_ratio_acts_as_larger_angles_do() -> None:
+    settings = load_config("docs/examples/six_wheels.toml").require_simulation().plant
+    assert isinstance(settings, WheelsPlantSettings)
+    steered = WheelsModel(settings)
+    assert steered.steers
+    angles = {f"steering_{wheel}_rad": np.full(WINDOWS, 0.1) for wheel in range(1, steered.wheel_count + 1)}
+    larger = {name: 1.2 * values for name, values in angles.items()}
+    runs = drives(steered, np.random.default_rng(3))
+    measured = [replace(run, inputs={**run.inputs, **angles}) for run in runs]
+    turned = [replace(run, inputs={**run.inputs, **larger}) for run in runs]
+    ratio = steered.predict(measured, {}, {"steering_ratio": {"error": 0.2}})
+    for one, other in zip(ratio, steered.predict(turned, {}, {}), strict=True):
+        assert one["turn_rad_s"] == pytest.approx(other["turn_rad_s"], abs=1e-9)

@@ -11,7 +11,7 @@ import pytest
 
 from drivers.errors import ConfigError
 from rover_hil.app.app import main
-from rover_hil.app.gap import find_gap, named_model
+from rover_hil.app.gap.find import find_gap, named_model
 from rover_hil.gap.data.load import check_model, load_model, read_runs
 from rover_hil.gap.output.model_file import ExtendedModel, read_model_file
 from tests.nature.axis import Drive, measure_axis, some_axis, table
@@ -33,7 +33,6 @@ KEYS = {
     "next_runs",
     "detectable",
     "gap",
-    "controls",
     "error_budget",
     "draft",
     "weightings",
@@ -86,7 +85,6 @@ def test_a_hidden_effect_is_named_added_and_gone(run: Run, tmp_path: Path) -> No
     assert set(verdict) == KEYS
     assert verdict["verdict"] == "NAMED"
     assert verdict["confidence_set"] == [["slope_failure"]]
-    assert set(verdict["controls"]) == {"retuned", "placebo", "rival"}  # type: ignore[call-overload]
     plan = json.loads((tmp_path / "out" / "plan.json").read_text())
     assert len(plan["confirm"]) == 15
     model = tomllib.loads((tmp_path / "out" / "model.toml").read_text())
@@ -151,12 +149,14 @@ def test_the_report_stands_alone_and_says_everything(found: Path) -> None:
     verdict = json.loads((found / "verdict.json").read_text())
     page = (found / "report.html").read_text()
     assert str(verdict["sentence"]).split(" (")[0] in page
+    # Budget and agreement of six channels.
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert "https://" not in page
-    assert page.count("data:image/svg+xml") == 6
+    assert page.count("data:image/svg+xml") == 12
     for words in (
-        "Measured against simulated",
-        "What could be confused",
+        "Measured and simulated",
+        "Error budget",
+        "Base parameters",
         "Not named, and why",
         "plan_sha256",
     ):

@@ -1,111 +1,101 @@
-"""Errors of series: slow ones, and constants that each run has of its own."""
+"""Noise that no sensor declares: what is learned from the runs, and what is not."""
 
-from collections.abc import Callable
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
-from rover_hil.gap.data.problem import Group, Observations
-from rover_hil.gap.statistics.noise import SeriesNoise, for_other_runs, series_noise
-from rover_hil.gap.statistics.run_scatter import likeliest, run_scatter
+from rover_hil.gap.data.problem import Problem, observe
+from rover_hil.gap.data.table import read_table
+from rover_hil.gap.machines.called_machine import called_machine
+from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.interface import Array, Channel, Run
-from tests.cases import first_often
 from tests.nature.axis import Drive
 from tests.rover_hil.gap.gap_data import axis_runs, make_axis
 
-RUNS, SAMPLES = 12, 80
-CHANNEL = Channel(name="speed", unit="m/s")
+SLOW_RAD_S = 3.0
 
 
-def observations(errors: Array) -> Observations:
-    """Return one channel with these errors: runs x samples."""
-    runs = [
-        Run(name=f"run {index}", conditions={}, measured={"speed": row}) for index, row in enumerate(errors)
-    ]
-    size = errors.shape[1]
-    return Observations(
-        groups=tuple(Group(site=run, runs=(run,)) for run in runs),
-        channels=(CHANNEL,),
-        values=errors.ravel(),
-        site=np.repeat(np.arange(len(runs)), size),
-        channel=np.zeros(errors.size, dtype=np.intp),
-        counts=np.ones(errors.size),
-        is_steady=False,
-    )
+def drifting(runs: list[Run], size: float) -> list[Run]:
+    """Return runs whose sensor wanders by a slow wave with another phase in each."""
+    rng = np.random.default_rng(1)
+
+    def wander(values: Array) -> Array:
+        places = np.linspace(0.0, 5.0, values.size)
+        rates = rng.uniform(0.5, 2.0, 3)
+        waves = [np.sin(rate * places + rng.uniform(0.0, 6.3)) for rate in rates]
+        found: Array = values + size * np.sum(waves, axis=0)
+        return found
+
+    return [replace(run, measured={name: wander(one) for name, one in run.measured.items()}) for run in runs]
 
 
-def learned(errors: Array) -> SeriesNoise:
-    measured = observations(errors)
-    return series_noise(measured, measured.values)
+@pytest.mark.parametrize(("kind", "hidden"), [("white", {}), ("correlated", {}), ("white", {"dry": 0.01})])
+def test_the_noise_is_learned_beside_an_effect(kind: str, hidden: dict[str, float]) -> None:
+    drive = Drive(kind=kind)
+    machine = called_machine(make_axis(), axis_runs(3, drive, **hidden))
+    assert machine.learned == ("speed",)
+    assert machine.slow == ()
+    assert machine.channels[0].noise_sd == pytest.approx(drive.noise, rel=0.15)
 
 
-def score_of_a_constant(errors: Array) -> float:
-    """Return the score of one constant for all runs, normal without one."""
-    noise = learned(errors)
-    change = noise.whiten(np.ones(errors.size))
-    return float(change @ noise.whiten(errors.ravel())) / float(np.linalg.norm(change))
+def test_declared_noise_is_taken_as_it_is() -> None:
+    model = make_axis()
+    object.__setattr__(model, "channels", (replace(model.channels[0], sigma=0.123),))
+    machine = called_machine(model, axis_runs(3))
+    assert machine.learned == ()
+    assert machine.channels[0].sigma == 0.123
 
 
-def white(seed: int) -> Array:
-    return np.random.default_rng(seed).standard_normal((RUNS, SAMPLES))
+def test_agreement_is_not_judged_without_sigma_where_errors_are_slow() -> None:
+    """Slow errors of the sensor and of the model look the same: no answer without a declared noise."""
+    runs = drifting(axis_runs(3), SLOW_RAD_S)
+    verdict = analyse(make_axis(), runs, seed=3).verdict
+    assert verdict.verdict is not Answer.NO_GAP
+    if not verdict.effects:
+        assert verdict.verdict is Answer.NOT_IDENTIFIABLE
+        assert "agreement cannot be judged without sigma" in verdict.sentence
 
 
-def with_constants(seed: int) -> Array:
-    return white(seed) + np.random.default_rng([seed, 1]).standard_normal((RUNS, 1))
+def test_a_misfit_of_many_noises_is_a_gap_where_the_noise_is_declared() -> None:
+    model = make_axis()
+    object.__setattr__(model, "channels", (replace(model.channels[0], sigma=Drive().noise),))
+    verdict = analyse(model, drifting(axis_runs(3), SLOW_RAD_S), seed=3).verdict
+    assert verdict.verdict is not Answer.NO_GAP
+    assert verdict.error_budget["speed"]["sensor_noise"] == pytest.approx(Drive().noise)
 
 
-def slow(seed: int) -> Array:
-    fading: Array = lfilter([1.0], [1.0, -0.95], np.random.default_rng(seed).standard_normal((RUNS, 400)))
-    return fading[:, -SAMPLES:]
+def test_a_deviation_of_one_run_acts_there_only() -> None:
+    machine = called_machine(make_axis(), axis_runs(3))
+    problem = Problem(machine, observe(machine, axis_runs(3)))
+    gain = machine.parameters[0]
+    free = problem.deviations(gain, gain.prior_sd)
+    columns = problem.derivatives({}, free)
+    for column, item in zip(columns.T, free, strict=True):
+        here = problem.rows_of(item.key)
+        assert np.any(column[here])
+        assert not np.any(column[~here])
 
 
-@pytest.mark.parametrize("errors", first_often([with_constants, white, slow]))
-def test_a_constant_of_all_runs_is_judged_by_the_scatter_between_them(
-    errors: Callable[[int], Array],
-) -> None:
-    scores = [score_of_a_constant(errors(seed)) for seed in range(60)]
-    assert float(np.std(scores)) == pytest.approx(1.0, abs=0.3)
+class Clocked:
+    """A series model whose input is called like the column of times."""
+
+    name = "clocked"
+    channels = (Channel(name="place", unit="m", sigma=0.1),)
+    condition_units: Mapping[str, str] = {}
+    input_units: Mapping[str, str] = {"time": "s"}
+    parameters = ()
+    effects = ()
 
 
-def test_constants_of_runs_do_not_make_errors_look_slow() -> None:
-    noise = learned(with_constants(1))
-    assert noise.constant_sd[0] == pytest.approx(1.0, rel=0.5)
-    assert noise.innovation_sd[0] == pytest.approx(1.0, rel=0.05)
-    assert noise.lags[0].size == 0
-
-
-def test_slow_errors_are_not_taken_for_constants() -> None:
-    several = [learned(slow(seed)) for seed in range(6)]
-    assert [float(noise.constant_sd[0]) for noise in several] == [0.0] * 6
-    assert [float(noise.lags[0].sum()) for noise in several] == pytest.approx([0.95] * 6, abs=0.03)
-
-
-def test_other_runs_have_constants_too() -> None:
-    noise = learned(with_constants(3))
-    others = for_other_runs(noise, None, observations(with_constants(4)[:3]))
-    length = float(np.linalg.norm(others.whiten(np.ones(3 * SAMPLES))))
-    assert length == pytest.approx(np.sqrt(3.0) / noise.constant_sd[0], rel=0.1)
-
-
-def test_whitened_rows_of_constants_are_independent() -> None:
-    starts, level = np.array([0, 4]), np.array([1.0, 1.0, 0.5, 2.0, 1.0, 3.0])
-    scatter = run_scatter(starts, level, np.array([2.0, 0.5]))
-    covariance = np.eye(6)
-    covariance[:4, :4] += 2.0 * np.outer(level[:4], level[:4])
-    covariance[4:, 4:] += 0.5 * np.outer(level[4:], level[4:])
-    root = scatter.whiten(np.eye(6))
-    assert root @ covariance @ root.T == pytest.approx(np.eye(6), abs=1e-12)
-    assert scatter.whiten(level) == pytest.approx(root @ level)
-
-
-def test_the_likeliest_scatter_is_none_where_there_is_none() -> None:
-    starts = np.arange(0, RUNS * SAMPLES, SAMPLES)
-    errors = white(5).reshape(RUNS, SAMPLES)
-    errors -= errors.mean(axis=1, keepdims=True)
-    variance, _ = likeliest(starts, np.ones(errors.size), errors.ravel())
-    assert variance < 1e-3
+def test_an_input_may_be_called_time(tmp_path: Path) -> None:
+    path = tmp_path / "runs.csv"
+    path.write_text("run,time [s],place [m]\n" + "".join(f"a,{n / 10},{n}\n" for n in range(40)))
+    (run,) = read_table(Clocked(), path)  # type: ignore[arg-type]
+    assert run.inputs["time"][:2].tolist() == [0.0, 0.1]
 
 
 @pytest.mark.slow

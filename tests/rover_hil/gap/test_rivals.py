@@ -28,17 +28,17 @@ def test_a_law_that_the_catalogue_does_not_have_is_not_named_for_sure(fan: float
 @pytest.mark.slow
 def test_a_term_that_explains_as_much_as_a_name_is_told() -> None:
     analysis = analysis_of(make_axis(), 2, fan=2e-4)
-    assert analysis.findings is not None
-    assert dict(analysis.findings.alternatives) == {"sag": "speed: speed |speed|"}
-    assert "a term speed |speed| in speed explains as much as sag" in analysis.verdict.sentence
+    assert analysis.machine is not None
+    assert analysis.machine.rival_terms
+    assert f"the term {analysis.machine.rival_terms[0]} explains as much" in analysis.verdict.sentence
 
 
 @pytest.mark.parametrize("hidden", first_often([{"dry": 0.01}, {"sag": 0.02}, {"late": 0.01}, {"zero": 0.5}]))
 def test_a_right_name_has_no_rival(hidden: dict[str, float]) -> None:
     analysis = analysis_of(make_axis(), 4, **hidden)
-    assert analysis.findings is not None
-    assert analysis.findings.best is not None
-    assert not analysis.findings.alternatives
+    assert analysis.machine is not None
+    assert analysis.machine.best.names
+    assert not analysis.machine.rival_terms
 
 
 def test_a_strength_at_its_limit_is_no_explanation() -> None:

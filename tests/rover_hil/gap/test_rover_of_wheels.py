@@ -98,7 +98,7 @@ def analyse(command: Command, tmp_path: Path, unrendered: None) -> Analyse:
 
     def run(rover: TrueDifferential, poses: Poses) -> dict[str, Any]:
         runs, out = write_logs(tmp_path / "runs", rover, poses), tmp_path / "gap"
-        assert command("gap", "--config", DIFFERENTIAL, str(runs), "--out", str(out)) == 0
+        assert command("gap", "rover", DIFFERENTIAL, str(runs), "--out", str(out)) == 0
         verdict: dict[str, Any] = json.loads((out / "verdict.json").read_text("utf-8"))
         return verdict
 
@@ -133,7 +133,7 @@ def test_the_effect_is_named_with_its_size_and_the_gap_shrinks(
 
 def test_logs_without_a_pose_are_refused_in_one_sentence(command: Command, tmp_path: Path) -> None:
     runs = write_logs(tmp_path / "runs", TrueDifferential(), "none", count=1)
-    assert command("gap", "--config", DIFFERENTIAL, str(runs), "--out", str(tmp_path / "gap")) == 1
+    assert command("gap", "rover", DIFFERENTIAL, str(runs), "--out", str(tmp_path / "gap")) == 1
     assert "holds no true pose, neither on /truth nor as pose fixes" in command.out
     assert not (tmp_path / "gap").exists() or not list((tmp_path / "gap").iterdir())
 
@@ -141,7 +141,7 @@ def test_logs_without_a_pose_are_refused_in_one_sentence(command: Command, tmp_p
 def test_several_logs_may_be_given_one_by_one(command: Command, tmp_path: Path) -> None:
     runs = write_logs(tmp_path / "runs", TrueDifferential(), count=2)
     logs = sorted(map(str, runs.rglob("*.mcap")))
-    assert command("gap", "--config", DIFFERENTIAL, *logs, "--out", str(tmp_path / "gap")) == 1
+    assert command("gap", "rover", DIFFERENTIAL, *logs, "--out", str(tmp_path / "gap")) == 1
     assert "2 runs are too few" in command.out
 
 

@@ -53,8 +53,6 @@ def test_two_effects_are_found_with_their_sizes() -> None:
 def test_friction_is_not_swallowed_by_the_gain() -> None:
     """The gain may move within its prior only, and is fitted together with the friction."""
     verdict = verdict_of(6, Drive(), dry=0.0125)
-    assert verdict.controls["retuned"] is not None
-    assert verdict.controls["retuned"] < 0.9
     closure = verdict.gap["speed"]["closure"]
     assert isinstance(closure, float)
     assert closure > 0.95

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rover_hil.gap.data.readers.side_slope import read_side_slope
-from rover_hil.gap.output.model_file import ExtendedModel, Provenance, describe_model
+from rover_hil.gap.output.machines.machine_file import describe_machine
+from rover_hil.gap.output.model_file import ExtendedModel, Provenance
 from rover_hil.gap.verdict import Answer
-from rover_hil.gap.verdict_rules import intervals
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.side_slope.model import make_model
 from tests.cases import first_often
@@ -40,11 +40,9 @@ def test_flowing_soil_is_named_and_gone_once_it_is_in_the_model(tmp_path: Path) 
     found = analyse(model, runs)
     assert found.verdict.verdict is Answer.NAMED, found.verdict.sentence
     assert found.verdict.confidence_set == [["slope_failure"]]
-    assert found.findings is not None
-    assert found.findings.best is not None
+    assert found.machine is not None
     provenance = Provenance(date="", verdict="NAMED", data_sha256="", plan_sha256="", seed=0)
-    best = found.findings.best
-    file = describe_model(model, "side-slope", provenance, best.fit, intervals(found.findings, best.fit))
+    file = describe_machine(found.machine, model, "side-slope", provenance)
     again = analyse(ExtendedModel(model, file), runs).verdict
     assert again.verdict is Answer.NO_GAP, again.sentence
 

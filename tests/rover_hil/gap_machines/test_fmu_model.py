@@ -152,10 +152,10 @@ def write_data(path: Path, runs: list[Run]) -> Path:
 
 def test_the_command_takes_the_file_of_a_unit(model: UnitModel, command: Command, tmp_path: Path) -> None:
     unit, data = unit_folder(tmp_path), write_data(tmp_path / "axis.csv", runs_of(model))
-    assert command("gap", str(unit), str(data), "--check", "--json") == 0
+    assert command("gap", "check", str(unit), str(data), "--json") == 0
     assert len(json.loads(command.out)["cards"]) == 3
     unit.write_text(TOML.replace("[signals]", "[signal]"), "utf-8")
-    assert command("gap", str(unit), str(data), "--check") == 2
+    assert command("gap", "check", str(unit), str(data)) == 2
     assert_one_sentence(command.error, "signal is no key of this file")
 
 

@@ -1,4 +1,4 @@
-"""`rover-hil gap` on machines: --check, --cut, --warm-up, mistakes in the model file, progress."""
+"""`rover-hil gap` on machines: gap check, --cut, --warm-up, mistakes in the model file, progress."""
 
 import io
 import json
@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigError
-from rover_hil.app.gap import Shortening, check_effects, find_gap, named_model
+from rover_hil.app.gap.find import Shortening, check_effects, find_gap, named_model
 from rover_hil.console.steps import show_steps
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.gap_machines.small_machine import MODEL, small_runs, table_text
@@ -36,10 +36,10 @@ def _data(tmp_path: Path, samples: int = 60, count: int = 4) -> Path:
 
 def test_check_needs_no_folder_and_prints_every_effect(command: Command, tmp_path: Path) -> None:
     data = str(_data(tmp_path))
-    assert command("gap", _model(tmp_path, "return MODEL"), data, "--check") == 0
+    assert command("gap", "check", _model(tmp_path, "return MODEL"), data) == 0
     assert "quadratic_drag" in command.out
     assert "Unknown of each run: first" in command.out
-    assert command("gap", _model(tmp_path, "return MODEL"), data, "--check", "--json") == 0
+    assert command("gap", "check", _model(tmp_path, "return MODEL"), data, "--json") == 0
     assert [card["name"] for card in json.loads(command.out)["cards"]] == ["quadratic_drag", "saturation"]
 
 
@@ -50,7 +50,7 @@ def test_an_effect_without_consequence_fails_the_check_and_the_analysis(
     command: Command, tmp_path: Path
 ) -> None:
     data, model = str(_data(tmp_path)), _model(tmp_path, SILENT)
-    assert command("gap", model, data, "--check") == 1
+    assert command("gap", "check", model, data) == 1
     assert "Error: effect saturation at its natural size changes no prediction of any run" in command.out
     assert command("gap", model, data, "--out", str(tmp_path / "out")) == 2
     assert_one_sentence(
@@ -62,13 +62,36 @@ def test_an_effect_without_consequence_fails_the_check_and_the_analysis(
 def test_check_names_data_that_cannot_be_used(command: Command, tmp_path: Path) -> None:
     data = _data(tmp_path)
     data.write_text(data.read_text().replace("power [W]", "power [kW]"))
-    assert command("gap", _model(tmp_path, "return MODEL"), str(data), "--check") == 1
+    assert command("gap", "check", _model(tmp_path, "return MODEL"), str(data)) == 1
     assert "column 'power' is in kW, the model has W" in command.out
 
 
 def test_check_is_for_machines(command: Command, tmp_path: Path) -> None:
-    assert command("gap", "side-slope", str(_data(tmp_path)), "--check") == 2
-    assert_one_sentence(command.error, "--check: side-slope is no StateModel")
+    assert command("gap", "check", "side-slope", str(_data(tmp_path))) == 2
+    assert_one_sentence(command.error, "gap check: side-slope is no StateModel")
+
+
+def test_the_old_spelling_of_check_works_and_names_the_new_one(command: Command, tmp_path: Path) -> None:
+    data, model = str(_data(tmp_path)), _model(tmp_path, "return MODEL")
+    assert command("gap", "check", model, data, "--json") == 0
+    new, silence = command.out, command.error
+    assert command("gap", model, data, "--check", "--json") == 0
+    assert command.out == new
+    assert "rover-hil gap check MODEL DATA" in command.error
+    assert not silence
+
+
+@pytest.mark.parametrize("name", ["rover", "check"])
+def test_a_model_that_is_called_like_a_command_is_given_as_a_path(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    data = str(_data(tmp_path))
+    Path(_model(tmp_path, "return MODEL").partition(":")[0]).rename(tmp_path / f"{name}.py")
+    monkeypatch.chdir(tmp_path)
+    assert command("gap", f"./{name}.py:make", data, "--out", "out") == 0
+    assert (tmp_path / "out" / "verdict.json").exists()
+    assert command("gap", name, data, "--out", "again") == 2
+    assert not (tmp_path / "again").exists()
 
 
 def test_results_need_a_folder(command: Command, tmp_path: Path) -> None:
@@ -106,7 +129,7 @@ def test_a_mistake_in_the_model_is_one_sentence_and_nothing_is_written(
 def test_a_channel_without_a_scale_of_noise_is_refused_by_name(command: Command, tmp_path: Path) -> None:
     body = 'return replace(MODEL, channels=(Channel(name="reading", unit="K"),))'
     out = tmp_path / "out"
-    assert command("gap", _model(tmp_path, body), str(_data(tmp_path)), "--check") == 1
+    assert command("gap", "check", _model(tmp_path, body), str(_data(tmp_path))) == 1
     assert "channel reading: sensor noise and model error are not separable" in command.out
     assert not out.exists()
 
@@ -193,5 +216,5 @@ def test_short_steps_have_no_line() -> None:
 
 
 def test_help_says_that_the_model_file_is_run(command: Command) -> None:
-    assert command("gap", "--help") == 0
+    assert command("gap", "find", "--help") == 0
     assert "Python code, and it is run" in " ".join(command.out.split())

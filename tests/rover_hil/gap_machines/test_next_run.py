@@ -22,7 +22,7 @@ from rover_hil.gap.machines.next_run.proposal import Proposal
 from rover_hil.gap.machines.next_run.shapes import shaped
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.output.machines.next_run_file import NEXT_RUN_NAME, next_run_text
-from rover_hil.gap.output.report import report_text
+from rover_hil.gap.output.machines.report import report_text
 from rover_hil.gap.output.results import write_results
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse

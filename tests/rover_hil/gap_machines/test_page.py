@@ -11,9 +11,8 @@ from rover_hil.gap import Array, StateModel
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.output.machines import figures
 from rover_hil.gap.output.machines.error_source import TIME, ErrorSource, find_source, force_sources
-from rover_hil.gap.output.machines.report import machine_report_text
+from rover_hil.gap.output.machines.report import report_text
 from rover_hil.gap.output.machines.series import forces, sample_times_s, traces
-from rover_hil.gap.output.report import report_text
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
 from tests.rover_hil.gap_machines.page_motor import NOISE_RAD_S, STEP_S, make_motor, measure_motor
@@ -80,11 +79,11 @@ def test_a_named_effect_fills_the_page(named: Analysis) -> None:
 def test_sizes_on_the_page_are_those_of_the_verdict(named: Analysis) -> None:
     assert named.machine is not None
     level = named.verdict.effects[0].parameters["level"]
-    page = machine_report_text(named, named.machine)
+    page = report_text(named)
     assert f"{level.ci95[0]:.3g} to {level.ci95[1]:.3g}" in page
     other = {"coulomb_friction.level": {"output_error": level.value, "random_force": 1.2345}}
     warned = replace(named.verdict, weightings=other, warnings=["level depends on the weighting"])
-    page = machine_report_text(replace(named, verdict=warned), named.machine)
+    page = report_text(replace(named, verdict=warned))
     assert '<td class="number alarm">1.23</td>' in page
     assert '<p class="warning">level depends on the weighting.</p>' in page
 
@@ -127,7 +126,7 @@ def test_agreement_is_green_only_with_a_small_error_budget(agreeing: Analysis) -
     assert "var(--good); color: #fff" in page
     assert "Unknown force" not in page
     large = replace(agreeing.machine.budget_before[0], upper=3.0 * NOISE_RAD_S)
-    page = machine_report_text(agreeing, replace(agreeing.machine, budget_before=(large,)))
+    page = report_text(replace(agreeing, machine=replace(agreeing.machine, budget_before=(large,))))
     assert "var(--attention); color: #fff" in page
 
 

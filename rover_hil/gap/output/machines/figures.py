@@ -108,6 +108,36 @@ def draw_trace(trace: Trace) -> Figure:
     return figure
 
 
+def draw_agreement(shown: Sequence[Trace]) -> Figure | None:
+    """Draw the measured values of one channel over the simulated ones, with the typical error; None for none.
+
+    Args:
+        shown: Traces of one channel, one value each.
+    """
+    if not shown:
+        return None
+    channel = shown[0].channel
+    figure = Figure(figsize=(WIDTH_IN, 3.2), layout="constrained")
+    axes = figure.add_subplot(title=channel.name, xlabel=_with_unit("simulated", channel.unit))
+    axes.set_ylabel(_with_unit("measured", channel.unit))
+    measured = np.concatenate([one.measured for one in shown])
+    before = np.concatenate([one.before for one in shown])
+    band = np.full(measured.size, BAND_SD * channel.noise_sd)
+    has_after = all(one.after is not None for one in shown)
+    sides = [("before" if has_after else "model", before, style.ENCODERS)]
+    if has_after:
+        after = np.concatenate([one.after for one in shown if one.after is not None])
+        sides.append(("after", after, style.ESTIMATE))
+    for label, values, colour in sides:
+        axes.errorbar(
+            values, measured, band, fmt="o", markersize=3, color=colour, elinewidth=0.6, label=label
+        )
+    ends = [float(np.nanmin(measured)), float(np.nanmax(measured))]
+    axes.plot(ends, ends, color=style.COMMANDED, linewidth=1.0)
+    axes.legend()
+    return figure
+
+
 def _line(axes: Axes, times_s: Array, values: Array, colour: str, label: str, width: float) -> None:
     is_image = times_s.size > MANY
     axes.plot(times_s, values, color=colour, label=label, linewidth=width, rasterized=is_image)

@@ -23,6 +23,25 @@ from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from sim_backends.models.interface import RUN_SEPARATOR
 
+OPTIONAL = (
+    "has_effects",
+    "is_steady",
+    "steps",
+    "sizes",
+    "evidence",
+    "run_rows",
+    "budget_pictures",
+    "trace_pictures",
+    "map_pictures",
+    "force_pictures",
+    "channel_sources",
+    "force_sources",
+    "proposal",
+    "next_run_pictures",
+    "drafts",
+)
+"""Parts of the page that data which cannot be analysed do not have."""
+
 
 class SizeRow(NamedTuple):
     """A size of a named effect."""
@@ -43,19 +62,17 @@ class RunRow(NamedTuple):
     values: dict[str, tuple[float, float]]
 
 
-def machine_report_text(analysis: Analysis, findings: MachineFindings) -> str:
+def report_text(analysis: Analysis) -> str:
     """Return the report as HTML."""
-    verdict = analysis.verdict
+    findings, verdict = analysis.machine, analysis.verdict
+    if findings is None:
+        return _page(analysis, grade=GRADES[verdict.verdict])
     shown = traces(findings)
     pushed = forces(findings)
-    return render(
-        "gap/output/machines/report.html",
-        filters={"number": _number, "interval": _interval},
-        model=analysis.model,
-        verdict=verdict,
+    steady = findings.problem.observations.is_steady
+    return _page(
+        analysis,
         grade=_grade(findings, verdict),
-        tag=TAGS[verdict.verdict],
-        headline=headline(verdict),
         lead=lead(findings),
         has_effects=bool(findings.best.names),
         steps=next_steps(findings, verdict),
@@ -65,16 +82,38 @@ def machine_report_text(analysis: Analysis, findings: MachineFindings) -> str:
         run_units={one.name: one.unit for one in findings.machine.run_parameters},
         run_rows=_run_rows(findings),
         budget_pictures=draw_pictures(_budget_drawings(findings)),
-        trace_pictures=draw_pictures(_trace_drawings(findings, shown)),
-        map_pictures=draw_pictures(_map_drawings(findings, shown)),
+        is_steady=steady,
+        trace_pictures=draw_pictures((_steady_drawings if steady else _trace_drawings)(findings, shown)),
+        map_pictures=() if steady else draw_pictures(_map_drawings(findings, shown)),
         force_pictures=draw_pictures(_force_drawings(findings, pushed)),
-        channel_sources=channel_sources(findings, shown) if findings.found is not None else (),
+        channel_sources=_sources(findings, shown),
         force_sources=force_sources(findings, pushed),
         proposal=analysis.proposal,
         next_run_pictures=draw_pictures(_next_run_drawings(analysis)),
         drafts=list(zip(verdict.draft, draft_lines(verdict), strict=True)),
-        plan=analysis.plan.content() if analysis.plan is not None else None,
     )
+
+
+def _page(analysis: Analysis, **parts: object) -> str:
+    verdict = analysis.verdict
+    parts = {**dict.fromkeys(OPTIONAL, ()), "cards": {}, "run_units": {}, "lead": "", **parts}
+    return render(
+        "gap/output/machines/report.html",
+        filters={"number": _number, "interval": _interval},
+        model=analysis.model,
+        verdict=verdict,
+        tag=TAGS[verdict.verdict],
+        headline=headline(verdict),
+        plan=analysis.plan.content() if analysis.plan is not None else None,
+        **parts,
+    )
+
+
+def _sources(findings: MachineFindings, shown: Sequence[Trace]) -> list[str]:
+    """Return what the errors follow: signals and time, or conditions."""
+    if findings.locations:
+        return [f"{one.sentence()}." for one in findings.locations]
+    return channel_sources(findings, shown) if findings.found is not None else []
 
 
 def _grade(findings: MachineFindings, verdict: Verdict) -> str:
@@ -132,6 +171,16 @@ def _trace_drawings(findings: MachineFindings, shown: Sequence[Trace]) -> list[D
         _sized(f"{one.channel.name} in run {one.run}", partial(figures.draw_trace, one))
         for row in figures.chosen_traces(findings, shown)
         for one in row
+    ]
+
+
+def _steady_drawings(findings: MachineFindings, shown: Sequence[Trace]) -> list[Drawing]:
+    return [
+        _sized(
+            f"{channel.name}, measured against simulated",
+            partial(figures.draw_agreement, [one for one in shown if one.channel.name == channel.name]),
+        )
+        for channel in findings.problem.observations.channels
     ]
 
 

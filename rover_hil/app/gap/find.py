@@ -12,7 +12,6 @@ from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.console.json_text import print_json, print_json_text
 from rover_hil.console.options import check_inputs
 from rover_hil.console.steps import show_steps
-from rover_hil.gap import verdict_rules
 from rover_hil.gap.checks import object_to, slower_channels
 from rover_hil.gap.data.cut import cut_runs, without_warm_up
 from rover_hil.gap.data.load import check_model, load_model, name_model_errors, read_runs
@@ -32,7 +31,7 @@ from rover_hil.gap.output.results import (
     write_results,
 )
 from rover_hil.gap.plan import Plan, TooFewRunsError, require_runs
-from rover_hil.gap.verdict import Answer
+from rover_hil.gap.verdict import Answer, refuse
 from rover_hil.gap.workflow import analyse
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
 from rover_hil.parallel.calls import open_calls
@@ -109,7 +108,7 @@ def rover_of(config: str, logs: Sequence[Path], cluster: str | None = None) -> S
     plant = None if loaded.simulation is None else loaded.simulation.plant
     if not isinstance(plant, WheelsPlantSettings):
         raise ConfigError(
-            f"--config {config}: the model needs [simulation.plant] with type = 'wheels': masses, castors "
+            f"gap rover {config}: the model needs [simulation.plant] with type = 'wheels': masses, castors "
             "and site of the rover; for a Robotino use robotino-drive, for four wheels that do not steer "
             "four-wheel-drive"
         )
@@ -187,7 +186,7 @@ def check_effects(model_name: str, data: Path, *, as_json: bool, shortening: Sho
         model = load_model(model_name)
         if not isinstance(model, Machine):
             raise ConfigError(
-                f"--check: {model_name} is no StateModel and no functional mock-up unit; leave out --check"
+                f"gap check: {model_name} is no StateModel and no mock-up unit; use `rover-hil gap`"
             )
         report = _lint(model, data, shortening or Shortening())
     _print_report(report, as_json=as_json)
@@ -271,8 +270,8 @@ def _analyse(
     try:
         runs = subject.read(base)
     except (ConfigError, LogError) as error:
-        verdict = verdict_rules.refuse(Answer.BAD_DATA, str(error))
-        return Analysis(model=base, verdict=verdict, runs=(), plan=None, findings=None)
+        verdict = refuse(Answer.BAD_DATA, str(error))
+        return Analysis(model=base, verdict=verdict, runs=(), plan=None)
     runs = shortening.apply(base, runs)
     # Only after reading: what a model predicts may depend on what was measured.
     model: Model = base if file is None else extend_model(base, file)

@@ -1,8 +1,8 @@
-"""Where the model disagrees: channel, condition, time, and place in the model. Exploratory."""
+"""Where the model disagrees: channel, condition and time. Exploratory."""
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 from scipy import special
 
 from rover_hil.gap.data.problem import Observations, Point, Problem
-from rover_hil.gap.explain.candidates import Candidate
-from rover_hil.gap.explain.parameters import EXPLAIN
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.noise import Noise
-from rover_hil.gap.statistics.score import one_sided_z
 from sim_backends.models.interface import Array
 
 Mask = NDArray[np.bool_]
@@ -73,7 +71,7 @@ def localise_residuals(
                 continue
             z = abs(mean) / error
             p = tests * 2.0 * float(special.ndtr(-z))
-            if p <= EXPLAIN.localise.alpha and (best is None or z > best[0]):
+            if p <= MACHINES.localise.alpha and (best is None or z > best[0]):
                 place = ResidualLocation(
                     channel=channel.name,
                     condition=words,
@@ -86,17 +84,6 @@ def localise_residuals(
         if best is not None:
             found.append(best)
     return [place for _, place in sorted(found, key=lambda item: -item[0])]
-
-
-def by_place(candidates: Sequence[Candidate]) -> list[tuple[str, float, str]]:
-    """Return places of the model by the score of their effects: place, highest score, its effect."""
-    best: dict[str, tuple[float, str]] = {}
-    for item in candidates:
-        score = one_sided_z(item.score)
-        if score > best.get(item.card.place, (-1.0, ""))[0]:
-            best[item.card.place] = (score, item.card.name)
-    ranked = sorted(((place, score, name) for place, (score, name) in best.items()), key=lambda row: -row[1])
-    return ranked[: EXPLAIN.localise.most_places]
 
 
 def _mean(observations: Observations, noise: Noise, residual: Array, here: Mask) -> tuple[float, float, int]:
@@ -139,14 +126,14 @@ def _parts(
 
 def _cuts(name: str, unit: str, values: Array) -> Iterator[tuple[str, Mask]]:
     levels = np.unique(values)
-    if levels.size > EXPLAIN.localise.most_levels:
+    if levels.size > MACHINES.localise.most_levels:
         levels = np.quantile(values, np.linspace(0.0, 1.0, 5))
     tail = "" if unit == "1" else f" {unit}"
     for level in levels[1:]:
         yield f"{name} >= {level:.4g}{tail}", values >= level
     for level in levels[:-1]:
         yield f"{name} <= {level:.4g}{tail}", values <= level
-    if levels.size <= EXPLAIN.localise.most_levels:
+    if levels.size <= MACHINES.localise.most_levels:
         for level in levels[1:-1]:
             yield f"{name} = {level:.4g}{tail}", values == level
 

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.gap.data.problem import Observations
-from rover_hil.gap.explain.parameters import EXPLAIN
-from rover_hil.gap.explain.search import linear_gain
-from rover_hil.gap.explain.terms import Term, directions
+from rover_hil.gap.machines.parameters import MACHINES
+from rover_hil.gap.machines.terms import Term, directions
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.noise import Noise
-from rover_hil.gap.statistics.score import Projection, Score, of_terms, one_sided_z, score_all
+from rover_hil.gap.statistics.score import Projection, Score, linear_gain, of_terms, one_sided_z, score_all
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +67,7 @@ def find_equations(
     for channel in observations.channels:
         channel_scores = [score for score in scores if score.direction.name.startswith(f"{channel.name}: ")]
         channel_scores = sorted(channel_scores, key=lambda score: -one_sided_z(score))[
-            : EXPLAIN.equations.top_terms
+            : MACHINES.equations.top_terms
         ]
         if not channel_scores or one_sided_z(channel_scores[0]) < threshold:
             continue
@@ -78,14 +77,14 @@ def find_equations(
             (gain, _equation(channel.name, channel.unit, channel_scores, chosen, fitted, effects))
         )
     return [
-        equation for _, equation in sorted(equations, key=lambda item: -item[0])[: EXPLAIN.equations.most]
+        equation for _, equation in sorted(equations, key=lambda item: -item[0])[: MACHINES.equations.most]
     ]
 
 
 def _choose(scores: Sequence[Score], threshold: float) -> tuple[int, ...]:
     """Return the best subset; a further term must be as significant as the first."""
     best: tuple[int, ...] = (0,)
-    for size in range(1, min(EXPLAIN.equations.most_terms, len(scores)) + 1):
+    for size in range(1, min(MACHINES.equations.most_terms, len(scores)) + 1):
         subsets = itertools.combinations(range(len(scores)), size)
         ranked = max(subsets, key=lambda one: linear_gain([scores[index] for index in one]))
         gain = linear_gain([scores[index] for index in ranked])

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rover_hil.gap.data.problem import Observations, cells
-from rover_hil.gap.explain.parameters import EXPLAIN
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.noise import Noise
 from rover_hil.gap.statistics.score import Direction
 from sim_backends.models.interface import Array
@@ -182,7 +182,7 @@ def _series_sources(
             if in_channel.size and here.sum() % in_channel.size == 0:
                 values[here] = np.tile(np.nan_to_num(in_channel), here.sum() // in_channel.size)
         sources.append(_Source(channel.name, channel.unit, values))
-    return sources[: EXPLAIN.equations.most_sources]
+    return sources[: MACHINES.equations.most_sources]
 
 
 def _by_cell(observations: Observations, values: Array, act: Callable[[Array], Array]) -> Array:

@@ -1,0 +1,1 @@
+"""The commands `rover-hil gap`."""
