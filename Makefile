@@ -13,7 +13,7 @@ setup: $(STAMP)
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[bench,cluster,export,fit,fmi,live,mf4,rosbag,tune]" --group dev
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[bench,cluster,export,fit,flight,fmi,live,mf4,rosbag,tune]" --group dev
 	# Numba fails on what it compiled from classes that have another name now.
 	find sim_backends -name '*.nb[ci]' -delete
 	$(BIN)/python .ci/compile_simulators.py

@@ -22,6 +22,7 @@ class DeviceRoles:
         wheel_age_s: Age of the wheels' positions at their time stamp; None where it is unknown.
         wheel_wraps_rad: Angle after which the position of each wheel wraps in its device, inf for never, None
             where it is unknown; empty where all are.
+        unmeasured_wheels: Wheels without an encoder.
     """
 
     wheels: str
@@ -33,6 +34,7 @@ class DeviceRoles:
     gyro_rate_hz: float | None = None
     wheel_age_s: float | None = None
     wheel_wraps_rad: tuple[float | None, ...] = ()
+    unmeasured_wheels: frozenset[int] = frozenset()
 
     @property
     def motion_age_s(self) -> float:

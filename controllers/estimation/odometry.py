@@ -17,7 +17,7 @@ class BodyIncrement:
     """Motion of the wheels since the last increment, in the body frame: m, m, rad, s.
 
     Attributes:
-        turned_rad: Angle of each wheel.
+        turned_rad: Angle of each wheel; of one without an encoder as it rolls in this motion.
         steering_rad: Steering angle of each wheel half-way; empty where none steers.
         is_sure: False where the wheels slip by an unknown amount.
         rolled_m: Motion of rolling wheels, before slip was removed, to the left as imaginary part; None where
@@ -97,7 +97,7 @@ class WheelOdometry:
         self._kinematics = kinematics
         self._plausible_rad_s = ESTIMATION.odometry.plausible_speed * wheel_speed_limit_rad_s
         self._tracks: list[_Track | None] = [None] * count
-        self._all = frozenset(range(count))
+        self._all = frozenset(range(count)) - kinematics.unmeasured
         self._missing = set(self._all)
         self._base_rad = [0.0] * count
         self._still_rad = [0.0] * count
@@ -114,7 +114,7 @@ class WheelOdometry:
 
     def feed(self, wheel: int, t_ns: int, position_rad: float) -> bool:
         """Take the position of a wheel; return False when it is not finite or newer, or the wheel unknown."""
-        if not 0 <= wheel < len(self._tracks) or not math.isfinite(position_rad):
+        if wheel not in self._all or not math.isfinite(position_rad):
             return False
         track = self._tracks[wheel]
         if track is not None and t_ns <= track.newest_ns:
@@ -141,9 +141,12 @@ class WheelOdometry:
             return None
         before_steering_rad = self._steering_rad or steering_rad
         self._steering_rad = steering_rad
-        tracks = [track for track in self._tracks if track is not None]
-        before_ns, self.t_ns = self.t_ns, min([track.newest_ns for track in tracks])
-        before_rad, self._base_rad = self._base_rad, [track.position_at(self.t_ns) for track in tracks]
+        tracks = self._tracks
+        before_ns, self.t_ns = self.t_ns, min([track.newest_ns for track in tracks if track is not None])
+        before_rad, self._base_rad = (
+            self._base_rad,
+            [0.0 if track is None else track.position_at(self.t_ns) for track in tracks],
+        )
         self._missing.update(self._all)
         self._watch_standstill(is_new_base=before_ns is None)
         if before_ns is None:
@@ -189,7 +192,8 @@ class WheelOdometry:
     def _integrate(
         self, turned_rad: list[float], elapsed_s: float, steering_rad: tuple[float, ...]
     ) -> BodyIncrement:
-        x_m, y_m, turn_rad = self._kinematics.body_motion(turned_rad, steering_rad)
+        x_m, y_m, turn_rad = motion = self._kinematics.body_motion(turned_rad, steering_rad)
+        turned_rad = list(self._kinematics.with_unmeasured(turned_rad, motion, steering_rad))
         self.pose = move(self.pose, x_m, y_m, turn_rad)
         velocity_x, velocity_y, yaw_rate = _smoothed(self.velocity, (x_m, y_m, turn_rad), elapsed_s)
         self.velocity = (velocity_x, velocity_y, yaw_rate)

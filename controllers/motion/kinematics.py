@@ -21,9 +21,11 @@ class Kinematics(Mobility, Protocol):
         wheel_count: Number of wheels.
         steering_rates_rad_s: Greatest steering speed of each wheel, 0 for one that does not steer; empty
             where none steers.
+        unmeasured: Wheels without an encoder; their values have no effect on `body_motion`.
     """
 
     wheel_count: int
+    unmeasured: frozenset[int]
     steering_rates_rad_s: tuple[float, ...]
 
     def wheel_speeds(
@@ -53,6 +55,12 @@ class Kinematics(Mobility, Protocol):
         """
         ...
 
+    def with_unmeasured(
+        self, wheel_values: Sequence[float], motion: BodyMotion, steering_rad: Sequence[float] = ()
+    ) -> Sequence[float]:
+        """Return the values of all wheels: those without an encoder as they roll in a body motion."""
+        ...
+
     def residuals(
         self, wheel_values: Sequence[float], steering_rad: Sequence[float] = ()
     ) -> Residuals | None:
@@ -67,6 +75,7 @@ class _FixedWheels(ABC):
     turn_radius_m = 0.0
     crab_limit_rad = 0.0
     steering_rates_rad_s: tuple[float, ...] = ()
+    unmeasured: frozenset[int] = frozenset()
 
     @abstractmethod
     def wheel_speeds(
@@ -83,6 +92,12 @@ class _FixedWheels(ABC):
     ) -> SetPoints:
         """Return the wheel speeds; there are no steering angles."""
         return SetPoints(self.wheel_speeds(velocity_x_m_s, velocity_y_m_s, yaw_rate_rad_s), ())
+
+    def with_unmeasured(
+        self, wheel_values: Sequence[float], motion: BodyMotion, steering_rad: Sequence[float] = ()
+    ) -> Sequence[float]:
+        """Return the values: every wheel has an encoder."""
+        return wheel_values
 
     def residuals(
         self,

@@ -20,7 +20,7 @@ mobility).
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -111,6 +111,7 @@ def find_wheel_conflicts(wheels: Sequence[WheelSettings]) -> Iterator[str]:
     motions = allowed_motions(wheels)
     yield from _find_idle_wheels(wheels, motions)
     yield from _find_missing_control(wheels, motions)
+    yield from _find_missing_encoders(wheels, motions)
 
 
 def size_m(wheels: Sequence[WheelSettings]) -> float:
@@ -148,24 +149,49 @@ def _find_missing_control(wheels: Sequence[WheelSettings], motions: Matrix) -> I
             "the wheels that neither steer nor have rollers"
         )
         return
+    controlled = min(_determined(wheels, motions, lambda wheel: wheel.driven))
+    if controlled < motions.shape[1]:
+        yield (
+            f"these wheels cannot drive: they allow {motions.shape[1]} independent motions, but motors "
+            f"and steering control {controlled}: drive or steer more wheels, or add fixed wheels"
+        )
+
+
+def _find_missing_encoders(wheels: Sequence[WheelSettings], motions: Matrix) -> Iterator[str]:
+    if all(wheel.measured for wheel in wheels):
+        return
+    if not any(wheel.measured for wheel in wheels):
+        yield "no wheel is measured: remove measured = false of those that have an encoder"
+        return
+    # Only in a turn about the one wheel with an encoder is nothing seen: that is no ordinary motion.
+    known = max(_determined(wheels, motions, lambda wheel: wheel.measured))
+    if known < motions.shape[1]:
+        yield (
+            f"these wheels do not show the motion: they allow {motions.shape[1]} independent motions, but "
+            f"encoders and steering angles determine {known}: measure more wheels"
+        )
+
+
+def _determined(
+    wheels: Sequence[WheelSettings], motions: Matrix, rolls: Callable[[WheelSettings], bool]
+) -> list[int]:
+    """Return how many independent motions steering and rolling wheels determine, in each test motion."""
     # Orthonormal where the yaw rate counts as the speed of the outermost wheel.
     unit = np.array([1.0, 1.0, 1.0 / size_m(wheels)])
     orthonormal = singular_values(motions / unit[:, None])[0]
+    counts: list[int] = []
     for ordinary in TEST_MOTIONS:
         motion = unit * product(orthonormal, product(orthonormal.T, np.array(ordinary)))
-        rows = product(_controlled_rows(wheels, motion), unit[:, None] * orthonormal)
+        rows = product(_known_rows(wheels, motion, rolls), unit[:, None] * orthonormal)
         values = singular_values(rows)[1]
-        controlled = int(np.sum(values >= LEAST_CONTROL * values[0]))
-        if controlled < motions.shape[1]:
-            yield (
-                f"these wheels cannot drive: they allow {motions.shape[1]} independent motions, but motors "
-                f"and steering control {controlled}: drive or steer more wheels, or add fixed wheels"
-            )
-            return
+        counts.append(int(np.sum(values >= LEAST_CONTROL * values[0])))
+    return counts
 
 
-def _controlled_rows(wheels: Sequence[WheelSettings], motion: Matrix) -> Matrix:
-    """Return what motors and steering control, shape (n, 3), with the steering angles for `motion`."""
+def _known_rows(
+    wheels: Sequence[WheelSettings], motion: Matrix, rolls: Callable[[WheelSettings], bool]
+) -> Matrix:
+    """Return constraints by steering and rolling, shape (n, 3), with the steering angles for `motion`."""
     rows = []
     for wheel in wheels:
         steering_rad = 0.0
@@ -173,7 +199,7 @@ def _controlled_rows(wheels: Sequence[WheelSettings], motion: Matrix) -> Matrix:
             along, aside = product(contact_rows(wheel), motion)
             steering_rad = math.atan2(aside, along) - math.radians(wheel.angle_deg)
             rows.append(side_row(wheel, steering_rad))
-        if wheel.driven:
+        if rolls(wheel):
             rows.append(rolling_row(wheel, steering_rad))
     return np.array(rows)
 

@@ -51,7 +51,7 @@ class WheelMotorSettings(Settings):
 
 
 class WheelSettings(Settings):
-    """One wheel that a device measures. Leave out swivelling castors: they do not constrain the motion.
+    """One wheel that a device measures or steers. No swivelling castors: they do not constrain the motion.
 
     Attributes:
         x_m: Contact point, forward of the origin of the body frame.
@@ -60,6 +60,8 @@ class WheelSettings(Settings):
         angle_deg: Direction in which the wheel rolls when it turns forwards, counter-clockwise from x; with
             steering, the direction at steering angle 0.
         driven: False where no motor turns the wheel.
+        measured: False where the wheel has no encoder: what it turns is not known, but it rolls without side
+            slip in its direction, like the others.
         roller_deg: Angle from the wheel's axle (pointing to the left of its direction) to the axle of the
             roller on the ground, counter-clockwise seen from above: 90 for an omnidirectional wheel, 45 or
             -45 for a mecanum wheel. Without it the wheel has no rollers.
@@ -72,6 +74,7 @@ class WheelSettings(Settings):
     radius_m: WheelRadius
     angle_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = 0.0
     driven: bool = True
+    measured: bool = True
     roller_deg: Annotated[float, Field(ge=-90.0, le=90.0)] | None = None
     steering: SteeringSettings | None = None
     motor: WheelMotorSettings | None = None

@@ -53,6 +53,7 @@ class WheelsKinematics:
             not all wheels steer.
         steering_rates_rad_s: Greatest steering speed of each wheel, 0 for one that does not steer; empty
             where none steers.
+        unmeasured: Wheels without an encoder.
     """
 
     def __init__(self, settings: WheelsRoverSettings) -> None:
@@ -64,6 +65,7 @@ class WheelsKinematics:
         self._skids = skids_in_turns(wheels)
         self._steers = any(wheel.steering is not None for wheel in wheels)
         self.wheel_count = len(wheels)
+        self.unmeasured = frozenset(place for place, wheel in enumerate(wheels) if not wheel.measured)
         self.steering_rates_rad_s = tuple(
             0.0 if wheel.steering is None else math.radians(wheel.steering.rate_deg_s) for wheel in wheels
         )
@@ -123,12 +125,24 @@ class WheelsKinematics:
         x, y, turn = product(self._solution(steering_rad).to_body, np.asarray(wheel_values))
         return float(x), float(y), float(turn)
 
+    def with_unmeasured(
+        self, wheel_values: Sequence[float], motion: BodyMotion, steering_rad: Sequence[float] = ()
+    ) -> Sequence[float]:
+        """Return the values of all wheels: those without an encoder as they roll in a body motion."""
+        if not self.unmeasured:
+            return wheel_values
+        rolled = self._speeds(motion, tuple(steering_rad) or self._straight)
+        return [
+            rolled[wheel] if wheel in self.unmeasured else value for wheel, value in enumerate(wheel_values)
+        ]
+
     def residuals(self, wheel_values: Sequence[float], steering_rad: Sequence[float] = ()) -> Residuals:
         """Return what the least squares of `body_motion` leave; of increments in m, of speeds in m/s."""
         solution = self._solution(steering_rad)
         values = np.asarray(wheel_values)
         motion = product(solution.to_body, values)
         rolling = self._radius_m * values - product(solution.rolling, motion)
+        rolling[list(self.unmeasured)] = 0.0
         side = np.zeros(self.wheel_count)
         if len(solution.side_wheels):
             side[solution.side_wheels] = -product(solution.side, motion)
@@ -207,7 +221,7 @@ class _Solution:
     """Least squares for one set of steering angles.
 
     Attributes:
-        to_body: Body motion per wheel value, shape (3, wheels).
+        to_body: Body motion per wheel value, shape (3, wheels); zero for wheels without an encoder.
         rolling: r omega per body motion, shape (wheels, 3).
         side: Side slip per body motion of the wheels `side_wheels`.
         redundant: Number of constraints beyond those that determine the motion.
@@ -222,16 +236,18 @@ class _Solution:
         weak = [index for index in ordinary if skids and is_fixed(wheels[index])]
         self.side_wheels = [index for index in ordinary if index not in weak]
         self.side: Matrix = _side_rows(pairs, self.side_wheels)
-        firm = np.vstack((self.rolling, self.side))
-        inverse = pseudo_inverse(firm, SMALLEST)[:, : len(wheels)]
+        measured = [index for index, wheel in enumerate(wheels) if wheel.measured]
+        firm = np.vstack((self.rolling[measured], self.side))
+        inverse = pseudo_inverse(firm, SMALLEST)[:, : len(measured)]
         if weak:
             free = null_space(firm)
             rows = _side_rows(pairs, weak)
             kept_free = product(free, pseudo_inverse(product(rows, free), SMALLEST))
             inverse = inverse - product(kept_free, product(rows, inverse))
-        self.to_body: Matrix = inverse * np.array([wheel.radius_m for wheel in wheels])
+        self.to_body: Matrix = np.zeros((3, len(wheels)))
+        self.to_body[:, measured] = inverse * np.array([wheels[index].radius_m for index in measured])
         # Constraints that always agree are not redundant: they cannot contradict each other.
-        unexplained = np.eye(len(firm))[:, : len(wheels)] - product(firm, inverse)
+        unexplained = np.eye(len(firm))[:, : len(measured)] - product(firm, inverse)
         self.redundant = rank(unexplained, SMALLEST)
 
 

@@ -151,7 +151,8 @@ def _freshness_limits(roles: DeviceRoles, wheel_count: int) -> dict[Part, tuple[
     for device, max_age_s in roles.required.items():
         parts: list[tuple[Part, str]] = []
         if device == roles.wheels:
-            parts.extend(((device, WheelSample, i), f"position of wheel {i}") for i in range(wheel_count))
+            measured = (i for i in range(wheel_count) if i not in roles.unmeasured_wheels)
+            parts.extend(((device, WheelSample, i), f"position of wheel {i}") for i in measured)
         if device == roles.gyro:
             parts.append(((device, RateSample, 0), "yaw rate"))
         if device in roles.headings:

@@ -224,12 +224,13 @@ class StateSource(SignalName):
 
 
 class WheelMapping(Settings):
-    """One wheel; it has a position, a speed, or both.
+    """One wheel; it has a position, a speed, or both, unless it is not measured.
 
     Attributes:
         node: Number or name in place of "{node}".
         sign: -1 where the drive counts backwards when the rover drives forwards.
         gear_ratio: Turns of the encoder and of the commanded motor per turn of the wheel.
+        measured: False where it has no encoder: position and speed of [every_wheel] are then not its own.
         position: How far its encoder has turned.
         speed: As the drive itself measures it; positions are finer.
         current: Of its motor.
@@ -247,6 +248,7 @@ class WheelMapping(Settings):
     node: int | str
     sign: Literal[1, -1] = 1
     gear_ratio: Annotated[float, Field(gt=0, le=1000)] = 1.0
+    measured: bool = True
     position: PositionSource | None = None
     speed: SpeedSource | None = None
     current: CurrentSource | None = None
@@ -261,8 +263,11 @@ class WheelMapping(Settings):
 
     @model_validator(mode="after")
     def _check_sources(self) -> Self:
-        if self.position is None and self.speed is None:
+        has_motion = self.position is not None or self.speed is not None
+        if self.measured and not has_motion:
             raise ValueError("the wheel has neither position nor speed: add one, here or in [every_wheel]")
+        if has_motion and not self.measured:
+            raise ValueError("the wheel has a position or a speed: remove measured = false")
         return self
 
 

@@ -217,7 +217,8 @@ def _fill_in(path: Path, table: dict[str, object]) -> dict[str, object]:
         )
     nodes = [str(wheel["node"]) for wheel in wheels]
     table["wheel"] = [
-        _with_node({**every_wheel, **wheel}, node) for wheel, node in zip(wheels, nodes, strict=True)
+        _with_node({**_shared_with(wheel, every_wheel), **wheel}, node)
+        for wheel, node in zip(wheels, nodes, strict=True)
     ]
     for key in ("start", "stop"):
         entries = table.get(key)
@@ -232,6 +233,13 @@ def _fill_in(path: Path, table: dict[str, object]) -> dict[str, object]:
             for entry in protection
         ]
     return table
+
+
+def _shared_with(wheel: dict[str, object], every_wheel: dict[str, object]) -> dict[str, object]:
+    """Return the keys of [every_wheel] that hold for a wheel."""
+    if wheel.get("measured", every_wheel.get("measured")) is not False:
+        return every_wheel
+    return {key: value for key, value in every_wheel.items() if key not in ("position", "speed")}
 
 
 def _per_node(value: object, nodes: list[str]) -> list[object]:

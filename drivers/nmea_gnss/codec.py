@@ -25,6 +25,20 @@ LARGEST_STD_M = 100.0
 """Receivers that are less certain know their region only."""
 
 
+def correlated_std_m(std_m: float, elapsed_s: float | None, correlation_s: float) -> float:
+    """Return the deviation of a fix so that the mean of many is as certain as they are.
+
+    The mean of n fixes with this correlation is as certain as that of n elapsed / (2 correlation).
+
+    Args:
+        std_m: Of one fix alone.
+        elapsed_s: Since the fix before; None for the first one.
+        correlation_s: Time over which errors of successive fixes are alike.
+    """
+    elapsed_s = 1.0 if elapsed_s is None else max(elapsed_s, 1e-3)
+    return std_m * math.sqrt(max(1.0, 2.0 * correlation_s / elapsed_s))
+
+
 class NmeaGnssCodec(SentenceCodec):
     """Reads GGA and GST of any talker, and RMC as long as no GGA comes; others are "other_sentence".
 
@@ -118,17 +132,17 @@ class NmeaGnssCodec(SentenceCodec):
         if self._origin_deg is None:
             self._origin_deg = latitude_deg, longitude_deg
         east_m, north_m, _ = geodetic2enu(latitude_deg, longitude_deg, 0.0, *self._origin_deg, 0.0)
-        elapsed_s = 1.0 if self._newest_ns is None else max(seconds(t_ns - self._newest_ns), 1e-3)
+        elapsed_s = None if self._newest_ns is None else seconds(t_ns - self._newest_ns)
         self._newest, self._newest_ns = time, t_ns
-        # The mean of n fixes with this correlation is as certain as that of n elapsed / (2 correlation).
-        alike = max(1.0, 2.0 * settings.correlation_s / elapsed_s)
         return PoseFixSample(
             device=self._name,
             t_ns=t_ns,
             x_m=float(east_m),
             y_m=float(north_m),
             yaw_rad=0.0,
-            position_std_m=max(settings.least_std_m, std_m) * math.sqrt(alike),
+            position_std_m=correlated_std_m(
+                max(settings.least_std_m, std_m), elapsed_s, settings.correlation_s
+            ),
             yaw_std_rad=UNKNOWN_YAW_STD_RAD,
             t_capture_ns=t_ns - nanoseconds(settings.latency_s),
             arm_x_m=settings.antenna_x_m,

@@ -144,6 +144,8 @@ def _print(frames: CanFrames, listed: Sequence[ListedIdentifier], *, has_dbc: bo
                 kind = f"  {signal.kind}" if signal.kind else ""
                 span = f"{signal.least:.6g} to {signal.greatest:.6g} {signal.unit}".rstrip()
                 console.print(f"    {signal.signal}: {span}{kind}")
+                if signal.odd:
+                    console.print(f"        odd: {signal.odd}")
     duration_s = _duration_s(frames)
     console.print(f"{frames.path}: {len(frames)} frames of {len(listed)} identifiers in {duration_s:.3f} s")
     if frames.left_out:

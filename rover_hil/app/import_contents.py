@@ -12,6 +12,7 @@ from rover_hil.console.json_text import print_json
 from rover_hil.console.steps import show_steps
 from rover_hil.datasets.truth_check import truth_findings
 from rover_hil.importing.drive import START_NS, Contents
+from rover_hil.importing.oddities import Oddity
 from rover_hil.pages.atomic_write import check_file, unfinished
 from rover_hil.recording.findings import finding_line
 from rover_hil.terminal import Terminal
@@ -88,6 +89,17 @@ def _outs(files: Sequence[Path], out: Path) -> list[Path]:
     return outs
 
 
+def _table_of(oddities: Sequence[Oddity]) -> Iterator[str]:
+    """Yield the lines of a table of what is odd, which are not broken where the terminal is narrow."""
+    if not oddities:
+        return
+    rows = [("odd", "where", "count", "what became of it")]
+    rows += [(odd.what, odd.where, "" if odd.count is None else str(odd.count), odd.done) for odd in oddities]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for what, where, count, done in rows:
+        yield f"{what:<{widths[0]}}  {where:<{widths[1]}}  {count:>{widths[2]}}  {done}".rstrip()
+
+
 def print_contents(contents: Contents, out: Path, *, what: str) -> None:
     """Print what was used, one line each.
 
@@ -99,13 +111,8 @@ def print_contents(contents: Contents, out: Path, *, what: str) -> None:
     console = Terminal(soft_wrap=True)
     for section, count in contents.used.items():
         console.print(f"{section}: {count} {what}".removesuffix(f" {section}"))
-    for section, count in contents.left_out.items():
-        console.print(f"{section}: {count} {what} without usable numbers left out")
-    if contents.outside:
-        console.print(
-            f"{contents.outside} {what} left out: recorded before the clock was set, at time 0 or far "
-            "from the others"
-        )
+    for line in _table_of(contents.oddities):
+        console.print(line)
     for note in contents.notes:
         console.print(note)
     for found in contents.findings:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, NamedTuple, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from controllers.ground_motion.rig import RigFile
+from controllers.motion.kinematics import make_kinematics
 from controllers.roles import DeviceRoles
 from controllers.settings import (
     ControlSettings,
@@ -169,6 +170,7 @@ class Config(ControlSettings):
             headings=self.roles.headings,
             fixes=self.fix_sources,
             camera=self.roles.camera,
+            unmeasured_wheels=make_kinematics(self.rover).unmeasured,
         )
 
     def require_simulation(self) -> SimulationSettings:

@@ -1,8 +1,8 @@
-"""Read a table of numbers that is no text: NumPy, MATLAB and Parquet files."""
+"""Read a table of numbers that is no text: NumPy, MATLAB and Parquet files, logs of autopilots."""
 
 import io
 import zipfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,9 @@ from drivers.errors import ConfigError, LogError, RoverHilError
 from drivers.files import TABLE_BYTES, TABLE_CELLS, TABLE_LINES, read_bytes
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.csv_table import CsvTable, read_csv
+from rover_hil.datasets.flight_table import FlightTable, read_flight_log
 
+FLIGHT_LOGS = frozenset({".ulg", ".bin"})
 MISSING_PARQUET = "reading Parquet needs pyarrow: pip install rover-hil[export]"
 
 
@@ -65,31 +67,41 @@ class ArrayTable:
         return column
 
 
-Table = CsvTable | ArrayTable
+Table = CsvTable | ArrayTable | FlightTable
 
 
 def read_table(
-    path: Path, error: type[RoverHilError] = LogError, *, delimiter: str | None, header_lines: int | None
+    path: Path,
+    error: type[RoverHilError] = LogError,
+    *,
+    delimiter: str | None,
+    header_lines: int | None,
+    wanted: Collection[str] | None = None,
 ) -> Table:
     """Return the table in a file; the ending of its name says what it is, any other one is text.
 
     `.npy`, `.npz`, `.mat` up to version 7, `.parquet`; columns of arrays without names are called by their
-    number from 1, those of an array `name` with several columns `name.1`, `name.2` and so on.
+    number from 1, those of an array `name` with several columns `name.1`, `name.2` and so on. `.ulg` and
+    `.bin` are logs of autopilots, see `FlightTable`.
 
     Args:
         path: The file.
         error: What to raise, here and from the table.
         delimiter: As for `read_csv`.
         header_lines: As for `read_csv`.
+        wanted: Columns to read of the log of an autopilot; None for all.
 
     Raises:
         RoverHilError: The file cannot be read, or is larger than the limits in `drivers.files`.
         ConfigError: A library is missing.
     """
-    read = _READERS.get(path.suffix.lower())
-    if read is None:
+    suffix = path.suffix.lower()
+    read = _READERS.get(suffix)
+    if read is None and suffix not in FLIGHT_LOGS:
         return read_csv(path, error, delimiter=delimiter, header_lines=header_lines)
     try:
+        if read is None:
+            return read_flight_log(path, wanted, error)
         columns = read(read_bytes(path, TABLE_BYTES))
     except OSError as problem:
         raise error(f"cannot read {path}: {problem.strerror or problem}: give another file") from problem

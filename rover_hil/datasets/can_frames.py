@@ -2,13 +2,15 @@
 
 import io
 import logging
+import re
 import struct
 from array import array
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
+from operator import or_
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, BinaryIO, TypeAlias
 
 import can
 import numpy as np
@@ -39,6 +41,9 @@ SAVVYCAN = "Time Stamp"
 """First column of a CSV file of SavvyCAN."""
 _BLF_HEADER, _BLF_OBJECT = struct.Struct("<4sL"), struct.Struct("<4sHHLL")
 _BLF_CONTAINER = 10
+_CANDUMP = re.compile(rb"^\((\d+\.\d+)\) (\S+) ([0-9A-Fa-f]+)#([0-9A-Fa-f]*)(?: [RTrt])?\r?$", re.MULTILINE)
+BLOCK_BYTES = MEGABYTE // 8
+"""Of a text log, read at once."""
 
 logging.getLogger("can.io").addHandler(logging.NullHandler())
 """What python-can finds odd in a file is counted here, not printed."""
@@ -144,6 +149,49 @@ class _Collector:
         name = "" if message.channel is None else str(message.channel)
         self.places.append(self.channels.setdefault(name, len(self.channels)))
 
+    def add_all(self, messages: Iterable[can.Message], on_frames: Callable[[int], None]) -> None:
+        """Add messages.
+
+        Raises:
+            ValueError: They are too many.
+        """
+        for message in messages:
+            self.add(message)
+            if not len(self.t_s) & 0xFFFF:
+                on_frames(len(self.t_s))
+            if len(self.t_s) > CAN_FRAMES:
+                raise ValueError(f"it holds more than {CAN_FRAMES:,} frames, the limit: divide it")
+
+    def add_lines(self, found: Sequence[tuple[bytes, bytes, bytes, bytes]]) -> bool:
+        """Add frames by time, channel, identifier and data in lines of candump.
+
+        Returns False, and adds nothing, where one is no classic data frame with 3 or 8 digits of identifier.
+        """
+        times, channels, identifiers, data = zip(*found, strict=True)
+        numbers = [int(text, 16) for text in identifiers]
+        sizes = set(map(len, data))
+        if (
+            not set(map(len, identifiers)) <= {3, 8}
+            or max(numbers) > EXTENDED_ID_MASK
+            or max(sizes) > 2 * LARGEST_PAYLOAD
+            or any(size & 1 for size in sizes)
+        ):
+            return False
+        self.t_s.extend(map(float, times))
+        flags = [EXTENDED_FLAG if len(text) > 3 else 0 for text in identifiers]
+        self.identifiers.extend(map(or_, numbers, flags))
+        self.lengths.extend([len(text) >> 1 for text in data])
+        self.data += bytes.fromhex(
+            b"".join([text.ljust(2 * LARGEST_PAYLOAD, b"0") for text in data]).decode()
+        )
+        places = {text: self._place(text.decode()) for text in dict.fromkeys(channels)}
+        self.places.extend([places[text] for text in channels])
+        return True
+
+    def _place(self, channel: str) -> int:
+        name = str(int(channel)) if channel.isdigit() else channel
+        return self.channels.setdefault(name, len(self.channels))
+
     def frames(self, path: Path, lines: int | None) -> tuple[CanFrames, NDArray[np.int16]]:
         count = len(self.t_s)
         frames = CanFrames(
@@ -168,6 +216,25 @@ class _OfChannels:
 
     def __len__(self) -> int:
         return len(self.frames)
+
+
+def _add_candump(raw: BinaryIO, collector: _Collector, on_frames: Callable[[int], None]) -> bool:
+    """Add all frames of a candump log; returns False where a line is not one of a classic data frame.
+
+    Several times as fast as the reader of python-can, which reads the others; tests compare the two.
+    """
+    rest, size = b"", 0
+    while block := raw.read(BLOCK_BYTES):
+        size += len(block)
+        text, newline, rest = (rest + block).rpartition(b"\n")
+        if not newline:
+            return False
+        found = _CANDUMP.findall(text + newline)
+        is_plain = len(found) == text.count(b"\n") + 1 and collector.add_lines(found)
+        if not is_plain or size > CAN_LOG_BYTES or len(collector.t_s) > CAN_FRAMES:
+            return False
+        on_frames(len(collector.t_s))
+    return not rest and size > 0
 
 
 class _Lines(io.TextIOBase):
@@ -196,19 +263,16 @@ def _read(path: Path, suffix: str, on_frames: Callable[[int], None]) -> _OfChann
     collector = _Collector()
     try:
         with open_packed(path) as raw:
+            if suffix == ".log":
+                if _add_candump(raw, collector, on_frames):
+                    return _OfChannels(*collector.frames(path, None))
+                collector = _Collector()
+                raw.seek(0)
             if suffix in _TEXT:
                 lines = _Lines(raw)
-                messages: Iterable[can.Message] = _READERS[suffix](lines)
-            else:
-                if suffix == ".blf":
-                    _check_containers(raw)
-                messages = _READERS[suffix](raw)
-            for message in messages:
-                collector.add(message)
-                if not len(collector.t_s) & 0xFFFF:
-                    on_frames(len(collector.t_s))
-                if len(collector.t_s) > CAN_FRAMES:
-                    raise ValueError(f"it holds more than {CAN_FRAMES:,} frames, the limit: divide it")
+            elif suffix == ".blf":
+                _check_containers(raw)
+            collector.add_all(_READERS[suffix](lines or raw), on_frames)
     except OSError as problem:
         raise LogError(f"cannot read {path}: {problem.strerror or problem}: give another file") from problem
     except ConfigError:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
@@ -31,6 +31,15 @@ SCALES = (0.35, 1.3)
 """A common factor within these may be slip, on which wheels turn further than the rover, or the radius."""
 SPEED_SCALES = (0.8, 1.25)
 """Speed and change of the angle of one wheel agree better: no slip is between them."""
+CLOCK_SHARE = 0.004
+"""A clock is not named that is wrong by less: integrals of sampled speeds are not better."""
+CLOCK_DEVIATIONS = 5.0
+LEAST_SD = 0.0005
+"""No factor is better known, whatever the residuals say."""
+COARSE = 0.005
+"""A speed with a coarser resolution, as a share of a usual one, may be cut off in place of rounded."""
+LEAST_WAY_M = 1.0
+"""A drive that goes less far, and hardly turns, shows the noise of the truth."""
 LEAST_TURN_RAD = 1.5
 """Drives that turn less in one sense do not show the sense of a turn: uneven slip turns a rover, too."""
 
@@ -43,6 +52,12 @@ UNITS = (
     (100.0, "cm where m is meant, or the other way round"),
     (1000.0, "mm where m is meant, or ms where s is meant, or the other way round"),
 )
+STEERING = (
+    ("the steering reversed", -1.0),
+    ("the steering in deg where rad is meant", math.radians(1.0)),
+    ("the steering in rad where deg is meant", math.degrees(1.0)),
+)
+"""Corrections of the steering angles, and by what they multiply them."""
 SAME_UNIT = 0.12
 """A factor is that of a unit within this share."""
 
@@ -84,27 +99,51 @@ def compare_with_truth(rows: LogRows, rover: RoverSettings) -> list[FoundFinding
 
     Turns and distances of windows of a second are compared. Distances are those of the marker that the truth
     is of: where it sits, and which way it looks, does not matter. Of the corrections that are tried (a wheel
-    reversed, all reversed, two exchanged, a common factor) all that explain the difference are named.
+    reversed, all reversed, two exchanged, a common factor, the steering) all that explain the difference are
+    named.
 
     Args:
         rows: The drive.
         rover: Its wheels.
     """
-    findings = [FoundFinding(name="speed", t_s=None, text=text) for text in _speed_findings(rows)]
+    findings = list(_speed_findings(rows))
     kinematics = make_kinematics(rover)
-    windows = _windows(rows, kinematics.wheel_count)
+    windows = _windows(rows, kinematics)
     if windows is None:
         return findings
     turned_rad, steering_rad, truth = windows
-    count = kinematics.wheel_count
     fits = [_fit("", kinematics, turned_rad, steering_rad, truth)]
-    for what, signs, order in _corrections(rover, count):
+    for what, signs, order in _corrections(rover, kinematics):
         corrected = turned_rad[:, np.array(order, int)] * np.array(signs)
         fits.append(_fit(what, kinematics, corrected, steering_rad, truth))
+    if steering_rad is not None:
+        fits += [
+            _fit(what, kinematics, turned_rad, factor * steering_rad, truth) for what, factor in STEERING
+        ]
+    fits += _separate(kinematics, turned_rad, steering_rad, truth)
     text = _explain(fits, truth)
     if text:
         findings.append(FoundFinding(name="truth", t_s=None, text=text))
     return findings
+
+
+def _separate(
+    kinematics: Kinematics, turned_rad: Array, steering_rad: Array | None, truth: _Motion
+) -> Iterator[_Fit]:
+    """Yield fits with a factor of the turns, and of the distances, where that is none of slip."""
+    said = _motion_of(kinematics, turned_rad, steering_rad)
+    pairs = (("turns", said.turn_rad, truth.turn_rad), ("distances", said.distance_m, truth.distance_m))
+    for what, own, true in pairs:
+        square = float(own @ own)
+        factor = float(own @ true) / square if square > 0.0 else 0.0
+        if factor <= 0.0 or SCALES[0] <= factor <= SCALES[1]:
+            continue
+        corrected = (
+            replace(said, turn_rad=factor * own)
+            if what == "turns"
+            else replace(said, distance_m=factor * own)
+        )
+        yield _compared(f"all {what} {factor:.4g} times as large: {_unit_of(factor)}", corrected, truth)
 
 
 def _explain(fits: Sequence[_Fit], truth: _Motion) -> str:
@@ -138,23 +177,26 @@ def _unit_of(factor: float) -> str:
 
 
 def _corrections(
-    rover: RoverSettings, count: int
+    rover: RoverSettings, kinematics: Kinematics
 ) -> Iterator[tuple[str, tuple[float, ...], tuple[int, ...]]]:
     """Yield name, sign and source of each wheel of every correction that is tried."""
+    count = kinematics.wheel_count
     same, ones = tuple(range(count)), (1.0,) * count
-    for wheel in range(count):
+    measured = [wheel for wheel in same if wheel not in kinematics.unmeasured]
+    for wheel in measured:
         signs = tuple(-1.0 if place == wheel else 1.0 for place in same)
         yield f"wheel {wheel} reversed", signs, same
-    yield "all wheels reversed", tuple(-one for one in ones), same
-    if isinstance(rover, WheelsRoverSettings) and count > 2 and count % 2 == 0:
+    if len(measured) > 1:
+        yield "all wheels reversed", tuple(-one for one in ones), same
+    if isinstance(rover, WheelsRoverSettings) and len(measured) == count and count > 2 and count % 2 == 0:
         mirrored = _mirrored(rover)
         if mirrored is not None:
             yield "left and right exchanged", ones, mirrored
             yield "left and right exchanged and all reversed", tuple(-one for one in ones), mirrored
-    for first, second in combinations(same, 2):
+    for first, second in combinations(measured, 2):
         order = list(same)
         order[first], order[second] = second, first
-        name = "left and right" if count == 2 else f"wheels {first} and {second}"
+        name = "left and right" if len(measured) == 2 else f"wheels {first} and {second}"
         yield f"{name} exchanged", ones, tuple(order)
 
 
@@ -176,13 +218,21 @@ def _mirrored(rover: WheelsRoverSettings) -> tuple[int, ...] | None:
 def _fit(
     what: str, kinematics: Kinematics, turned_rad: Array, steering_rad: Array | None, truth: _Motion
 ) -> _Fit:
+    return _compared(what, _motion_of(kinematics, turned_rad, steering_rad), truth)
+
+
+def _motion_of(kinematics: Kinematics, turned_rad: Array, steering_rad: Array | None) -> _Motion:
     moves = np.array(
         [
             kinematics.body_motion(row.tolist(), () if steering_rad is None else tuple(steering_rad[place]))
             for place, row in enumerate(turned_rad)
         ]
     )
-    turn_rad, distance_m = moves[:, 2], np.hypot(moves[:, 0], moves[:, 1])
+    return _Motion(moves[:, 2], np.hypot(moves[:, 0], moves[:, 1]))
+
+
+def _compared(what: str, motion: _Motion, truth: _Motion) -> _Fit:
+    turn_rad, distance_m = motion.turn_rad, motion.distance_m
     turns, distances = float(np.sum(truth.turn_rad**2)), float(np.sum(truth.distance_m**2))
     # Both count alike, but a drive that does not turn is judged by its distances.
     turns_count = float(np.ptp(np.cumsum(truth.turn_rad))) >= LEAST_TURN_RAD
@@ -195,9 +245,11 @@ def _fit(
     return _Fit(what, scale, residual)
 
 
-def _windows(rows: LogRows, count: int) -> tuple[Array, Array | None, _Motion] | None:
+def _windows(rows: LogRows, kinematics: Kinematics) -> tuple[Array, Array | None, _Motion] | None:
     """Return turns and steering of the wheels in windows of motion, and the truth; None without enough."""
-    wheels = [_angles(rows, wheel) for wheel in range(1, count + 1)]
+    count = kinematics.wheel_count
+    measured = [wheel for wheel in range(count) if wheel not in kinematics.unmeasured]
+    wheels = [_angles(rows, wheel + 1) for wheel in measured]
     poses = [rows[name] for name in ("x_m", "y_m", "psi_rad")]
     if any(wheel is None for wheel in wheels) or min(map(len, poses)) < 2:
         return None
@@ -207,13 +259,17 @@ def _windows(rows: LogRows, count: int) -> tuple[Array, Array | None, _Motion] |
     edges_ns = np.arange(begin_ns, end_ns, WINDOW_S * 1e9)
     if len(edges_ns) <= LEAST_WINDOWS:
         return None
-    turned = np.column_stack([np.diff(np.interp(edges_ns, times, angles)) for times, angles in known])
+    turned = np.zeros((len(edges_ns) - 1, count))
+    turned[:, measured] = np.column_stack(
+        [np.diff(np.interp(edges_ns, times, angles)) for times, angles in known]
+    )
     x_m, y_m = (np.diff(np.interp(edges_ns, pose.t_ns, pose.value)) for pose in poses[:2])
     yaw_rad = np.interp(edges_ns, poses[2].t_ns, np.unwrap(poses[2].value))
     truth = _Motion(np.diff(yaw_rad), np.hypot(x_m, y_m))
     rim = np.abs(turned).max(axis=1)
     moves = rim > LEAST_MOTION * rim.max() if rim.max() > 0.0 else np.zeros(len(rim), bool)
-    if moves.sum() < LEAST_WINDOWS:
+    has_way = truth.distance_m[moves].sum() >= LEAST_WAY_M or np.ptp(yaw_rad) >= LEAST_TURN_RAD
+    if moves.sum() < LEAST_WINDOWS or not has_way:
         return None
     middles_ns = 0.5 * (edges_ns[:-1] + edges_ns[1:])
     steering = [rows[f"steer{wheel}_rad"] for wheel in range(1, count + 1)]
@@ -242,8 +298,53 @@ def _angles(rows: LogRows, wheel: int) -> tuple[Times, Array] | None:
     return readings.t_ns, np.concatenate(([0.0], np.cumsum(steps)))
 
 
-def _speed_findings(rows: LogRows) -> Iterator[str]:
-    """Yield wheels whose speed is not the change of their angle."""
+@dataclass(frozen=True, slots=True)
+class _SpeedFit:
+    """Speed of a wheel over the change of its angle.
+
+    Attributes:
+        ratio: As it is.
+        factor: Without what a coarse speed may have been cut off by.
+        sd: Standard deviation of the factor.
+        residual: Share that the factor leaves.
+    """
+
+    wheel: int
+    ratio: float
+    factor: float
+    sd: float
+    residual: float
+
+
+def _speed_findings(rows: LogRows) -> Iterator[FoundFinding]:
+    """Yield wheels whose speed is not the change of their angle, and a clock that all speeds contradict."""
+    fits = list(_speed_fits(rows))
+    for fit in fits:
+        if fit.residual > AGREES:
+            what = f"wheel {fit.wheel}: its speed and the change of its angle contradict each other"
+            text = f"{what}: an angle that jumps or starts again, or one of another wheel"
+            yield FoundFinding(name="speed", t_s=None, text=text)
+        if fit.residual <= AGREES and not SPEED_SCALES[0] <= fit.ratio <= SPEED_SCALES[1]:
+            why = "its sign" if abs(fit.ratio + 1.0) <= SAME_UNIT else _unit_of(abs(fit.ratio))
+            text = f"wheel {fit.wheel}: its speed is {fit.ratio:.4g} times the change of its angle: {why}"
+            yield FoundFinding(name="speed", t_s=None, text=text)
+    factors, sds = np.array([fit.factor for fit in fits]), np.array([fit.sd for fit in fits])
+    if not len(fits) or not ((factors >= SPEED_SCALES[0]) & (factors <= SPEED_SCALES[1])).all():
+        return
+    weights = 1.0 / np.maximum(sds, LEAST_SD) ** 2
+    mean, sd = float(weights @ factors / weights.sum()), float(weights.sum() ** -0.5)
+    agree = (np.abs(factors - mean) <= CLOCK_DEVIATIONS * np.maximum(sds, LEAST_SD)).all()
+    if agree and abs(mean - 1.0) > max(CLOCK_SHARE, CLOCK_DEVIATIONS * sd):
+        text = (
+            f"the speeds of all wheels are {mean:.4f} times the changes of their angles, standard deviation "
+            f"{sd:.2g}: a clock whose seconds are {1.0 / mean:.4f} s long, or gear_ratio, ticks_per_turn or "
+            "radius of one of the two"
+        )
+        yield FoundFinding(name="clock", t_s=None, text=text)
+
+
+def _speed_fits(rows: LogRows) -> Iterator[_SpeedFit]:
+    """Yield the fit of each wheel with speeds and angles that moves enough."""
     wheel = 0
     while f"speed{(wheel := wheel + 1)}_rad_s" in rows:
         speed, angle = rows[f"speed{wheel}_rad_s"], rows[f"enc{wheel}_rad"]
@@ -255,11 +356,23 @@ def _speed_findings(rows: LogRows) -> Iterator[str]:
         turned = np.diff(np.interp(edges_ns, angle.t_ns, angle.value))
         steps = 0.5 * (speed.value[1:] + speed.value[:-1]) * np.diff(speed.t_ns) / 1e9
         said = np.diff(np.interp(edges_ns, speed.t_ns, np.concatenate(([0.0], np.cumsum(steps)))))
-        square = float(turned @ turned)
-        if square == 0.0 or not said.any():
+        # Nothing is measured in a gap.
+        held = [np.diff(np.searchsorted(each.t_ns, edges_ns)) > 0 for each in (angle, speed)]
+        turned, said = (values[held[0] & held[1]] for values in (turned, said))
+        if len(turned) < LEAST_WINDOWS or not turned.any() or not said.any():
             continue
-        factor = float(said @ turned) / square
-        left = math.sqrt(float(np.sum((said - factor * turned) ** 2)) / float(said @ said))
-        if left <= AGREES and not SPEED_SCALES[0] <= factor <= SPEED_SCALES[1]:
-            why = "its sign" if abs(factor + 1.0) <= SAME_UNIT else _unit_of(abs(factor))
-            yield f"wheel {wheel - 1}: its speed is {factor:.4g} times the change of its angle: {why}"
+        causes = turned[:, np.newaxis]
+        levels = np.unique(np.abs(speed.value[speed.value != 0.0]))
+        resolution = float(np.diff(levels).min()) if len(levels) > 1 else math.inf
+        if resolution > COARSE * float(np.median(levels)):
+            # A coarse speed may be cut off, not rounded: a part of it that does not grow with the speed.
+            causes = np.column_stack((turned, np.sign(turned)))
+        found, _, rank, _ = np.linalg.lstsq(causes, said, rcond=1e-6)
+        if rank < causes.shape[1]:
+            continue
+        left = said - causes @ found
+        spread = float(left @ left) / max(1, len(said) - causes.shape[1])
+        sd = math.sqrt(spread * float(np.linalg.inv(causes.T @ causes)[0, 0]))
+        ratio = float(said @ turned) / float(turned @ turned)
+        residual = math.sqrt(float(left @ left) / float(said @ said))
+        yield _SpeedFit(wheel - 1, ratio, float(found[0]), sd, residual)

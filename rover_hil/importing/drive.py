@@ -1,21 +1,27 @@
 """Write any recorded drive as a log: the loop runs over what the devices would have sent, as in a run."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Protocol, TypeVar
 
 from controllers.control_loop import StepOutput
-from controllers.motion.kinematics import Kinematics
+from controllers.motion.kinematics import Kinematics, make_kinematics
+from controllers.motion.planar import wrap_angle
+from controllers.operator import OperatorInput
 from drivers.clock import NANOSECONDS_PER_SECOND, VirtualClock, nanoseconds
+from drivers.errors import LogError
 from drivers.link import Received
+from drivers.samples import PoseFixSample
 from rover_hil.config import Config
 from rover_hil.importing.imu_message import imu_bytes
+from rover_hil.importing.oddities import Evidence, Oddity, merged, unseen
 from rover_hil.importing.wheel_frames import wheel_frame
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.findings import FindingList, FoundFinding
-from rover_hil.recording.schema import CYCLE, TRUTH, TruthRecord
+from rover_hil.recording.schema import CYCLE, IMPORT, OPERATOR, TRUTH, TruthRecord, operator_record
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import ReplayLinks, build_replay_rig
 
@@ -50,24 +56,35 @@ class Contents:
 
     Attributes:
         used: Number of messages by section.
-        left_out: Number of messages that held no usable numbers, by section.
-        outside: Number of messages left out because the clock was not set when they were recorded.
+        oddities: What is odd in the drive, and what was done about it.
         notes: What a user must know of the joints and of the estimate, one sentence each.
         findings: What the rules have found wrong with the drive.
         end_ns: Time of the last cycle.
     """
 
     used: dict[str, int] = field(default_factory=dict)
-    left_out: dict[str, int] = field(default_factory=dict)
-    outside: int = 0
+    oddities: list[Oddity] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     findings: list[FoundFinding] = field(default_factory=list)
     end_ns: int = START_NS
 
+    def __post_init__(self) -> None:
+        self._unusable: Counter[str] = Counter()
+        self.evidence = Evidence(sections=frozenset())
+
     def count(self, section: str, *, is_used: bool) -> None:
         """Count a message."""
-        counts = self.used if is_used else self.left_out
-        counts[section] = counts.get(section, 0) + 1
+        if is_used:
+            self.used[section] = self.used.get(section, 0) + 1
+        else:
+            self._unusable[section] += 1
+
+    def finish(self, kinematics: Kinematics, turned_rad: float) -> None:
+        """Count what was left out, and equal oddities together; add what the drive cannot show."""
+        self.oddities += unseen(kinematics, self.evidence, turned_rad)
+        what = "no usable numbers"
+        unusable = [Oddity(what=what, where=name, count=count) for name, count in self._unusable.items()]
+        self.oddities = merged([*self.oddities, *unusable])
 
 
 def write_drive(
@@ -75,7 +92,7 @@ def write_drive(
     origin: str,
     config: Config,
     messages: Iterable[MessageT],
-    make_feed: Callable[[ReplayLinks], Callable[[MessageT], Iterable[TruthRecord]]],
+    make_feed: Callable[[ReplayLinks], Callable[[MessageT], Iterable[TruthRecord | PoseFixSample]]],
     contents: Contents,
     *,
     wall_start_ns: int | None = None,
@@ -87,7 +104,7 @@ def write_drive(
         origin: Where the drive comes from.
         config: With the devices that the messages are fed into, and nothing that moves the rover.
         messages: In the order of their times.
-        make_feed: Returns what feeds a message into links, and gives the true poses that it holds.
+        make_feed: Returns what feeds a message into links, and gives the true poses and fixes in it.
         contents: Gets notes of the estimate and the time of the last cycle.
         wall_start_ns: When the drive was recorded, in ns since 1970; the present where it is not known.
     """
@@ -101,9 +118,15 @@ def write_drive(
         feed = make_feed(links)
         doubts = _Doubts(contents)
         for tick_ns, waiting in _by_cycle(messages, nanoseconds(1.0 / config.loop.rate_hz)):
-            truths = [record for message in waiting for record in feed(message)]
+            given = [record for message in waiting for record in feed(message)]
+            truths = [record for record in given if not isinstance(record, PoseFixSample)]
+            fixes = tuple(record for record in given if isinstance(record, PoseFixSample))
             clock.sleep_until(tick_ns)
-            samples = rig.poll()
+            if fixes:
+                wanted = OperatorInput(fixes=fixes)
+                rig.loop.operate(tick_ns, wanted)
+                log.write_json(OPERATOR, tick_ns, operator_record(wanted))
+            samples = [*rig.poll(), *fixes]
             output = rig.loop.step(tick_ns, samples)
             log.samples(tick_ns, samples)
             log.estimate(output)
@@ -113,6 +136,49 @@ def write_drive(
             log.write_json(CYCLE, tick_ns, {"late_ns": 0, "work_ns": 0})
             contents.end_ns = tick_ns
             yield
+        contents.finish(make_kinematics(config.rover), doubts.turned_rad)
+        oddities = [asdict(oddity) for oddity in contents.oddities]
+        log.write_json(IMPORT, contents.end_ns, {"oddities": oddities})
+
+
+def check_straight(kinematics: Kinematics, source: object) -> None:
+    """Check that the wheels of a rover can be given the angles of a path.
+
+    Args:
+        kinematics: Of the rover.
+        source: The file with the path.
+
+    Raises:
+        LogError: Some steer: their steering angles are not in the path.
+    """
+    if kinematics.steering_rates_rad_s:
+        raise LogError(
+            f"{source}: it gives a path in place of the wheels, but wheels of the rover steer: describe in "
+            "[rover] two wheels that do not, left and right of the place that the path is of"
+        )
+
+
+def check_steering(kinematics: Kinematics, steered: Collection[int], source: object, fix: str) -> None:
+    """Check that the steering of every wheel that steers is measured.
+
+    Args:
+        kinematics: Of the rover.
+        steered: Wheels with a measured steering angle.
+        source: The file with the drive.
+        fix: How to give the others.
+
+    Raises:
+        LogError: It is not, so that the rover would seem to drive straight on.
+    """
+    missing = [
+        str(wheel)
+        for wheel, rate_rad_s in enumerate(kinematics.steering_rates_rad_s)
+        if rate_rad_s > 0.0 and wheel not in steered
+    ]
+    if missing:
+        raise LogError(
+            f"{source}: wheel {', '.join(missing)} steers, but its steering angle is not measured: {fix}"
+        )
 
 
 class DriveLinks:
@@ -149,7 +215,7 @@ class DriveLinks:
     def put_imu(
         self,
         t_ns: int,
-        rates_rad_s: Sequence[float],
+        rates_rad_s: Sequence[float] | None,
         accelerations_m_s2: Sequence[float] | None,
         orientation_wxyz: Sequence[float] | None,
     ) -> None:
@@ -182,18 +248,29 @@ class _Doubts:
     def __init__(self, contents: Contents) -> None:
         self._contents = contents
         self._rebases = 0
+        self._yaw_rad = self._least_rad = self._greatest_rad = 0.0
         self._findings = FindingList()
         contents.findings = self._findings.found
 
     def take(self, output: StepOutput) -> None:
         """Take the output of one cycle."""
         t_s = (output.t_ns - START_NS) / NANOSECONDS_PER_SECOND
+        self._yaw_rad += wrap_angle(output.odometry.yaw_rad - self._yaw_rad)
+        self._least_rad, self._greatest_rad = (
+            min(self._least_rad, self._yaw_rad),
+            max(self._greatest_rad, self._yaw_rad),
+        )
         if output.odometry_rebases > self._rebases:
             self._rebases = output.odometry_rebases
             self._note(
                 f"odometry began anew at {t_s:.1f} s: the motion before is unknown, the estimate is wider"
             )
         self._findings.take(t_s, output.findings or ())
+
+    @property
+    def turned_rad(self) -> float:
+        """Greatest turn to one side by the wheels."""
+        return self._greatest_rad - self._least_rad
 
     def _note(self, text: str) -> None:
         notes = self._contents.notes

@@ -10,12 +10,12 @@ QUATERNION, ACCELERATION, RATE = 0x2010, 0x4020, 0x8020
 
 
 def imu_bytes(
-    rate_rad_s: Sequence[float],
+    rate_rad_s: Sequence[float] | None,
     acceleration_m_s2: Sequence[float] | None,
     orientation_wxyz: Sequence[float] | None,
 ) -> bytes:
-    """Return the bytes of a message with angular rates and, where given, acceleration and orientation."""
-    content = _item(RATE, rate_rad_s)
+    """Return the bytes of a message with what is given."""
+    content = b"" if rate_rad_s is None else _item(RATE, rate_rad_s)
     if acceleration_m_s2 is not None:
         content += _item(ACCELERATION, acceleration_m_s2)
     if orientation_wxyz is not None:

@@ -146,6 +146,7 @@ _TOPICS: dict[str, object] = {
     schema.TRUTH: schema.TruthRecord,
     schema.CYCLE: schema.CycleRecord,
     schema.END: schema.EndRecord,
+    schema.IMPORT: schema.ImportRecord,
     schema.OPERATOR: schema.OperatorRecord,
     schema.HEALTH: schema.HealthRecord,
     schema.BYTES: schema.BytesRecord,

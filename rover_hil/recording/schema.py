@@ -57,6 +57,7 @@ HEALTH = "/health"
 WATCHDOG = "/watchdog"
 CYCLE = "/cycle"
 END = "/end"
+IMPORT = "/import"
 
 
 # The errors of a million wrong items would take gigabytes.
@@ -288,6 +289,8 @@ class FixRecord(TypedDict):
     position_std_m: float
     yaw_std_rad: float
     t_capture_ns: int
+    arm_x_m: NotRequired[float]
+    arm_y_m: NotRequired[float]
 
 
 class OperatorRecord(TypedDict):
@@ -295,7 +298,7 @@ class OperatorRecord(TypedDict):
 
     `motion` is the body velocity by hand: forward and to the left in m/s, counter-clockwise in rad/s. `gains`
     has new values of keys of [mission]. `stop_reason` is why the operator's side must not let the rover move;
-    "" where it may move again. `fixes` are poses that arrived over ROS 2.
+    "" where it may move again. `fixes` are poses that arrived over ROS 2, or in a recorded drive.
     """
 
     is_paused: bool | None
@@ -315,6 +318,21 @@ class EndRecord(TypedDict):
     skipped: int
     duration_s: float
     watchdog_interventions: int
+
+
+class OddityRecord(TypedDict):
+    """What is odd in a recorded drive, where, how often, and what was done about it."""
+
+    what: str
+    where: str
+    count: int | None
+    done: str
+
+
+class ImportRecord(TypedDict):
+    """What is odd in a recorded drive, on `IMPORT`, once at the end."""
+
+    oddities: Annotated[list[OddityRecord], FailFast()]
 
 
 class PayloadRecord(TypedDict):
@@ -387,6 +405,7 @@ CYCLE_SHAPE = TypeAdapter(CycleRecord)
 HEALTH_SHAPE = TypeAdapter(Annotated[list[Health], FailFast()])
 LINK_SHAPE = TypeAdapter(LinkChange)
 END_SHAPE = TypeAdapter(EndRecord)
+IMPORT_SHAPE = TypeAdapter(ImportRecord)
 BYTES_SHAPE = TypeAdapter(BytesRecord)
 PICTURE_SHAPE = TypeAdapter(PictureRecord)
 OPERATOR_SHAPE = TypeAdapter(OperatorRecord)

@@ -92,6 +92,7 @@ class _Collector:
         self._link_events: list[LinkEvent] = []
         self._watchdog_s: list[float] = []
         self._end: schema.EndRecord | None = None
+        self._oddities: list[schema.OddityRecord] = []
 
     def take(self, message: LogMessage, log: LogReader) -> None:
         """Take one message; those of topics that the report does not show have no effect.
@@ -111,6 +112,8 @@ class _Collector:
                 self._health = log.parse(message, schema.HEALTH_SHAPE)
             case schema.WATCHDOG:
                 self._watchdog_s.append(self._seconds(message.t_ns))
+            case schema.IMPORT:
+                self._oddities = log.parse(message, schema.IMPORT_SHAPE)["oddities"]
             case schema.END:
                 self._end = log.parse(message, schema.END_SHAPE)
             case topic if topic.startswith(schema.LINK):
@@ -146,6 +149,7 @@ class _Collector:
             is_complete=log.is_complete,
             cut_off_by="" if log.is_complete else read_note(log.path),
             end=self._end,
+            oddities=self._oddities,
             duration_s=duration_s,
             cycles=self._cycles(log),
             estimate=Track.of(estimates),

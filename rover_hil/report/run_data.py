@@ -10,7 +10,7 @@ from drivers.driver import Health
 from rover_hil.config import Config
 from rover_hil.datasets.arrays import Array
 from rover_hil.recording.findings import FoundFinding
-from rover_hil.recording.schema import EndRecord
+from rover_hil.recording.schema import EndRecord, OddityRecord
 from rover_hil.report.tracks import Series, Track
 
 
@@ -166,6 +166,7 @@ class RunData:
         is_complete: False when the log was cut off.
         cut_off_by: Why the watchdog ended the run, where the log was cut off and it did; else empty.
         end: How the run ended by its own account; None when it was killed or imported.
+        oddities: What was odd in a recorded drive.
         duration_s: By the run's own account, else up to the last message.
         estimate: The filter's pose at the time of the wheel positions that it is based on.
         covariance: Its covariance, in rows xx, xy, x yaw, yy, y yaw, yaw yaw.
@@ -192,6 +193,7 @@ class RunData:
     is_complete: bool
     cut_off_by: str
     end: EndRecord | None
+    oddities: Sequence[OddityRecord]
     duration_s: float
     cycles: Cycles
     estimate: Track

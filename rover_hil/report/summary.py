@@ -14,6 +14,7 @@ from controllers.unwatched_yaw import find_unwatched_yaw
 from drivers.driver import Health
 from rover_hil.datasets.arrays import Array, rms, wrap_angles
 from rover_hil.recording.findings import FoundFinding
+from rover_hil.recording.schema import OddityRecord
 from rover_hil.report.drift_summary import CrabSummary, DriftSummary, summarise_crab, summarise_drift
 from rover_hil.report.ground_summary import GroundSummary, summarise_ground
 from rover_hil.report.run_data import Cycles, RunData, WheelData
@@ -147,6 +148,7 @@ class Summary:
         stops: Safety stops.
         suspicions: What was suspected and stopped nothing, the most frequent first.
         findings: What the rules found wrong with a drive that somebody else controlled.
+        oddities: What was odd in a recorded drive, and what was done about it.
         yaw_unwatched: That nothing would have noticed a wrong yaw, and what would; else empty.
         devices: Health facts at the end of the run.
     """
@@ -185,6 +187,7 @@ class Summary:
     stops: tuple[Stop, ...]
     suspicions: tuple[Suspicion, ...]
     findings: tuple[FoundFinding, ...]
+    oddities: tuple[OddityRecord, ...]
     yaw_unwatched: str
     devices: tuple[Health, ...]
 
@@ -235,6 +238,7 @@ def summarise(run: RunData) -> Summary:
         stops=_stops(run),
         suspicions=_suspicions(cycles),
         findings=tuple(cycles.findings),
+        oddities=tuple(run.oddities),
         yaw_unwatched=str(find_unwatched_yaw(run.config, run.config.device_roles()) or ""),
         devices=tuple(run.health),
     )

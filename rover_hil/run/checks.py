@@ -6,6 +6,8 @@ from pathlib import Path
 
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import WheelsRoverSettings
+from drivers.can_wheels.mapping_file import load_mapping
+from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.device_settings import DriveSettings
 from drivers.driver import SteeringCodec
 from drivers.errors import ConfigError
@@ -56,6 +58,28 @@ def _find_wheel_count_conflict(draft: Draft) -> Iterator[str]:
     conflict = find_wheel_count_conflict(draft.config.rover, name, wheel_count)
     if conflict:
         yield conflict
+
+
+def _find_unmeasured_conflict(draft: Draft) -> Iterator[str]:
+    name = draft.config.roles.wheels
+    device = draft.config.devices.get(name)
+    if not isinstance(device, DriveSettings):
+        return
+    rover = make_kinematics(draft.config.rover)
+    without: frozenset[int] = frozenset()
+    if isinstance(device, CanWheelsSettings):
+        try:
+            wheels = load_mapping(device.mapping).mapping.wheel
+        except ConfigError:
+            return  # reported with the data files
+        without = frozenset(place for place, wheel in enumerate(wheels) if not wheel.measured)
+    for wheel in sorted(without ^ rover.unmeasured):
+        if wheel < rover.wheel_count:
+            has, lacks = ("rover.wheels", name) if wheel in without else (f"device '{name}'", "rover.wheels")
+            yield (
+                f"wheel {wheel} has an encoder by {has}, and none by {lacks}: give measured = false in both, "
+                "or in neither"
+            )
 
 
 def _find_steering_mistakes(draft: Draft) -> Iterator[str]:
@@ -165,6 +189,7 @@ ROVER_CHECKS = (
     Rule(("devices",), _find_shared_ports),
     Rule(("devices",), _find_data_file_mistakes),
     Rule(("rover", "roles", "devices"), _find_wheel_count_conflict),
+    Rule(("rover", "roles", "devices"), _find_unmeasured_conflict),
     Rule(("rover", "roles", "devices"), _find_steering_mistakes),
     Rule(("rover", "roles", "filter"), _find_motor_field_mistakes),
     Rule(("rover", "mission"), _find_mission_conflicts),

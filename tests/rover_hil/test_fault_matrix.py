@@ -15,6 +15,7 @@ from benchmarks.safety.faults.wires import (
     Change,
     CompassSentences,
     GyroFrames,
+    PositionSentences,
     Reading,
     RobotinoReplies,
     RobotinoRequests,
@@ -127,6 +128,23 @@ def test_changed_numbers_are_what_the_next_reader_sees(
 
     wire.change(0, wire.change(0, payload, lambda _, readings: [r.value + 3 for r in readings]), look)
     assert seen == [min(value + 3, 255) if value == 255 else value + 3 for value in values]
+
+
+def test_a_position_is_moved_by_metres() -> None:
+    """A minute of latitude is 1853 m on this ball, one of longitude at 48 degrees 1240 m."""
+    sentence = encode_sentence("GNGGA,120000.00,4800.0000000,N,01130.0000000,E,4,12,0.8,500.0,M,47.0,M,,")
+    rest = encode_sentence("GNGST,120000.00,,,,,0.014,0.014,0.028")
+    wire = PositionSentences()
+    assert (
+        wire.change(0, sentence + rest, lambda _, found: [reading.value for reading in found])
+        == sentence + rest
+    )
+    moved = wire.change(0, sentence + rest, lambda _, found: [found[0].value + 1.0, found[1].value - 2.0])
+    fields = moved.split(b",")
+    assert (float(fields[2]) - 4800.0) * 1853.3 == pytest.approx(1.0, rel=1e-3)
+    assert (float(fields[4]) - 1130.0) * 1240.1 == pytest.approx(-2.0, rel=1e-3)
+    assert moved.endswith(rest)
+    assert wire.change(0, rest, lambda _, found: []) == rest
 
 
 def test_a_reversed_total_goes_on_from_the_begin_of_the_fault() -> None:

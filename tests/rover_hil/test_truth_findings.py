@@ -1,5 +1,6 @@
 """What the truth of a drive says against its wheels: planted faults in measured drives, and sound drives."""
 
+import cmath
 import json
 from pathlib import Path
 
@@ -96,6 +97,76 @@ def test_a_fault_planted_in_a_measured_drive_is_named(
     assert command("replay", "drive.mcap", "--out", "report") == 0
     assert f"finding in the whole drive: {found[0]}" in command.out
     assert found[0] in json.loads(Path("report/summary.json").read_text("utf-8"))["findings"][-1]["text"]
+
+
+TRICYCLE = """rate_hz = 20
+header_lines = 0
+time = { column = 1 }
+[[wheel]]
+step = { column = 5, unit = "ticks", ticks_per_turn = 1600 }
+steering = { column = 6, unit = "UNIT", sign = SIGN }
+[[wheel]]
+[[wheel]]
+[rover]
+kinematics = "wheels"
+wheels = [
+  { x_m = 0.15, y_m = 0.0, radius_m = 0.0325, steering = { low_deg = -90, high_deg = 90 } },
+  { x_m = 0.0, y_m = 0.1, radius_m = 0.0325, driven = false, measured = false },
+  { x_m = 0.0, y_m = -0.1, radius_m = 0.0325, driven = false, measured = false },
+]
+"""
+
+
+@pytest.mark.parametrize(
+    ("unit", "sign", "words"),
+    [
+        ("rad", "1", ""),
+        ("rad", "-1", "the steering reversed"),
+        ("deg", "1", "the steering in rad where deg is meant"),
+    ],
+)
+def test_the_steering_of_a_measured_tricycle_is_compared_with_its_truth(
+    command: Command, shared_data: Path, unit: str, sign: str, words: str
+) -> None:
+    text = TRICYCLE.replace("UNIT", unit).replace("SIGN", sign) + REST
+    found = findings_of(command, shared_data, "tricyc", 0, text)
+    assert len(found) == bool(words)
+    assert words in "".join(found)
+
+
+@pytest.mark.parametrize(
+    ("turns", "distances", "words"),
+    [
+        (1.0, 1.0, ""),
+        (57.29578, 1.0, "all turns 0.01745 times as large: deg where rad is meant"),
+        (1.0, 10.0, "cm or a clock that is wrong by 10"),
+        (1.5, 1.0, ""),
+    ],
+)
+def test_turns_or_distances_in_a_wrong_unit_are_named(
+    command: Command, turns: float, distances: float, words: str
+) -> None:
+    """It drives 0.5 m/s, half of the time straight, half of the time turning at 0.4 rad/s to either side."""
+    lines, pose = ["t,d,a,x,y,yaw"], 0j
+    yaw = 0.0
+    for number in range(800):
+        turn = 0.02 * (0.0, 1.0, 0.0, -1.0, -1.0, 1.0, 1.0, 1.0)[number // 100]
+        yaw += turn
+        pose += 0.025 * cmath.rect(1.0, yaw - 0.5 * turn)
+        numbers = (0.05 * number, 0.025 * distances, turn * turns, pose.real, pose.imag, yaw)
+        lines.append(",".join(map(repr, numbers)))
+    Path("drive.csv").write_text("\n".join(lines) + "\n", "utf-8")
+    text = 'rate_hz = 20\ntime = { column = "t" }\n[increments]\ndistance = { column = "d" }\n'
+    text += 'turn = { column = "a" }\n[truth]\nx = { column = "x" }\ny = { column = "y" }\n'
+    text += 'yaw = { column = "yaw" }\n'
+    limits = "[limits]\nwheel_speed_rad_s = 200\nwheel_acceleration_rad_s2 = 500\n"
+    Path("columns.toml").write_text(text + DIFFERENTIAL + limits, "utf-8")
+    arguments = ("drive.csv", "--columns", "columns.toml", "--out", "drive.mcap", "--json")
+    assert command("import", "table", *arguments) == 0, command.error
+    (drive,) = json.loads(command.out)
+    texts = [finding["text"] for finding in drive["findings"] if finding["name"] == "truth"]
+    assert len(texts) == bool(words)
+    assert words in "".join(texts)
 
 
 def test_a_speed_that_is_not_the_change_of_the_angle_is_told(command: Command) -> None:

@@ -19,6 +19,7 @@ from benchmarks.safety.faults.injection import (
     Painted,
     RandomValues,
     Reorder,
+    Repeated,
     Rotated,
     Scaled,
     black,
@@ -39,6 +40,7 @@ from benchmarks.safety.faults.wires import (
     Change,
     CompassSentences,
     GyroFrames,
+    PositionSentences,
     RobotinoReplies,
     RobotinoRequests,
     WheelSetPoints,
@@ -46,8 +48,10 @@ from benchmarks.safety.faults.wires import (
     Wire,
 )
 from drivers.link import CameraImage
+from drivers.nmea import encode_sentence
 
 FOR_EVER_S = 1e6
+NO_FIX = encode_sentence("GNGGA,120000.00,,,,,0,00,99.9,,M,,M,,")
 GYRO_PER_RAD_S = 32768 / (2000 * np.pi / 180)
 
 
@@ -81,6 +85,7 @@ class Case:
         frames: Makes what it does to the frames of a camera.
         is_unplug: The plug is pulled.
         pause_s: How long the process does not run.
+        after_s: From the first motion to the fault.
         by_heading: Only a heading can show it, once the gyro has turned wrongly by `HEADING_SHOWS_RAD`.
         is_excited: Whether a Robotino excites its yaw to read its slip.
         why: Of a fault that cannot be noticed: why not.
@@ -97,6 +102,7 @@ class Case:
     frames: Callable[[np.random.Generator], Disturb[CameraImage]] | None = None
     is_unplug: bool = False
     pause_s: float = 0.0
+    after_s: float = 3.0
     by_heading: bool = False
     is_excited: bool = True
     why: str = ""
@@ -149,6 +155,7 @@ WHEELS = {
 SET_POINTS: dict[str, Wire] = {"robotino": RobotinoRequests(), "el-dorado": WheelSetPoints()}
 FULL_SCALE = {"robotino": 2**31 - 1, "el-dorado": 2**19 - 1}
 GYROS = {rover: _Device(rover, "imu", GyroFrames(), ("imu", "gyro")) for rover in ("robotino", "el-dorado")}
+GNSS = _Device("differential", "gnss", PositionSentences(), ("gnss",))
 COMPASS = _Device("el-dorado", "compass", CompassSentences(), ("compass", "heading"))
 
 NO_EXCITATION = (
@@ -162,7 +169,7 @@ def all_cases() -> list[Case]:
     for rover in ("robotino", "el-dorado"):
         cases += [*_stream(WHEELS[rover]), *_wrong_wheels(rover)]
         cases += [*_stream(GYROS[rover]), *_wrong_gyros(rover), *_pauses(rover)]
-    return [*cases, *_stream(COMPASS), *_wrong_compasses(), *_cameras()]
+    return [*cases, *_stream(COMPASS), *_wrong_compasses(), *_cameras(), *_receivers()]
 
 
 def _stream(device: _Device) -> Iterator[Case]:
@@ -288,6 +295,39 @@ def _pauses(rover: str) -> Iterator[Case]:
             duration_s=pause_s,
             pause_s=pause_s,
         )
+
+
+def _receivers() -> Iterator[Case]:
+    """Yield the faults of a GNSS receiver, after the axes of its frame have been found."""
+
+    def case(fault: str, duty: Duty, **rest: object) -> Case:
+        return GNSS.case(fault, duty, after_s=15.0, **rest)
+
+    def step(size_m: float) -> Callable[[np.random.Generator], Disturb[bytes]]:
+        return lambda _: Changed(GNSS.wire, Biased(size_m, (1,)))
+
+    yield case("unplug", Duty.HONEST, is_unplug=True)
+    yield case("freeze", Duty.HONEST, to_host=lambda _: silence)
+    yield case("stall", Duty.HONEST, to_host=lambda _: stall)
+    yield case("half lost", Duty.HONEST, to_host=Chance)
+    yield case("late by 0.3 s", Duty.HONEST, to_host=lambda _: late)
+    yield case("garbage", Duty.HONEST, to_host=Garbage)
+    yield case("duplicated", Duty.HONEST, to_host=lambda _: duplicate)
+    yield case("reordered", Duty.HONEST, to_host=lambda _: Reorder())
+    yield case(
+        "stale (same place and time)", Duty.HONEST, duration_s=FOR_EVER_S, to_host=lambda _: Repeated()
+    )
+    yield case("no fix", Duty.HONEST, duration_s=FOR_EVER_S, to_host=lambda _: Repeated(NO_FIX))
+    yield case("jump of 1 m for 0.5 s", Duty.HONEST, duration_s=0.5, to_host=step(1.0))
+    yield case("jump of 20 m for 0.5 s", Duty.HONEST, duration_s=0.5, to_host=step(20.0))
+    yield case("multipath step of 1 m", Duty.NOTICE, duration_s=FOR_EVER_S, to_host=step(1.0))
+    yield case(
+        "multipath step of 0.2 m",
+        Duty.PHYSICS,
+        duration_s=FOR_EVER_S,
+        to_host=step(0.2),
+        why="wheels that have slipped so far since the last fixes, and errors of the receiver, look the same",
+    )
 
 
 def _cameras() -> Iterator[Case]:

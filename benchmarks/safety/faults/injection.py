@@ -141,6 +141,23 @@ class Reorder:
         return (arrival, Received(arrival.t_ns, first.payload))
 
 
+class Repeated:
+    """The first payload of the fault again and again, or a given one: a device that hangs.
+
+    Args:
+        payload: What it repeats; None for the first one that comes.
+    """
+
+    def __init__(self, payload: bytes | None = None) -> None:
+        self._payload = payload
+
+    def __call__(self, arrival: Received[bytes], window: Window) -> Sequence[Received[bytes]]:
+        """Return it in place of what came."""
+        if self._payload is None:
+            self._payload = arrival.payload
+        return [Received(arrival.t_ns, self._payload)]
+
+
 @dataclass(slots=True)
 class Garbage:
     """Random bytes instead of the payload, as many; of a CAN frame only the data (`keep` bytes stay)."""

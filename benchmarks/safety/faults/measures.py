@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from benchmarks.safety.faults.cases import FOR_EVER_S, Case, Duty, all_cases
 from benchmarks.safety.faults.runs import WATCHED_S, rover_config, run_case
-from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings, track_of
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds, seconds
 from drivers.errors import LogError
 from rover_hil.config import Config
@@ -328,8 +328,7 @@ def _measure_width(row: Row, case: Case, story: Story, config: Config, begin_ns:
         return
     speeds_m_s = [math.dist(a.truth[:2], b.truth[:2]) / seconds(b.t_ns - a.t_ns) for a, b in pairwise(before)]
     rover = config.rover
-    assert isinstance(rover, OmniRoverSettings | SkidSteerRoverSettings)  # the shipped rovers of the matrix
-    arm_m = rover.base_radius_m if isinstance(rover, OmniRoverSettings) else 0.5 * rover.track_m
+    arm_m = rover.base_radius_m if isinstance(rover, OmniRoverSettings) else 0.5 * track_of(rover)
     unseen_m = max(speeds_m_s) * silent_s
     unseen_deg = math.degrees(unseen_m / arm_m)
     was, now = before[-1].covariance, again.covariance

@@ -17,9 +17,8 @@ from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import build_virtual_rig
 from rover_hil.run.executive import Executive, RunResult
 from sim_backends.world.world import World
+from tests.rover_hil.test_gnss_run import config_with
 
-AFTER_S = 3.0
-"""From the first motion to the fault."""
 WATCHED_S = 5.0
 """How long the rover is watched after it may drive again."""
 MARGIN_S = 1.5
@@ -31,6 +30,8 @@ def rover_config(case: Case) -> Config:
 
     A frame costs more than all the rest, and the camera stops nothing.
     """
+    if case.device == "gnss":
+        return config_with()
     config = load_config(case.rover)
     if not case.is_excited and config.slip is not None:
         config = config.model_copy(update={"slip": config.slip.model_copy(update={"use": SURFACES})})
@@ -44,7 +45,9 @@ def rover_config(case: Case) -> Config:
 
 def run_length_s(config: Config, case: Case, watched_s: float = WATCHED_S) -> float:
     """Return how long the case runs."""
-    return config.safety.settle_s + AFTER_S + min(case.duration_s, LONGEST_FAULT_S) + watched_s + MARGIN_S
+    return (
+        config.safety.settle_s + case.after_s + min(case.duration_s, LONGEST_FAULT_S) + watched_s + MARGIN_S
+    )
 
 
 def install(case: Case, world: World, window: Window) -> None:
@@ -67,7 +70,7 @@ class FaultTimer:
     """
 
     def __init__(self, case: Case, world: World) -> None:
-        self.window = Window(AFTER_S, case.duration_s)
+        self.window = Window(case.after_s, case.duration_s)
         self._case = case
         self._world = world
         self._is_set = not case.is_unplug
@@ -76,7 +79,7 @@ class FaultTimer:
     def watch(self, now_ns: int) -> None:
         """Look at the rover; call it often."""
         self.window.watch(now_ns, self._world.plant.truth())
-        if not self._is_set and now_ns >= self.window.begin_ns - nanoseconds(AFTER_S):
+        if not self._is_set and now_ns >= self.window.begin_ns - nanoseconds(self._case.after_s):
             self._is_set = True
             name, world = self._case.device, self._world
             device = world.byte_devices[name] if name in world.byte_devices else world.image_devices[name]

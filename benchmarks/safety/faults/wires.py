@@ -4,6 +4,7 @@ Nothing here knows how the rover estimates or what stops it. Checksums and count
 changed payload is one that a faulty device, mounting or wiring would send.
 """
 
+import math
 import re
 import struct
 from collections.abc import Sequence
@@ -122,6 +123,44 @@ class GyroFrames:
         values = change(t_ns, [Reading(axis, word, is_total=False) for axis, word in enumerate(words)])
         x, y, z = (max(-32768, min(32767, round(value))) for value in values)
         return encode_frame(RATE, x, y, z)
+
+
+class PositionSentences:
+    """The position in a sentence GGA of a GNSS receiver: metres to the north and east of where it says."""
+
+    _PLACE = re.compile(rb"\$(G[A-Z]GGA,[0-9.]+),([0-9.]+),([NS]),([0-9.]+),([EW]),([^*]*)\*")
+    _DEGREE_M = 111_200.0
+
+    def change(self, t_ns: int, payload: bytes, change: Change) -> bytes:
+        """Return the sentences with a changed position; those without one pass as they are."""
+        match = self._PLACE.match(payload)
+        if match is None:
+            return payload
+        latitude, longitude = (_degrees(match[place]) for place in (2, 4))
+        per_degree = (self._DEGREE_M, self._DEGREE_M * math.cos(math.radians(latitude)))
+        readings = [
+            Reading(axis, value * size, is_total=False)
+            for axis, (value, size) in enumerate(zip((latitude, longitude), per_degree, strict=True))
+        ]
+        values = [value / size for value, size in zip(change(t_ns, readings), per_degree, strict=True)]
+        north, east = (
+            _degrees_and_minutes(value, digits) for value, digits in zip(values, (2, 3), strict=True)
+        )
+        body = (
+            f"{match[1].decode()},{north},{match[3].decode()},{east},{match[5].decode()},{match[6].decode()}"
+        )
+        return encode_sentence(body) + payload.partition(b"\n")[2]
+
+
+def _degrees(text: bytes) -> float:
+    degrees, minutes = divmod(float(text), 100.0)
+    return degrees + minutes / 60.0
+
+
+def _degrees_and_minutes(degrees: float, digits: int) -> str:
+    units = round(degrees * 60e7)
+    whole, rest = divmod(units, 600_000_000)
+    return f"{whole:0{digits}d}{rest // 10_000_000:02d}.{rest % 10_000_000:07d}"
 
 
 class CompassSentences:

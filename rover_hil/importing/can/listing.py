@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from drivers.can_frame import ERROR_FLAG, EXTENDED_FLAG, EXTENDED_ID_MASK
 from drivers.can_wheels.messages import bus_id
+from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.can_frames import LARGEST_PAYLOAD, CanFrames
 from rover_hil.datasets.can_signals import MessageFrames
 
@@ -22,6 +23,11 @@ MOTION = {
     "yaw": (r"yaw|gyro", "rad/s deg/s"),
 }
 """What the signals of a rover that moves are called, a regular expression, and their units."""
+PLAUSIBLE = {
+    "m/s2": 50.0, "m/s^2": 50.0, "m/s²": 50.0, "g": 5.0, "m/s": 150.0, "km/h": 500.0, "kph": 500.0,
+    "mph": 300.0, "rad/s": 1000.0, "rpm": 100_000.0,
+}  # fmt: skip
+"""No vehicle does more as a rule, in the unit of a signal."""
 _WANTED = re.compile(
     r"(_|\b)(rq|req|request|cmd|command|setpoint|target|des(ired)?|lim(it)?|mn|mx)(_|\b)|torque|_tq",
     re.IGNORECASE,
@@ -35,6 +41,7 @@ class ListedSignal:
 
     Attributes:
         message: Its message in the DBC file.
+        odd: Why the numbers are not those of what name and unit say; "" where they may be.
         kind: "wheel", "steering" or "yaw" where its name and unit are those of such a signal; else "".
         count: Number of frames that hold it.
         first, last, least, greatest, mean: None where no frame holds it.
@@ -44,6 +51,7 @@ class ListedSignal:
     signal: str
     unit: str
     kind: str
+    odd: str
     count: int
     first: float | None
     last: float | None
@@ -114,13 +122,25 @@ def kind_of(message: Message, signal: Signal) -> str:
     return ""
 
 
+def oddity_of(signal: Signal, values: Array) -> str:
+    """Return why numbers are not those of a quantity of a vehicle with the unit of a signal; "" else."""
+    limit = PLAUSIBLE.get((signal.unit or "").strip().lower())
+    if limit is None or not len(values) or _WANTED.search(signal.name):
+        return ""
+    middle = float(np.median(values))
+    if abs(middle) <= limit:
+        return ""
+    what = f"a median of {middle:.6g} {signal.unit} is none of a vehicle"
+    return f"{what}: name, offset or factor in the DBC file are wrong"
+
+
 def _listed(
     frames: CanFrames, identifier: int, places: NDArray[np.intp], messages: Sequence[Message]
 ) -> ListedIdentifier:
     gaps_s = np.diff(frames.t_s[places])
     typical_s = float(np.median(gaps_s)) if len(gaps_s) else 0.0
     return ListedIdentifier(
-        identifier=_text_of(identifier),
+        identifier=identifier_text(identifier),
         frames=len(places),
         rate_hz=1.0 / typical_s if typical_s > 0.0 else None,
         longest_gap_s=float(gaps_s.max()) if len(gaps_s) else None,
@@ -129,7 +149,8 @@ def _listed(
     )
 
 
-def _text_of(identifier: int) -> str:
+def identifier_text(identifier: int) -> str:
+    """Return an identifier as a listing shows it."""
     if identifier & ERROR_FLAG:
         return "error"
     return f"{identifier & EXTENDED_ID_MASK:0{8 if identifier & EXTENDED_FLAG else 3}X}"
@@ -154,6 +175,7 @@ def _signals(frames: CanFrames, places: NDArray[np.intp], message: Message) -> I
             signal=signal.name,
             unit=signal.unit or "",
             kind=kind_of(message, signal),
+            odd=oddity_of(signal, held),
             count=len(held),
             first=first,
             last=last,

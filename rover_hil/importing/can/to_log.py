@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from controllers.motion.kinematics import make_kinematics
 from drivers.can_frame import ERROR_FLAG
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.device_settings import CanDeviceSettings, DriveSettings
@@ -16,14 +17,17 @@ from drivers.link import Received
 from drivers.samples import RateSample, Sample, WheelSample
 from rover_hil.config import Config
 from rover_hil.datasets.can_frames import CanFrames, timed_payloads
-from rover_hil.importing.can.listing import absence_of
-from rover_hil.importing.drive import LONGEST_GAP_NS, START_NS, Contents, write_drive
+from rover_hil.importing.can.listing import absence_of, identifier_text
+from rover_hil.importing.drive import LONGEST_GAP_NS, START_NS, Contents, check_steering, write_drive
+from rover_hil.importing.oddities import LEFT_OUT, NO_FAULT, REPAIRED, Evidence, Oddity
 from rover_hil.importing.to_log import observing_config
 from rover_hil.recording.schema import TruthRecord
 from rover_hil.run.composition import ReplayLinks, find_wheel_count_conflict
 
 NOT_FOR_US = frozenset({"other_traffic", "other_node", "not_a_frame"})
 """Rejections of frames of other devices."""
+REGULAR = 1.5
+"""Two frames are further apart than this many usual periods where some are missing."""
 FRAMES_ASKED = 20
 """So many frames of an identifier show whether a device uses it."""
 
@@ -47,6 +51,7 @@ class _Found:
 
     identifiers: list[int] = field(default_factory=list)
     moving: set[int] = field(default_factory=set)
+    steered: set[int] = field(default_factory=set)
     kinds: set[str] = field(default_factory=set)
 
 
@@ -83,6 +88,7 @@ def write_can_as_log(frames: CanFrames, config: Config, out: Path) -> Iterator[C
     _check_motion(frames, config, found)
     places = np.flatnonzero(np.isin(frames.identifiers, np.array(found.identifiers, np.uint32)))
     _note_rest(frames, places, found, contents)
+    contents.evidence = Evidence(sections=frozenset({"imu"} if config.roles.gyro else ()))
     start_s = float(frames.t_s[places[0]])
     records = (CanRecord(t_ns, payload) for t_ns, payload in timed_payloads(frames, places, start_s))
 
@@ -140,6 +146,7 @@ def _note_kind(sample: Sample, found: _Found) -> None:
             found.moving.add(sample.wheel)
             found.kinds.add("wheel")
         if sample.steering_rad is not None:
+            found.steered.add(sample.wheel)
             found.kinds.add("steering")
 
 
@@ -154,12 +161,35 @@ def _check_motion(frames: CanFrames, config: Config, found: _Found) -> None:
             f"{frames.path}: {absence_of(found.kinds)} under the messages of '{config.roles.wheels}': there "
             "is no drive to import; `rover-hil import can LOG --list` shows what is in the log"
         )
-    missing = [str(wheel) for wheel in range(count) if wheel not in found.moving]
+    kinematics = make_kinematics(config.rover)
+    measured = set(range(count)) - kinematics.unmeasured
+    missing = [str(wheel) for wheel in sorted(measured - found.moving)]
     if missing:
         raise LogError(
             f"{frames.path}: no message of wheel {', '.join(missing)} is in it, so the motion is unknown: "
             "correct the mapping; `rover-hil import can LOG --list` shows what is in the log"
         )
+    check_steering(kinematics, found.steered, frames.path, "add steering to the mapping")
+
+
+def _note_frames(frames: CanFrames, found: _Found, contents: Contents) -> None:
+    """Note frames that are missing in the course of an identifier, and such that lost their last bytes."""
+    for identifier, places in frames.by_identifier().items():
+        if identifier not in found.identifiers or identifier & ERROR_FLAG or len(places) < FRAMES_ASKED:
+            continue
+        where = identifier_text(identifier)
+        lengths = frames.lengths[places]
+        short = int((lengths < np.bincount(lengths).argmax()).sum())
+        if short:
+            what = "frames shorter than the others of their identifier"
+            contents.oddities.append(Oddity(what=what, where=where, count=short, done=NO_FAULT))
+        gaps_s = np.diff(frames.t_s[places])
+        usual_s = float(np.median(gaps_s))
+        if usual_s > 0.0 and np.quantile(gaps_s, 0.9) < REGULAR * usual_s:
+            missing = int(np.round(gaps_s[gaps_s > REGULAR * usual_s] / usual_s - 1.0).sum())
+            if missing:
+                what = "frames missing between others"
+                contents.oddities.append(Oddity(what=what, where=where, count=missing, done=NO_FAULT))
 
 
 def _note_rest(frames: CanFrames, places: NDArray[np.intp], found: _Found, contents: Contents) -> None:
@@ -168,13 +198,14 @@ def _note_rest(frames: CanFrames, places: NDArray[np.intp], found: _Found, conte
     if others:
         count = len(np.unique(frames.identifiers)) - len(found.identifiers)
         contents.notes.append(f"{others} frames of {count} other identifiers stay out of the log")
-    for text, number in (
-        ("frames are no classic CAN frames", frames.left_out),
-        ("lines hold no frame", frames.unread),
-        ("frames stood behind later ones and were put in order", frames.swapped),
+    for what, number, done in (
+        ("frames that are no classic CAN frames", frames.left_out, LEFT_OUT),
+        ("lines without a frame", frames.unread, LEFT_OUT),
+        ("frames behind later ones, put in order", frames.swapped, REPAIRED),
     ):
         if number:
-            contents.notes.append(f"{number} {text}")
+            contents.oddities.append(Oddity(what=what, count=number, done=done))
+    _note_frames(frames, found, contents)
     gaps_s = np.diff(frames.t_s[places])
     holes_s = gaps_s[gaps_s * NANOSECONDS_PER_SECOND > LONGEST_GAP_NS]
     if len(holes_s):

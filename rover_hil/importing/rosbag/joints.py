@@ -100,7 +100,8 @@ class JointSurvey:
         self._end_ns = end_ns
         self._topic = topic
         self._limit_rad_s = limit_rad_s
-        self._columns = {name: _Column() for name in topic.joints}
+        self._columns = {name: _Column() for name in topic.joints if name}
+        self._steering = dict.fromkeys(filter(None, topic.steering), 0)
         self.notes: list[str] = []
         count, names = 0, dict[str, None]()
         for message in messages:
@@ -109,14 +110,17 @@ class JointSurvey:
             for name, column in self._columns.items():
                 if name in message.content.name:
                     column.take(message.t_ns, *values_of(message.content, name))
+            for name in self._steering:
+                self._steering[name] += math.isfinite(values_of(message.content, name)[0])
         self._check_names(count, names)
         self._check_values()
-        self.joints = tuple(self._joint(name) for name in topic.joints)
+        self.joints = tuple(self._joint(name) if name else Joint(has_angle=False) for name in topic.joints)
 
     def _check_names(self, count: int, names: dict[str, None]) -> None:
         if not count:
             raise LogError(f"topic {self._topic.topic} holds no message: name another topic")
-        missing = ", ".join(name for name in self._topic.joints if name not in names)
+        wanted = (*self._columns, *self._steering)
+        missing = ", ".join(name for name in wanted if name not in names)
         if missing:
             known = ", ".join(list(names)[:20]) or "none"
             raise LogError(
@@ -125,6 +129,12 @@ class JointSurvey:
             )
 
     def _check_values(self) -> None:
+        unsteered = [name for name, count in self._steering.items() if not count]
+        if unsteered:
+            raise LogError(
+                f"topic {self._topic.topic} holds no angles of {', '.join(unsteered)} in any message: "
+                "correct wheels.steering"
+            )
         empty = {name: column for name, column in self._columns.items() if not (column.t_ns or column.speeds)}
         if empty:
             only = ", only efforts" if any(column.efforts for column in empty.values()) else ""

@@ -8,10 +8,12 @@ from pydantic import Field, model_validator
 
 from drivers.settings import Settings, read_toml
 from rover_hil.config import validated
+from rover_hil.importing.fixes import FixNoise, MarkerPlace
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 ODOMETRY = "nav_msgs/msg/Odometry"
 IMU = "sensor_msgs/msg/Imu"
+NAV_SAT_FIX = "sensor_msgs/msg/NavSatFix"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 ARRAYS = ("std_msgs/msg/Float64MultiArray", "std_msgs/msg/Float32MultiArray")
 POSES = (
@@ -34,13 +36,16 @@ class WheelTopic(Topic):
     """Angles and speeds of the wheels, sensor_msgs/JointState.
 
     Attributes:
-        joints: Names of the joints, in the order of the rover's wheels.
+        joints: Names of the joints, in the order of the rover's wheels; "" for a wheel without an encoder.
+        steering: Names of the joints whose angles are the steering of the wheels, in the same order; "" for a
+            wheel that does not steer.
         signs: -1 for a joint that counts backwards when the rover drives forwards, else 1.
         effort_is_current: The effort is a motor current in A. ROS says N or N m, many drivers send A.
         wrap_rad: The angles wrap after this much. One to four turns are found without it.
     """
 
     joints: Annotated[tuple[str, ...], Field(min_length=1, max_length=MOST_WHEELS)]
+    steering: Annotated[tuple[str, ...], Field(max_length=MOST_WHEELS)] = ()
     signs: tuple[Literal[1, -1], ...] = ()
     effort_is_current: bool = False
     wrap_rad: Annotated[float, Field(gt=0)] | None = None
@@ -49,6 +54,11 @@ class WheelTopic(Topic):
     def _check_signs(self) -> Self:
         if self.signs and len(self.signs) != len(self.joints):
             raise ValueError(f"{len(self.signs)} signs for {len(self.joints)} joints: give one for each")
+        if self.steering and len(self.steering) != len(self.joints):
+            raise ValueError(
+                f"{len(self.steering)} names in steering for {len(self.joints)} joints: give one for each, "
+                '"" for a wheel that does not steer'
+            )
         return self
 
 
@@ -64,6 +74,16 @@ class ImuTopic(Topic):
     heading_reference: Literal["magnetic", "true"] = "magnetic"
 
 
+class FixTopic(Topic, FixNoise):
+    """Poses or positions that correct the estimate; their covariance is used where they have one.
+
+    Attributes:
+        marker: What is measured; default: the origin of the rover.
+    """
+
+    marker: MarkerPlace = MarkerPlace()
+
+
 class Topics(Settings):
     """What of a bag becomes a log.
 
@@ -74,6 +94,7 @@ class Topics(Settings):
         imu: Angular rates.
         currents: Motor currents in A, in the order of the rover's wheels, std_msgs/Float64MultiArray or
             Float32MultiArray.
+        fixes: Poses or positions that correct the estimate: sensor_msgs/NavSatFix, or as for the truth.
         truth: True pose, nav_msgs/Odometry, geometry_msgs/PoseStamped, PoseWithCovarianceStamped or
             TransformStamped.
         camera: Pictures, sensor_msgs/CompressedImage, JPEG or PNG.
@@ -84,6 +105,7 @@ class Topics(Settings):
     odometry: Topic | None = None
     imu: ImuTopic | None = None
     currents: Topic | None = None
+    fixes: FixTopic | None = None
     truth: Topic | None = None
     camera: Topic | None = None
 
@@ -108,6 +130,7 @@ class Topics(Settings):
             ("odometry", self.odometry, (ODOMETRY,)),
             ("imu", self.imu, (IMU,)),
             ("currents", self.currents, ARRAYS),
+            ("fixes", self.fixes, (NAV_SAT_FIX, *POSES)),
             ("truth", self.truth, POSES),
             ("camera", self.camera, (COMPRESSED_IMAGE,)),
         ):

@@ -10,6 +10,7 @@ from controllers.motion.rover_geometry import RoverSettings
 from controllers.motion.settings import LimitSettings
 from drivers.settings import PathText, Settings, read_toml
 from rover_hil.config import Config, load_config, validated
+from rover_hil.importing.fixes import FixNoise, MarkerPlace
 
 TURN_RAD = 2.0 * math.pi
 ColumnName = Annotated[str, Field(min_length=1, max_length=255)] | Annotated[int, Field(ge=1, le=10_000)]
@@ -116,7 +117,7 @@ class AccelerationColumn(Column):
 
 
 class WheelColumns(Settings):
-    """One wheel.
+    """One wheel. It has a position, a step or a speed, unless [rover] says measured = false.
 
     Attributes:
         position: How far it has turned since the start.
@@ -136,8 +137,6 @@ class WheelColumns(Settings):
     def _check_motion(self) -> Self:
         if self.position is not None and self.step is not None:
             raise ValueError("give position or step, not both")
-        if self.position is None and self.step is None and self.speed is None:
-            raise ValueError("the wheel has neither position nor step nor speed: add one")
         if self.step is not None and self.step.wrap is not None:
             raise ValueError("a step does not wrap: remove wrap")
         return self
@@ -188,10 +187,15 @@ class ImuColumns(Settings):
 
     Attributes:
         yaw_rate: Counter-clockwise.
+        heading: Yaw against the earth, counter-clockwise from east; of a compass, which counts clockwise from
+            north, with sign = -1 and zero = 90 deg.
+        heading_reference: What it is measured against.
         acceleration_x, acceleration_y, acceleration_z: All three, or none.
     """
 
-    yaw_rate: RateColumn
+    yaw_rate: RateColumn | None = None
+    heading: AngleColumn | None = None
+    heading_reference: Literal["magnetic", "true"] = "magnetic"
     acceleration_x: AccelerationColumn | None = None
     acceleration_y: AccelerationColumn | None = None
     acceleration_z: AccelerationColumn | None = None
@@ -201,38 +205,29 @@ class ImuColumns(Settings):
         given = [self.acceleration_x, self.acceleration_y, self.acceleration_z]
         if any(given) != all(given):
             raise ValueError("give all three accelerations, or none")
+        if self.yaw_rate is None and self.heading is None:
+            raise ValueError("it has neither yaw_rate nor heading: add one")
         return self
 
 
 class DegreesColumn(Column):
-    """A latitude or longitude on the ellipsoid WGS 84, in degrees; north and east positive."""
+    """A latitude or longitude on the ellipsoid WGS 84; north and east positive."""
+
+    unit: Literal["deg", "1e-7 deg"] = "deg"
 
 
-class MarkerPlace(Settings):
-    """Where on the rover the truth is measured: the place of its marker or antenna.
-
-    Attributes:
-        x_m: Ahead of the origin of the rover.
-        y_m: To the left of it.
-        yaw_deg: Direction of the marker's x axis, counter-clockwise from ahead.
-    """
-
-    x_m: float = 0.0
-    y_m: float = 0.0
-    yaw_deg: float = 0.0
-
-
-class TruthColumns(Settings):
-    """The true pose, in any fixed frame.
+class PlaceColumns(Settings):
+    """Places or poses in any fixed frame.
 
     Attributes:
-        marker: What the pose is of; default: the origin of the rover.
+        marker: What they are of; default: the origin of the rover.
         file: Another table, beside the one of the drive and with the same clock; default: the one of the
             drive.
         time: In that table; default: as for the drive.
         x, y: The place; or
         latitude, longitude: the place of a satellite receiver, from which x counts to the east and y to the
             north of its first row.
+        yaw: Counter-clockwise from x.
     """
 
     marker: MarkerPlace = MarkerPlace()
@@ -242,7 +237,7 @@ class TruthColumns(Settings):
     y: LengthColumn | None = None
     latitude: DegreesColumn | None = None
     longitude: DegreesColumn | None = None
-    yaw: AngleColumn
+    yaw: AngleColumn | None = None
 
     @model_validator(mode="after")
     def _check_place(self) -> Self:
@@ -251,6 +246,22 @@ class TruthColumns(Settings):
         if len(given) != 1 or not all(given[0]):
             raise ValueError("give x and y, or latitude and longitude")
         return self
+
+
+class TruthColumns(PlaceColumns):
+    """The true pose."""
+
+    yaw: AngleColumn
+
+
+class FixColumns(PlaceColumns, FixNoise):
+    """Poses or places that correct the estimate, as those of a satellite receiver.
+
+    Attributes:
+        sigma: Standard deviation of x and of y, in place of `sigma_m`.
+    """
+
+    sigma: LengthColumn | None = None
 
 
 class Columns(Settings):
@@ -268,6 +279,7 @@ class Columns(Settings):
         increments: In place of the wheels.
         tricycle: In place of the wheels.
         imu: Inertial sensor.
+        fixes: Poses or places that correct the estimate.
         truth: True pose.
     """
 
@@ -281,6 +293,7 @@ class Columns(Settings):
     increments: IncrementColumns | None = None
     tricycle: SteeredWheelColumns | None = None
     imu: ImuColumns | None = None
+    fixes: FixColumns | None = None
     truth: TruthColumns | None = None
 
     @model_validator(mode="after")

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,14 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.estimation.settings import FilterSettings
+from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import RoverSettings, WheelsRoverSettings
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.errors import LogError
 from drivers.settings import Settings
 from rover_hil.config import Config
 from rover_hil.datasets.array_table import Table, read_table
-from rover_hil.datasets.arrays import Array
-from rover_hil.importing.rosbag.joints import Steps
+from rover_hil.datasets.arrays import Array, Flags
+from rover_hil.datasets.csv_table import CsvTable
+from rover_hil.datasets.flight_table import FlightTable
+from rover_hil.importing.drive import check_steering, check_straight
+from rover_hil.importing.fixes import invented_poses
+from rover_hil.importing.oddities import NO_FAULT, REPAIRED, TOLD, Oddity
+from rover_hil.importing.rosbag.joints import REGULAR, Steps
 from rover_hil.importing.table.columns import (
     LENGTHS,
     SI_PER_UNIT,
@@ -25,7 +31,9 @@ from rover_hil.importing.table.columns import (
     AngleColumn,
     Column,
     Columns,
+    FixColumns,
     IncrementColumns,
+    PlaceColumns,
     SpeedColumn,
     SteeredWheelColumns,
     TimeColumn,
@@ -44,6 +52,9 @@ REST_SHARE = 0.005
 """Speeds below this share of the fast ones are jitter of the encoders."""
 LEAST_REST_S = 0.5
 """Shorter stands of a drive by increments are no rests: the rover may still swing."""
+LEAST_WRAP = 256
+"""Fewer ticks are no counter."""
+DEGREES = {"deg": 1.0, "1e-7 deg": 1e-7}
 MOST_JUMPS = 0.02
 """Share of the rows in which a wheel may turn faster than the limits say: chosen by hand, as for a bag."""
 
@@ -53,7 +64,7 @@ class Row(NamedTuple):
 
     Attributes:
         t_ns: Since the first row.
-        section: `wheels`, `increments`, `imu` or `truth`.
+        section: `wheels`, `increments`, `imu`, `fixes` or `truth`.
         values: By quantity; one number for each wheel, else one for each axis.
     """
 
@@ -71,12 +82,14 @@ class Drive:
         quantities: Which the wheels have.
         filter: Noise of the sensors, where the drive itself shows it; else None.
         notes: What a user must know of it, one sentence each.
+        oddities: What is odd in it, and what was done about it.
     """
 
     rows: list[Row] = field(default_factory=list)
     quantities: tuple[str, ...] = ("Position",)
     filter: FilterSettings | None = None
     notes: list[str] = field(default_factory=list)
+    oddities: list[Oddity] = field(default_factory=list)
 
 
 def read_drive_table(path: Path, columns: Columns, rover: Config) -> Drive:
@@ -99,6 +112,12 @@ class _Reader:
         self._rover = rover
         self._table = self._open(path)
         self._drive = Drive()
+        self._others: dict[str, Table] = {}
+        if isinstance(self._table, CsvTable):
+            self._table = self._without_cut_row(self._table)
+        if isinstance(self._table, FlightTable):
+            found = self._table.oddities.items()
+            self._drive.oddities += [Oddity(what=what, count=count, done=TOLD) for what, count in found]
         times = self._times_s(self._table, columns.time)
         self._start_s = float(times[0])
         self._used = self._not_repeated(times)
@@ -117,18 +136,65 @@ class _Reader:
             self._take_tricycle(columns.tricycle)
         if columns.imu is not None:
             self._take_imu()
+        if columns.fixes is not None:
+            self._take_fixes(columns.fixes)
         if columns.truth is not None:
             self._take_truth(columns.truth)
-        if len(self._elapsed_s) and self._elapsed_s.max() > LONGEST_GAP_S:
-            drive.notes.append(
-                f"no row for up to {self._elapsed_s.max():.1f} s: the path meanwhile is not measured"
-            )
+        self._note_rows()
         drive.rows.sort(key=lambda row: row.t_ns)  # stable, so that rows of one time keep their order
         return drive
 
     def _open(self, path: Path) -> Table:
         columns = self._columns
-        return read_table(path, delimiter=columns.delimiter, header_lines=columns.header_lines)
+        named = {column.column for column in _named_columns(columns)}
+        wanted = (
+            {name for name in named if isinstance(name, str)}
+            if not any(isinstance(name, int) for name in named)
+            else None
+        )
+        return read_table(path, delimiter=columns.delimiter, header_lines=columns.header_lines, wanted=wanted)
+
+    def _without_cut_row(self, table: CsvTable) -> CsvTable:
+        """Return a table without a last row that has fewer cells than all others: the file was cut in it.
+
+        Raises:
+            LogError: A row has more cells than there are names.
+        """
+        for row, cells in enumerate(table.rows):
+            if len(cells) > len(table.names):
+                raise LogError(
+                    f"{table.where(row)} has {len(cells)} cells, more than the {len(table.names)} names: "
+                    "correct the row, or give the delimiter in the file of columns"
+                )
+        widths = set(map(len, table.rows[:-1]))
+        if len(widths) != 1 or len(table.rows[-1]) >= min(widths):
+            return table
+        self._drive.oddities.append(Oddity(what="a last row that is cut", where=table.where(-1), count=1))
+        return replace(table, rows=table.rows[:-1], lines=table.lines[:-1])
+
+    def _note_rows(self) -> None:
+        """Note where rows or cells are missing."""
+        drive, elapsed_s = self._drive, self._elapsed_s
+        if len(elapsed_s) and elapsed_s.max() > LONGEST_GAP_S:
+            drive.notes.append(
+                f"no row for up to {elapsed_s.max():.1f} s: the path meanwhile is not measured"
+            )
+        if isinstance(self._table, FlightTable):
+            return
+        positive_s = elapsed_s[elapsed_s > 0.0]
+        usual_s = float(np.median(positive_s)) if len(positive_s) else 0.0
+        # Where the rows come regularly, a gap of nearly whole periods is rows that are missing.
+        if len(positive_s) and np.quantile(positive_s, 0.9) < REGULAR * usual_s:
+            missing = int(np.round(positive_s[positive_s > REGULAR * usual_s] / usual_s - 1.0).sum())
+            if missing:
+                drive.oddities.append(
+                    Oddity(what="rows missing between others", count=missing, done=NO_FAULT)
+                )
+        for column in _all_columns(self._columns):
+            name = self._name(self._table, column)
+            empty = int(np.isnan(self._table.numbers(name, fix=FIX)).sum())
+            if empty:
+                drive.oddities.append(Oddity(what="empty cells", where=name, count=empty, done=NO_FAULT))
 
     def _name(self, table: Table, column: Column) -> str:
         """Return the name of a column given by name or number.
@@ -187,7 +253,7 @@ class _Reader:
         numbers = np.column_stack([table.numbers(name, fix=FIX) for name in names])
         same = (np.diff(times_s) == 0.0) & np.all(np.diff(numbers, axis=0) == 0.0, axis=1)
         if same.any():
-            self._drive.notes.append(f"{int(same.sum())} rows that repeat the one before are left out")
+            self._drive.oddities.append(Oddity(what="rows that repeat the one before", count=int(same.sum())))
         return np.concatenate(([True], ~same))
 
     def _steps(self, column: Column, unit: float) -> Array:
@@ -201,12 +267,21 @@ class _Reader:
                 f"the file of columns has {len(wheels)} [[wheel]], but the rover {len(radii_m)} wheels: give "
                 "one for each, in the rover's order"
             )
+        kinematics = make_kinematics(self._rover.rover)
+        for place, wheel in enumerate(wheels):
+            is_given = not (wheel.position is None and wheel.step is None and wheel.speed is None)
+            if is_given == (place in kinematics.unmeasured):
+                has = "is not measured by [rover], but has a column: correct one of them"
+                lacks = "has neither position nor step nor speed: add one, or measured = false in [rover]"
+                raise LogError(f"{self._table.path}: wheel {place} {has if is_given else lacks}")
+        steered = [place for place, wheel in enumerate(wheels) if wheel.steering is not None]
+        check_steering(kinematics, steered, self._table.path, "add steering to its [[wheel]]")
         none = np.full(len(self._t_ns), math.nan)
         quantities: dict[str, list[Array]] = {}
-        for place, (wheel, radius_m) in enumerate(zip(wheels, radii_m, strict=True), start=1):
+        for place, (wheel, radius_m) in enumerate(zip(wheels, radii_m, strict=True)):
             found = {
                 "Position": self._angles_rad(place, wheel, radius_m),
-                "Speed": None if wheel.speed is None else self._speeds_rad_s(wheel.speed, radius_m),
+                "Speed": None if wheel.speed is None else self._speeds_rad_s(place, wheel.speed, radius_m),
                 "Current": None
                 if wheel.current is None
                 else self._numbers(wheel.current) * SI_PER_UNIT[wheel.current.unit],
@@ -216,13 +291,16 @@ class _Reader:
                 quantities.setdefault(quantity, []).append(none if values is None else values)
         given = {name: rows for name, rows in quantities.items() if not all(row is none for row in rows)}
         self._drive.quantities = tuple(dict.fromkeys(("Position", *given)))
-        tables = {name: np.column_stack(rows).tolist() for name, rows in given.items()}
-        self._add("wheels", tables)
+        stacks = {name: np.column_stack(rows) for name, rows in given.items()}
+        held = np.any([np.isfinite(stack).any(axis=1) for stack in stacks.values()], axis=0)
+        self._add("wheels", {name: stack.tolist() for name, stack in stacks.items()}, held)
 
     def _angles_rad(self, place: int, wheel: WheelColumns, radius_m: float) -> Array | None:
         """Return how far a wheel has turned in every row, NaN where that is not known."""
         column = wheel.step or wheel.position
         if column is None:
+            if wheel.speed is None:
+                return None
             self._drive.notes.append(f"wheel {place}: no angles, its speeds are integrated")
             return None
         unit = _turn_unit(column, radius_m)
@@ -236,25 +314,51 @@ class _Reader:
     def _unwrapped(self, place: int, column: TurnColumn, unit: float) -> Array:
         values = self._numbers(column)
         known = np.flatnonzero(np.isfinite(values))
-        if len(known) < len(values):
-            missing = len(values) - len(known)
-            self._drive.notes.append(f"wheel {place}: {missing} of {len(values)} rows hold no angle")
-        if len(known) < 2 or column.wrap is None:
+        if len(known) < 2:
             return values * unit
         steps = np.diff(values[known])
+        wrap = column.wrap or self._certain_wrap(place, column, values[known])
+        if wrap is None:
+            return values * unit
         limit = self._rover.limits.wheel_speed_rad_s / abs(unit)
         elapsed_s = np.diff(np.asarray(self._t_ns)[known]) / NANOSECONDS_PER_SECOND
-        if not Steps(elapsed_s, steps, float(np.ptp(values[known])), limit).are_counted(column.wrap):
+        if not Steps(elapsed_s, steps, float(np.ptp(values[known])), limit).are_counted(wrap):
             name = self._name(self._table, column)
             raise LogError(
-                f"{self._table.path}, column '{name}': it wraps after {column.wrap:g}, and the wheel may "
+                f"{self._table.path}, column '{name}': it wraps after {wrap:g}, and the wheel may "
                 "turn by more than half of that between two rows at limits.wheel_speed_rad_s = "
                 f"{self._rover.limits.wheel_speed_rad_s:g}: lower that limit if the wheels are slower, or "
                 "record faster"
             )
-        steps = steps - column.wrap * np.round(steps / column.wrap)
+        steps = steps - wrap * np.round(steps / wrap)
         values[known] = values[known[0]] + np.concatenate(([0.0], np.cumsum(steps)))
         return values * unit
+
+    def _certain_wrap(self, place: int, column: TurnColumn, values: Array) -> float | None:
+        """Return the range of a counter that starts again, where it is certain; None else.
+
+        Whole numbers jump by one power of two, at least twice, always to the other end, and the wheel goes on
+        in between.
+        """
+        steps = np.diff(values)
+        extent = float(np.ptp(values))
+        if column.unit != "ticks" or extent < LEAST_WRAP / 2 or (values != np.round(values)).any():
+            return None
+        wrap = 2.0 ** math.ceil(math.log2(extent + 1.0))
+        far = np.abs(steps) > 0.5 * wrap
+        turned = np.abs(steps - wrap * np.round(steps / wrap))
+        usual = float(np.quantile(turned[~far], 0.99)) if (~far).any() else math.inf
+        if far.sum() < 2 or (turned[far] > REGULAR * usual + 1.0).any() or usual > 0.1 * wrap:
+            return None
+        self._drive.oddities.append(
+            Oddity(
+                what=f"the counter starts again after {wrap:.0f}",
+                where=f"wheel {place}",
+                count=int(far.sum()),
+                done=REPAIRED,
+            )
+        )
+        return wrap
 
     def _check_jumps(self, place: int, turned_rad: Array, name: str) -> None:
         """Check that a wheel is not faster than it can be, which a wrong unit or an unknown wrap makes it.
@@ -278,14 +382,29 @@ class _Reader:
                 f"{limit_rad_s:g} there and in {int(fast.sum())} rows in all: correct the unit, "
                 "ticks_per_turn or gear_ratio, give the wrap, or raise that limit"
             )
-        self._drive.notes.append(
-            f"wheel {place}: the angle jumps {int(fast.sum())} times, first in {where}: the motion there is "
-            "unknown"
+        what = f"the angle jumps by more than the wheel can turn, first in {where}"
+        self._drive.oddities.append(
+            Oddity(what=what, where=f"wheel {place}", count=int(fast.sum()), done=NO_FAULT)
         )
 
-    def _speeds_rad_s(self, column: SpeedColumn, radius_m: float) -> Array:
+    def _speeds_rad_s(self, place: int, column: SpeedColumn, radius_m: float) -> Array:
+        """Return the speed of a wheel.
+
+        Raises:
+            LogError: It is often faster than it can be.
+        """
         unit = SI_PER_UNIT[column.unit] / (radius_m if column.unit in LENGTHS else column.gear_ratio)
-        return self._numbers(column) * unit
+        speeds = self._numbers(column) * unit
+        limit_rad_s = self._rover.limits.wheel_speed_rad_s
+        fast = np.flatnonzero(np.abs(speeds) > limit_rad_s)
+        if fast.size > max(3.0, MOST_JUMPS * np.isfinite(speeds).sum()):
+            where = self._table.where(int(np.flatnonzero(self._used)[fast[0]]))
+            raise LogError(
+                f"{where}, column '{self._name(self._table, column)}': wheel {place} turns faster than "
+                f"limits.wheel_speed_rad_s = {limit_rad_s:g} there and in {fast.size} rows in all: correct "
+                "the unit or gear_ratio, or raise that limit"
+            )
+        return speeds
 
     def _angle_rad(self, column: AngleColumn) -> Array:
         return (self._numbers(column) - column.sign * column.zero) * _angle_unit(column)
@@ -296,7 +415,7 @@ class _Reader:
         turn_rad = self._steps(turn, _angle_unit(turn))
         if increments.turn_by_gyro:
             forward_m, turn_rad = self._with_gyro(forward_m, turn_rad)
-        self._take_moves(forward_m, np.zeros_like(forward_m), turn_rad)
+        self._take_moves(forward_m, np.zeros_like(forward_m), turn_rad, distance)
 
     def _with_gyro(self, forward_m: Array, turn_rad: Array) -> tuple[Array, Array]:
         """Take the turns as readings of a gyro where rests show that it has a bias.
@@ -367,12 +486,18 @@ class _Reader:
         middle_rad = steering_rad - 0.5 * np.diff(steering_rad, prepend=steering_rad[0])
         forward_m = rolled_m * np.cos(middle_rad)
         turn_rad = rolled_m * np.sin(middle_rad) / tricycle.wheelbase_m
-        self._take_moves(forward_m, np.zeros_like(forward_m), turn_rad)
+        self._take_moves(forward_m, np.zeros_like(forward_m), turn_rad, tricycle.step)
 
-    def _take_moves(self, x_m: Array, y_m: Array, turn_rad: Array) -> None:
+    def _take_moves(self, x_m: Array, y_m: Array, turn_rad: Array, source: Column) -> None:
+        kinematics = make_kinematics(self._rover.rover)
+        check_straight(kinematics, self._table.path)
         # What the first row holds was driven before the drive begins.
         for values in (x_m, y_m, turn_rad):
             values[0] = 0.0
+        moves = zip(x_m.tolist(), y_m.tolist(), turn_rad.tolist(), strict=True)
+        turned_rad = np.cumsum([kinematics.wheel_speeds(*move) for move in moves], axis=0)
+        for place, angles_rad in enumerate(turned_rad.T):
+            self._check_jumps(place, angles_rad, self._name(self._table, source))
         self._drive.notes.append(
             "the wheels get the angles that give this path: identify neither slip nor motors with them"
         )
@@ -382,14 +507,22 @@ class _Reader:
         imu = self._columns.imu
         if imu is None:
             return
-        rates = self._numbers(imu.yaw_rate) * SI_PER_UNIT[imu.yaw_rate.unit]
-        zeros = np.zeros_like(rates)
-        values = {"rate": np.column_stack((zeros, zeros, rates)).tolist()}
+        values: dict[str, list[list[float]]] = {}
+        held = np.zeros(len(self._t_ns), bool)
+        if imu.yaw_rate is not None:
+            rates = self._numbers(imu.yaw_rate) * SI_PER_UNIT[imu.yaw_rate.unit]
+            zeros = np.zeros_like(rates)
+            values["rate"] = np.column_stack((zeros, zeros, rates)).tolist()
+            held |= np.isfinite(rates)
+        if imu.heading is not None:
+            headings = self._angle_rad(imu.heading)
+            values["heading"] = headings[:, np.newaxis].tolist()
+            held |= np.isfinite(headings)
         axes = [axis for axis in (imu.acceleration_x, imu.acceleration_y, imu.acceleration_z) if axis]
         if axes:
             stack = np.column_stack([self._numbers(axis) * SI_PER_UNIT[axis.unit] for axis in axes])
             values["acceleration"] = stack.tolist()
-        self._add("imu", values)
+        self._add("imu", values, held)
 
     def _rates_rad_s(self, turns_rad: Array) -> Array:
         """Return the rates at the rows whose integral by the trapezoid rule is that of the turns."""
@@ -398,47 +531,82 @@ class _Reader:
         return np.concatenate((means[:1], means))
 
     def _take_truth(self, truth: TruthColumns) -> None:
-        table, time, t_ns = self._table, truth.time or self._columns.time, self._t_ns
-        used = self._used
-        if truth.file is not None:
-            table = self._open(self._table.path.parent / truth.file)
-            times_s = self._times_s(table, time)
-            used = np.ones(len(times_s), bool)
-            t_ns = self._nanoseconds(times_s)
-
-        def numbers(column: Column) -> Array:
-            values: Array = column.sign * table.numbers(self._name(table, column), fix=FIX)[used]
-            return values
-
-        if truth.latitude is not None and truth.longitude is not None:
-            x_m, y_m = self._east_north_m(
-                table, np.flatnonzero(used), numbers(truth.latitude), numbers(truth.longitude)
-            )
-        else:
-            assert truth.x is not None  # noqa: S101 the model has checked it
-            assert truth.y is not None  # noqa: S101
-            x_m = numbers(truth.x) * SI_PER_UNIT[truth.x.unit]
-            y_m = numbers(truth.y) * SI_PER_UNIT[truth.y.unit]
-        yaw_rad = (numbers(truth.yaw) - truth.yaw.sign * truth.yaw.zero) * _angle_unit(truth.yaw)
-        yaw_rad -= math.radians(truth.marker.yaw_deg)
+        t_ns, x_m, y_m, yaw_rad = self._places(truth)
+        invented = invented_poses(x_m, y_m, yaw_rad, self._drive.oddities)
+        yaw_rad = yaw_rad - math.radians(truth.marker.yaw_deg)
         cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
         x_m = x_m - (cosine * truth.marker.x_m - sine * truth.marker.y_m)
         y_m = y_m - (sine * truth.marker.x_m + cosine * truth.marker.y_m)
         poses = np.column_stack((x_m, y_m, yaw_rad)).tolist()
-        last_ns = self._t_ns[-1]
-        kept = [
-            Row(t, "truth", {"pose": pose}) for t, pose in zip(t_ns, poses, strict=True) if 0 <= t <= last_ns
+        rows = [
+            Row(t, "truth", {"pose": pose})
+            for place, (t, pose) in enumerate(zip(t_ns, poses, strict=True))
+            if place not in invented
         ]
+        self._keep(rows, truth, "true poses")
+
+    def _take_fixes(self, fixes: FixColumns) -> None:
+        t_ns, x_m, y_m, yaw_rad = self._places(fixes)
+        std_m = np.full(len(x_m), math.nan)
+        if fixes.sigma is not None:
+            std_m = self._place_numbers(fixes, fixes.sigma) * SI_PER_UNIT[fixes.sigma.unit]
+        values = np.column_stack((x_m, y_m, yaw_rad, std_m)).tolist()
+        rows = [Row(t, "fixes", {"fix": fix}) for t, fix in zip(t_ns, values, strict=True)]
+        self._keep(rows, fixes, "fixes")
+
+    def _keep(self, rows: Sequence[Row], place: PlaceColumns, what: str) -> None:
+        """Take the rows between the first and the last of the drive, without empty ones."""
+        last_ns = self._t_ns[-1]
+        if isinstance(self._table, FlightTable):
+            rows = [row for row in rows if math.isfinite(next(iter(row.values.values()))[0])]
+        kept = [row for row in rows if 0 <= row.t_ns <= last_ns]
         if not kept:
             raise LogError(
-                f"{table.path}: no true pose lies between the first and the last row of {self._table.path}: "
-                "correct the time columns or their units"
+                f"{self._table.path if place.file is None else place.file}: none of the {what} lies between "
+                f"the first and the last row of {self._table.path}: correct the time columns or their units"
             )
-        if len(kept) < len(poses):
-            self._drive.notes.append(
-                f"{len(poses) - len(kept)} true poses before the first or behind the last row are left out"
-            )
+        if len(kept) < len(rows):
+            outside = f"{what} before the first or behind the last row"
+            self._drive.oddities.append(Oddity(what=outside, count=len(rows) - len(kept)))
         self._drive.rows.extend(kept)
+
+    def _place_table(self, place: PlaceColumns) -> Table:
+        if place.file is None:
+            return self._table
+        if place.file not in self._others:
+            self._others[place.file] = self._open(self._table.path.parent / place.file)
+        return self._others[place.file]
+
+    def _place_numbers(self, place: PlaceColumns, column: Column) -> Array:
+        table = self._place_table(place)
+        values: Array = column.sign * table.numbers(self._name(table, column), fix=FIX)
+        return values if place.file is not None else values[self._used]
+
+    def _places(self, truth: PlaceColumns) -> tuple[list[int], Array, Array, Array]:
+        """Return times, places and yaws of the marker; NaN where there is none."""
+        table, t_ns, used = self._place_table(truth), self._t_ns, self._used
+        used = self._used
+        if truth.file is not None:
+            times_s = self._times_s(table, truth.time or self._columns.time)
+            used = np.ones(len(times_s), bool)
+            t_ns = self._nanoseconds(times_s)
+        if truth.latitude is not None and truth.longitude is not None:
+            x_m, y_m = self._east_north_m(
+                table,
+                np.flatnonzero(used),
+                self._place_numbers(truth, truth.latitude) * DEGREES[truth.latitude.unit],
+                self._place_numbers(truth, truth.longitude) * DEGREES[truth.longitude.unit],
+            )
+        else:
+            assert truth.x is not None  # noqa: S101 the model has checked it
+            assert truth.y is not None  # noqa: S101
+            x_m = self._place_numbers(truth, truth.x) * SI_PER_UNIT[truth.x.unit]
+            y_m = self._place_numbers(truth, truth.y) * SI_PER_UNIT[truth.y.unit]
+        if truth.yaw is None:
+            return t_ns, x_m, y_m, np.full(len(x_m), math.nan)
+        numbers = self._place_numbers(truth, truth.yaw)
+        yaw_rad = (numbers - truth.yaw.sign * truth.yaw.zero) * _angle_unit(truth.yaw)
+        return t_ns, x_m, y_m, yaw_rad
 
     def _east_north_m(
         self, table: Table, rows: NDArray[np.intp], latitude_deg: Array, longitude_deg: Array
@@ -463,20 +631,33 @@ class _Reader:
         east_m, north_m, _ = geodetic2enu(latitude_deg, longitude_deg, 0.0, *first, 0.0)
         return east_m, north_m
 
-    def _add(self, section: str, tables: Mapping[str, Sequence[Sequence[float]]]) -> None:
+    def _add(
+        self, section: str, tables: Mapping[str, Sequence[Sequence[float]]], held: Flags | None = None
+    ) -> None:
+        """Add a row for each row of the table that holds a number."""
         names = list(tables)
+        rows = enumerate(zip(self._t_ns, *tables.values(), strict=True))
         self._drive.rows.extend(
             Row(t_ns, section, dict(zip(names, values, strict=True)))
-            for t_ns, *values in zip(self._t_ns, *tables.values(), strict=True)
+            for place, (t_ns, *values) in rows
+            if held is None or held[place]
         )
 
 
 def _all_columns(columns: Columns) -> Iterator[Column]:
     """Yield all columns of the table of the drive."""
+    yield from _named_columns(columns, is_drive=True)
+
+
+def _named_columns(columns: Columns, *, is_drive: bool = False) -> Iterator[Column]:
+    """Yield all columns, of other tables too unless `is_drive`."""
     yield columns.time
     groups: list[Settings | None] = [*columns.wheel, columns.increments, columns.tricycle, columns.imu]
-    if columns.truth is not None and columns.truth.file is None:
-        groups.append(columns.truth)
+    groups += [
+        place
+        for place in (columns.fixes, columns.truth)
+        if place is not None and not (is_drive and place.file is not None)
+    ]
     for group in groups:
         for _, value in group or ():
             if isinstance(value, Column):

@@ -1,0 +1,99 @@
+"""What is odd in a recorded drive, and what was done about it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from controllers.motion.kinematics import Kinematics
+
+LEFT_OUT = "left out"
+REPAIRED = "repaired"
+TOLD = "told only"
+NOT_SHOWN = "cannot be seen in these data"
+NO_FAULT = "no measurement"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Oddity:
+    """One thing that is odd.
+
+    Attributes:
+        what: What it is.
+        where: Column, topic, wheel or signal; "" for all of the drive.
+        count: How often; None for what these data cannot show.
+        done: What became of it.
+    """
+
+    what: str
+    where: str = ""
+    count: int | None = None
+    done: str = LEFT_OUT
+
+
+LEAST_TURN_RAD = 1.5
+"""A drive that turns less does not show which way: uneven slip turns a rover, too."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """What a drive holds that can contradict its wheels.
+
+    Attributes:
+        sections: "imu", "truth", "fixes" and others.
+        has_own_turn: Whether the turn of the drive is that of the wheels, so that a gyro is another opinion.
+        has_both: Whether the wheels have speeds beside their angles.
+    """
+
+    sections: frozenset[str]
+    has_own_turn: bool = True
+    has_both: bool = False
+
+
+def unseen(kinematics: Kinematics, evidence: Evidence, turned_rad: float) -> list[Oddity]:
+    """Return which errors of the wheels nothing in a drive can show.
+
+    Args:
+        kinematics: Of the rover.
+        evidence: What the drive holds.
+        turned_rad: By how much the rover turned to one side, by its wheels.
+    """
+    held = evidence.sections
+    turns = turned_rad >= LEAST_TURN_RAD
+    has_place, has_gyro = bool(held & {"truth", "fixes"}), "imu" in held and evidence.has_own_turn
+    found: list[tuple[str, str]] = []
+    if not has_place:
+        what = "all wheels reversed, a common factor of them (unit, radius, gear)"
+        found.append((what, "no truth and no fixes"))
+    if "imu" in held and not turns:
+        found.append(("a gyro with the wrong sign, unit or axis", "the drive hardly turns"))
+    if not has_place and not (has_gyro and turns):
+        what = (
+            "left and right exchanged"
+            if _are_redundant(kinematics)
+            else "left and right exchanged, one reversed"
+        )
+        found.append((what, "the drive hardly turns" if has_gyro else "no truth and no gyro"))
+    if "truth" in held and (kinematics.moves_sideways or not evidence.has_own_turn):
+        what = "wheels exchanged or distance reversed so that the whole path is only turned"
+        found.append((what, "direction of the marker not measured"))
+    if not evidence.has_both:
+        what = "a clock that is wrong by a few percent" if has_gyro else "a clock that is wrong by a factor"
+        found.append((what, "no speeds beside angles"))
+    return [Oddity(what=what, where=where, done=NOT_SHOWN) for what, where in found]
+
+
+def _are_redundant(kinematics: Kinematics) -> bool:
+    residuals = kinematics.residuals((0.0,) * kinematics.wheel_count)
+    return residuals is not None and residuals.redundant > 0
+
+
+def merged(oddities: Sequence[Oddity]) -> list[Oddity]:
+    """Return them with equal ones counted together."""
+    counts: dict[tuple[str, str, str], int | None] = {}
+    for each in oddities:
+        key = (each.what, each.where, each.done)
+        before = counts.get(key)
+        counts[key] = each.count if before is None or each.count is None else before + each.count
+    return [
+        Oddity(what=what, where=where, count=count, done=done)
+        for (what, where, done), count in counts.items()
+    ]
