@@ -276,11 +276,7 @@ def test_candump_read_by_blocks_equals_python_can_frame_by_frame(
     rng = np.random.default_rng(11)
     lines = []
     for number in range(3000):
-<<<<<<< HEAD
         data = rng.bytes(int(rng.integers(0, 9))).hex().upper()
-=======
-        data = rng.bytes(int(rng.integers(0, 9))).hex().upper()
->>>>>>> 5eddc375628e0af74e6e560af77dde10e67aa83b
         lines.append(f"({number * 0.001 + 1.7e9:.6f}) vcan0 {rng.integers(0, 0x800):03X}#{data}\n")
     text = "".join([*lines[:2000], ODD_LINES[name].replace("(1.", "(1700000001."), *lines[2000:]])
     (folder / "bus.log").write_text(text, "utf-8", newline="")
