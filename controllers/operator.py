@@ -77,6 +77,6 @@ def check_gains(ranges: Mapping[str, tuple[float, float]], gains: Mapping[str, f
 
 def _field_range(name: str) -> tuple[float, float]:
     metadata = PathSettings.model_fields[name].metadata
-    (low,) = (float(str(item.ge)) for item in metadata if isinstance(item, Ge))
-    (high,) = (float(str(item.le)) for item in metadata if isinstance(item, Le))
+    (low,) = (item.ge for item in metadata if isinstance(item, Ge) and isinstance(item.ge, int | float))
+    (high,) = (item.le for item in metadata if isinstance(item, Le) and isinstance(item.le, int | float))
     return low, high

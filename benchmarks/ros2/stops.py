@@ -58,7 +58,6 @@ for sent in itertools.count():
     elif kind == "late":
         send_stamped(speed_m_s, -1.0 if is_struck else 0.0)
     elif kind == "disordered":
-        # Apart, because a reader keeps the newest one only.
         send_stamped(speed_m_s)
         time.sleep(0.025)
         if sent > 3:
@@ -195,7 +194,10 @@ class Watcher:
                 self._strike()
                 self._struck_ns = self._clock.now_ns()
             return
-        if self.rest_s is None and (not is_driven or (is_rival and is_back)):
+        # From a command of the rival on set-points turn round through zero, but need not meet it in a cycle.
+        wanted = None if view.wanted is None else view.wanted.motion
+        is_over = not is_driven or (is_rival and wanted is not None and wanted[0] < 0.0)
+        if self.rest_s is None and is_over:
             self.rest_s = seconds(now_ns - self._struck_ns)
             self.late_s = seconds(now_ns - self._simulated.now_ns() - self._simulated.offset_ns)
         self._is_over = now_ns - self._struck_ns > nanoseconds(WATCHED_S)

@@ -23,6 +23,7 @@ from drivers.clock import seconds
 from drivers.samples import FrameSample, Image
 from tests.controllers.ground_drive import EXACT, Drive, start
 from tests.controllers.ground_motion.test_estimator import GROUND, patch_at, wide_ground
+from tests.controllers.simulated import Noise
 from tests.nature.ground_camera import GroundCamera
 
 SECOND_NS = 1_000_000_000
@@ -63,6 +64,7 @@ def test_a_pair_that_follows_one_without_a_measurement_is_used() -> None:
 
 def test_entrapment_is_told_where_every_second_pair_is_not_valid() -> None:
     drive = start(camera=EverySecond)
+    drive.rover.noise = Noise(gyro_rad_s=0.001)  # a gyro that repeats one reading is dead
     drive.run(3.0)
     drive.rover.slip = 1.0
     before_m = drive.loop_odometry_m()

@@ -31,8 +31,9 @@ from rover_hil.connect.wall_clock import WallOffset
 POLL_S = 0.001
 MOST_RECORDS = 16
 """Sent between two looks at what arrives."""
-STOP_DEPTH = 64
-"""Messages on the topic of emergency stops that are kept between two looks: none must be overwritten."""
+DEPTH = 64
+"""Messages that are kept between two looks. No stop must be overwritten, nor a command of one sender by that
+of another: who sends right after it would take the rover over."""
 MOST_WAITING = 256
 MOST_CHARACTERS = 500
 """Of an error that is told."""
@@ -85,11 +86,13 @@ class _Server:
         names = joint_names(config.rover, settings)
         self._publisher = Publisher(node, settings, config.filter, names, static_transforms(config))
         self._velocities = (
-            [node.reader("cmd_vel", Twist), node.reader("cmd_vel", TwistStamped)] if settings.commands else []
+            [node.reader("cmd_vel", kind, depth=DEPTH) for kind in (Twist, TwistStamped)]
+            if settings.commands
+            else []
         )
         self._stops = [
-            node.reader("emergency_stop", Bool, depth=STOP_DEPTH),
-            node.reader("emergency_stop", Bool, latched=True, depth=STOP_DEPTH),
+            node.reader("emergency_stop", Bool, depth=DEPTH),
+            node.reader("emergency_stop", Bool, latched=True, depth=DEPTH),
         ]
         self._fixes = node.reader("pose_fix", PoseWithCovarianceStamped) if settings.pose_fixes else None
         self._map_frame = settings.map_frame

@@ -105,15 +105,16 @@ class CameraCalibration(Procedure[Calibration, CameraRig]):
     fps: float
 
     def configure(self, request: Request, config: Config | None) -> Path | None:
-        """Return the rig file.
-
-        Raises:
-            LogError: An input is missing.
-        """
-        check_inputs(Path(request.source), self.ground, self.rover)
         return request.out
 
     def read(self, logs: Sequence[Path]) -> Calibration:
+        """Return lens and pose by the pictures of a folder, video or log.
+
+        Raises:
+            ConfigError: A picture or key is wrong.
+            LogError: An input is missing.
+        """
+        check_inputs(logs[0], self.ground, self.rover)
         return fit_camera(logs[0], self.ground, self.board, self.target)
 
     def fit(self, record: Calibration) -> CameraRig:

@@ -33,7 +33,7 @@ LEAST_TURN_RAD = math.pi
 GREATEST_CHANGE = 0.25
 """A factor further from 1 is a mistake in units, gears or counts, not a tolerance."""
 GREATEST_EFFECTIVE_TRACK = 4.0
-"""Of a rover that skids in turns, over the track between its wheels; measured ones are 1.5 to 2.5."""
+"""Of a rover that skids in turns, over the configured track; chosen by hand, against wrong counts."""
 GREATEST_HALF_WIDTH = 0.03
 """A factor that is less certain is not proposed."""
 

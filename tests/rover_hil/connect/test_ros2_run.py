@@ -1,5 +1,6 @@
 """Runs over ROS 2 in real time, with a peer that is another participant of DDS."""
 
+import operator
 import os
 import signal
 import subprocess
@@ -123,6 +124,26 @@ def test_nobody_drives_where_commands_are_off(peer: Node, tmp_path: Path) -> Non
             yield
 
     run, _ = drive(hand_config(commands=False), tmp_path / "run.mcap", script)
+    assert run.is_over
+
+
+def test_a_sender_who_follows_each_command_with_his_own_does_not_take_the_rover_over(
+    peer: Node, tmp_path: Path
+) -> None:
+    velocity, rival = peer.writer("cmd_vel", Twist), peer.writer("cmd_vel", Twist)
+    back = Twist(Vector3(-0.2))
+
+    def script(run: Scripted, connection: Ros2Connection) -> Steps:
+        yield from run.wait(lambda: run.is_driven, lambda: velocity(AHEAD))
+        ahead = run.set_rad_s
+        for cycle in range(300):
+            if cycle % 5 == 0:
+                velocity(AHEAD)
+                rival(back)
+            yield
+            assert sum(map(operator.mul, run.set_rad_s, ahead)) >= 0.0
+
+    run, _ = drive(hand_config(), tmp_path / "run.mcap", script)
     assert run.is_over
 
 

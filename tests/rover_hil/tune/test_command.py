@@ -187,7 +187,7 @@ def test_trials_that_cost_more_than_the_start_are_not_called_better(
         assert float(found[1]) >= float(found[2])
     page = (tmp_path / "tuning" / "first" / "report.html").read_text("utf-8")
     assert "better in the search" not in page.lower()
-    assert "Driven on these scenarios, and not taken" in page
+    assert "Compared on these, and not taken" in page
 
 
 @pytest.mark.usefixtures("unrendered")
