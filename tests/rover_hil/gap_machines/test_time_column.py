@@ -27,7 +27,7 @@ def test_times_are_read_under_either_name(tmp_path: Path, name: str) -> None:
 
 
 def test_times_need_their_unit(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="in no unit, the model has s"):
+    with pytest.raises(ConfigError, match="column 'time' has no unit"):
         read_table(TIMED, _written(tmp_path, table_text(small_runs(), time="time")))
     with pytest.raises(ConfigError, match="is in ms, the model has s"):
         read_table(MODEL, _written(tmp_path, table_text(small_runs(), time="time [ms]")))
