@@ -5,12 +5,14 @@ from typing import Any, cast
 
 import numpy as np
 
+from rover_hil.gap.machines.machine_fit import EvidenceKind
 from rover_hil.gap.machines.next_run.rules import _are_equal
 from rover_hil.gap.machines.search import is_equal
 
 
 def _fit(squares: object, counts: object) -> Any:
-    return cast("Any", SimpleNamespace(left_out=SimpleNamespace(squares=squares, counts=counts)))
+    left_out = SimpleNamespace(squares=squares, counts=counts)
+    return cast("Any", SimpleNamespace(left_out=left_out, evidence=EvidenceKind.RUNS))
 
 
 def test_equal_explanations_are_those_of_the_search() -> None:
