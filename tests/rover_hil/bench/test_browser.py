@@ -176,7 +176,9 @@ def test_way_points_are_clicked_and_two_finished_runs_lie_on_top_of_each_other(
         assert count >= 2
         page.wait(lambda: page.driver.execute_script(options) == count, "not all finished runs")
         for index, is_opened in enumerate(("opened.length === 1", "opened.length === 2")):
-            page.driver.find_elements("css selector", ".q-menu .q-item")[index].click()
+            item = page.driver.find_elements("css selector", ".q-menu .q-item")[index]
+            page.wait(item.is_displayed, "the menu does not open")
+            item.click()
             page.wait(partial(page.driver.execute_script, f"return {is_opened}"), "it is not opened")
         page.wait(
             lambda: all(
