@@ -181,6 +181,23 @@ class Mission(PathSettings, ABC):
         return tuple(GAIN_UNITS)
 
 
+class TurnsInPlace(Mission, ABC):
+    """A mission of turns on the spot, for which there is nothing to change while it is driven."""
+
+    def conflicts(self, mobility: Mobility) -> Iterator[str]:
+        """Yield why a rover cannot follow it, with the fix."""
+        if not mobility.turns_on_spot:
+            yield NO_TURN_ON_SPOT
+
+    def turns_beside_travel(self, mobility: Mobility) -> bool:
+        """Return True."""
+        return True
+
+    def gains(self) -> tuple[str, ...]:
+        """Return that nothing may be changed while it is driven."""
+        return ()
+
+
 MissionT_co = TypeVar("MissionT_co", bound=Mission, covariant=True)
 
 

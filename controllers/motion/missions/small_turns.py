@@ -1,12 +1,11 @@
 """Turns the rover to and fro in place, frequency after frequency."""
 
 import math
-from collections.abc import Iterator
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from controllers.motion.missions.mission import NO_TURN_ON_SPOT, Follower, Guidance, Mission, Mobility
+from controllers.motion.missions.mission import Follower, Guidance, Mobility, TurnsInPlace
 from controllers.motion.planar import Pose, wrap_angle
 from drivers.clock import seconds
 
@@ -14,7 +13,7 @@ HEADING_GAIN_PER_S = 0.3
 """Chosen by hand: far slower than the slowest turns."""
 
 
-class SmallTurnsMission(Mission):
+class SmallTurnsMission(TurnsInPlace):
     """Small turns to and fro in place, frequency after frequency: identifies the gyro.
 
     Attributes:
@@ -38,19 +37,6 @@ class SmallTurnsMission(Mission):
     def follower(self, mobility: Mobility) -> "SmallTurns":
         """Return what drives it."""
         return SmallTurns(self, mobility)
-
-    def conflicts(self, mobility: Mobility) -> Iterator[str]:
-        """Yield why a rover cannot follow it, with the fix."""
-        if not mobility.turns_on_spot:
-            yield NO_TURN_ON_SPOT
-
-    def turns_beside_travel(self, mobility: Mobility) -> bool:
-        """Return True."""
-        return True
-
-    def gains(self) -> tuple[str, ...]:
-        """Return that nothing may be changed while it is driven."""
-        return ()
 
 
 class SmallTurns(Follower[SmallTurnsMission]):

@@ -1,12 +1,11 @@
 """Turns the rover on the spot, whole turns in one sense and then as many in the other."""
 
 import math
-from collections.abc import Iterator
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from controllers.motion.missions.mission import NO_TURN_ON_SPOT, Follower, Guidance, Mission, Mobility
+from controllers.motion.missions.mission import Follower, Guidance, Mobility, TurnsInPlace
 from controllers.motion.planar import Pose, wrap_angle
 from drivers.clock import seconds
 
@@ -17,7 +16,7 @@ SLOWEST_SHARE = 0.2
 TOLERANCE_RAD = 0.02
 
 
-class WholeTurnsMission(Mission):
+class WholeTurnsMission(TurnsInPlace):
     """Whole turns on the spot, first counter-clockwise and then as many back: calibrates compass and wheels.
 
     Attributes:
@@ -41,19 +40,6 @@ class WholeTurnsMission(Mission):
     def follower(self, mobility: Mobility) -> "WholeTurns":
         """Return what drives it."""
         return WholeTurns(self, mobility)
-
-    def conflicts(self, mobility: Mobility) -> Iterator[str]:
-        """Yield why a rover cannot follow it, with the fix."""
-        if not mobility.turns_on_spot:
-            yield NO_TURN_ON_SPOT
-
-    def turns_beside_travel(self, mobility: Mobility) -> bool:
-        """Return True."""
-        return True
-
-    def gains(self) -> tuple[str, ...]:
-        """Return that nothing may be changed while it is driven."""
-        return ()
 
 
 class WholeTurns(Follower[WholeTurnsMission]):
