@@ -17,8 +17,8 @@ class Severity(StrEnum):
 
     SIGN: nothing yet, but distance driven meanwhile is no evidence that the cause is gone.
     SUSPICION: nothing but to be shown: it does not decide whether something is wrong.
-    DOUBT: nothing but to be shown, and the estimate becomes as uncertain as the reason says: also a healthy
-        rover may show this, and nothing decides.
+    DOUBT: stops nothing. It is shown, and the estimate becomes as uncertain as the reason says: a healthy
+        rover may show it, too, and nothing decides.
     STOP: stop; motion resumes when the reason is gone.
     RECOVERABLE: stop, also a healthy rover may show this. Motion resumes after a rest, with a wider pose, but
         only once: see `SafetySupervisor`.

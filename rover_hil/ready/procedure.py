@@ -150,8 +150,8 @@ class Procedure(ABC, Generic[Record, Result]):
         """
 
     def drives(self, config: Config) -> Sequence[Drive]:
-        """Return what is to be driven."""
-        raise NotImplementedError
+        """Return what is to be driven; nothing where data are read."""
+        return ()
 
     def results(
         self, out: Path | None, drives: Sequence[Drive], *, is_recorded: bool, force: bool
@@ -179,8 +179,12 @@ class Procedure(ABC, Generic[Record, Result]):
         return Results(out, page, logs)
 
     def record_by_hand(self, config: Config, log: Path) -> None:
-        """Record while the user moves the rover."""
-        raise NotImplementedError
+        """Record while the user moves the rover.
+
+        Raises:
+            ConfigError: Only a drive tells what is calibrated.
+        """
+        raise ConfigError("--by-hand: this calibration drives the rover itself, leave the option out")
 
     def begin(self, drive: Drive, *, is_virtual: bool) -> None:
         """Get ready for a drive."""

@@ -8,7 +8,7 @@ from controllers.motion.planar import Pose
 from controllers.motion.settings import SmallTurnsMission
 from drivers.clock import nanoseconds
 from drivers.robotino_board.settings import RobotinoBoardSettings
-from tests.controllers.mobility import OMNI
+from tests.controllers.mobility import OMNI, SKID
 
 
 def test_each_frequency_is_turned_for_its_time_and_then_the_mission_ends() -> None:
@@ -25,6 +25,10 @@ def test_each_frequency_is_turned_for_its_time_and_then_the_mission_ends() -> No
     assert not turns.guide(Pose(), nanoseconds(start_s + 3.999)).finished
     end = turns.guide(Pose(), nanoseconds(start_s + 4.0))
     assert (end.finished, end.yaw_rate_rad_s) == (True, 0.0)
+
+
+def test_a_rover_that_cannot_move_sideways_may_turn_in_place_whatever_the_heading() -> None:
+    assert not list(SmallTurnsMission(type="small_turns", heading="hold").conflicts(SKID))
 
 
 def test_the_heading_is_held_on_average() -> None:

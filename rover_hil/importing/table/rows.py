@@ -582,30 +582,29 @@ class _Reader:
         values: Array = column.sign * table.numbers(self._name(table, column), fix=FIX)
         return values if place.file is not None else values[self._used]
 
-    def _places(self, truth: PlaceColumns) -> tuple[list[int], Array, Array, Array]:
+    def _places(self, place: PlaceColumns) -> tuple[list[int], Array, Array, Array]:
         """Return times, places and yaws of the marker; NaN where there is none."""
-        table, t_ns, used = self._place_table(truth), self._t_ns, self._used
-        used = self._used
-        if truth.file is not None:
-            times_s = self._times_s(table, truth.time or self._columns.time)
+        table, t_ns, used = self._place_table(place), self._t_ns, self._used
+        if place.file is not None:
+            times_s = self._times_s(table, place.time or self._columns.time)
             used = np.ones(len(times_s), bool)
             t_ns = self._nanoseconds(times_s)
-        if truth.latitude is not None and truth.longitude is not None:
+        if place.latitude is not None and place.longitude is not None:
             x_m, y_m = self._east_north_m(
                 table,
                 np.flatnonzero(used),
-                self._place_numbers(truth, truth.latitude) * DEGREES[truth.latitude.unit],
-                self._place_numbers(truth, truth.longitude) * DEGREES[truth.longitude.unit],
+                self._place_numbers(place, place.latitude) * DEGREES[place.latitude.unit],
+                self._place_numbers(place, place.longitude) * DEGREES[place.longitude.unit],
             )
         else:
-            assert truth.x is not None  # noqa: S101 the model has checked it
-            assert truth.y is not None  # noqa: S101
-            x_m = self._place_numbers(truth, truth.x) * SI_PER_UNIT[truth.x.unit]
-            y_m = self._place_numbers(truth, truth.y) * SI_PER_UNIT[truth.y.unit]
-        if truth.yaw is None:
+            assert place.x is not None  # noqa: S101 the model has checked it
+            assert place.y is not None  # noqa: S101
+            x_m = self._place_numbers(place, place.x) * SI_PER_UNIT[place.x.unit]
+            y_m = self._place_numbers(place, place.y) * SI_PER_UNIT[place.y.unit]
+        if place.yaw is None:
             return t_ns, x_m, y_m, np.full(len(x_m), math.nan)
-        numbers = self._place_numbers(truth, truth.yaw)
-        yaw_rad = (numbers - truth.yaw.sign * truth.yaw.zero) * _angle_unit(truth.yaw)
+        numbers = self._place_numbers(place, place.yaw)
+        yaw_rad = (numbers - place.yaw.sign * place.yaw.zero) * _angle_unit(place.yaw)
         return t_ns, x_m, y_m, yaw_rad
 
     def _east_north_m(
