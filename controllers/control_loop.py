@@ -282,7 +282,7 @@ class ControlLoop:
             slip=self._valid_slip(),
             lost_response="" if excited is None else excited.lost_response,
             unanswered_m=0.0 if excited is None else excited.unanswered_m,
-            sees_no_motion=self._scomp is not None and self._scomp.sees_no_motion,
+            unmoved_m=0.0 if self._scomp is None else self._scomp.unmoved_m,
             set_steering_rad=self._steering_rad,
             steering_rad=self._estimator.steering.angles_rad,
             steering_ns=self._estimator.steering.reported_ns,

@@ -28,8 +28,9 @@ class EntrapmentSettings(Settings):
         entrapment_slip: Slip from which on the yaw excitation raises the suspicion. Fixes must be able to
             show it: where they are noisier, a longer travel is needed.
         progress_unknown_m: The rover also stops, and goes on once, when the response of the yaw has been lost
-            or a rear camera has seen no motion for this travel of the wheels, and nothing has shown progress
-            meanwhile. The pose becomes uncertain by it. Greater than the mission is long for never.
+            for this travel of the wheels, or a rear camera has seen no motion for `entrapment_m`, and nothing
+            has shown progress meanwhile. The pose becomes uncertain by it. Greater than the mission is long
+            for never.
         entrapment_ground_m: The rover also stops until restart when its wheels have travelled this far while
             a camera measured no progress over the ground.
     """
@@ -257,7 +258,8 @@ class EntrapmentRule(StopRule):
         self._arrived: list[PoseFixSample] = []
         self._wheels_m, self._length_m = 0j, 0.0
         self._history: deque[_Travelled] = deque()
-        self._slipped_m = self._unknown_m = self._before_m = 0.0
+        self._slipped_m = self._unknown_m = self._before_m = self._since_m = 0.0
+        self._is_over = False
         self._unknown_rad: tuple[float, ...] = ()
         self._before_ns: int | None = None
 
@@ -281,7 +283,7 @@ class EntrapmentRule(StopRule):
                 yield _entrapped(progress.lost_m, device)
         yield from self._suspect_slip(cycle)
         suspicion = self._suspicion(cycle)
-        self._count(cycle, is_open=suspicion is not None and not is_decided)
+        self._count(cycle, is_open=suspicion is not None and not is_decided, is_decided=is_decided)
         if suspicion is not None:
             yield self._stop(suspicion) if self._is_over else suspicion
 
@@ -327,7 +329,7 @@ class EntrapmentRule(StopRule):
 
     def _suspicion(self, cycle: Cycle) -> StopReason | None:
         """Return what may be wrong with the progress, beside the slip that is read."""
-        if cycle.sees_no_motion:
+        if cycle.unmoved_m:
             text = (
                 "rover: may be entrapped, the rear camera sees no motion of the ground: it is stuck, or the "
                 "camera is covered, turned, or in the dark"
@@ -338,28 +340,35 @@ class EntrapmentRule(StopRule):
             return StopReason("lost response", text, Severity.SUSPICION)
         return None
 
-    @property
-    def _is_over(self) -> bool:
-        return self._unknown_m >= self._settings.progress_unknown_m
+    def _limit_m(self, cycle: Cycle) -> float:
+        """Return the travel on which nothing may decide: a camera that sees no motion nearly does."""
+        settings = self._settings
+        least_m = settings.entrapment_m if cycle.unmoved_m else math.inf
+        return min(settings.progress_unknown_m, least_m)
 
-    def _count(self, cycle: Cycle, *, is_open: bool) -> None:
+    def _count(self, cycle: Cycle, *, is_open: bool, is_decided: bool) -> None:
         """Add up what the wheels do while a suspicion stands and nothing decides.
 
         What is over lasts until the wheels are at rest. Then the travel counts anew.
         """
+        limit_m = self._limit_m(cycle)
+        self._since_m = 0.0 if is_decided else self._since_m + cycle.distance_m
         elapsed_s = 0.0 if self._before_ns is None else seconds(cycle.now_ns - self._before_ns)
         self._before_ns = cycle.now_ns
+        if self._is_over and cycle.is_still:
+            self._since_m = 0.0
         if not is_open or (self._is_over and cycle.is_still):
-            self._unknown_m, self._unknown_rad = 0.0, ()
+            self._unknown_m, self._unknown_rad, self._is_over = 0.0, (), False
         elif not self._is_over:
             if not self._unknown_rad:
-                before_m = cycle.unanswered_m if cycle.lost_response else 0.0
-                self._before_m = min(before_m, BEFORE_SHARE * self._settings.progress_unknown_m)
+                before_m = min(cycle.unanswered_m, BEFORE_SHARE * limit_m) if cycle.lost_response else 0.0
+                self._before_m = max(before_m, min(cycle.unmoved_m, self._since_m) - cycle.distance_m, 0.0)
                 self._unknown_m = self._before_m
             self._unknown_m += cycle.distance_m
             turned_rad = [speed_rad_s * elapsed_s for speed_rad_s in cycle.measured_rad_s]
             before_rad = self._unknown_rad or (0.0,) * len(turned_rad)
             self._unknown_rad = tuple(map(operator.add, before_rad, turned_rad))
+            self._is_over = self._unknown_m >= limit_m
 
     def _stop(self, suspicion: StopReason) -> StopReason:
         """Return the stop of a suspicion that nothing has decided for too long."""

@@ -81,7 +81,7 @@ class Cycle(NamedTuple):
         lost_response: Why the yaw's response to the excitation shows that the rover may not get on; "" where
             it does not.
         unanswered_m: Travel of the wheels since the rover may have got stuck, by that response.
-        sees_no_motion: Whether the rear camera has seen no motion of the ground for some travel.
+        unmoved_m: Travel of the wheels on which a rear camera saw no motion of the ground; 0 for little.
         set_steering_rad: Steering set-points of the cycle before; empty where no wheel steers.
         steering_rad: Steering angles, one per wheel; empty where no wheel steers.
         steering_ns: Time of the newest reported steering angle of each wheel that has reported one.
@@ -110,7 +110,7 @@ class Cycle(NamedTuple):
     slip: float | None = None
     lost_response: str = ""
     unanswered_m: float = 0.0
-    sees_no_motion: bool = False
+    unmoved_m: float = 0.0
     set_steering_rad: tuple[float, ...] = ()
     steering_rad: tuple[float, ...] = ()
     steering_ns: Mapping[int, int] = MappingProxyType({})

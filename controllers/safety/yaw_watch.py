@@ -28,6 +28,7 @@ class YawWatch:
         self._fixes = {f"{device} yaw" for device in roles.fixes}
         self._turn = f"{roles.camera} turn"
         self._agrees = False
+        self._turn_rejections = 0
         self._said_ns: int | None = None
         self._is_watchable = bool(roles.fixes or roles.headings or roles.camera)
 
@@ -35,10 +36,19 @@ class YawWatch:
         """Take the fixes of a cycle; one that says neither ends the watch."""
         for innovation in cycle.innovations:
             if innovation.name == self._turn:
-                self._agrees, self._said_ns = innovation.accepted, cycle.now_ns
+                self._take_turn(innovation.accepted, cycle.now_ns)
             elif innovation.name in self._fixes:
                 said = _said(innovation, cycle.doubted_rad)
                 self._agrees, self._said_ns = bool(said), None if said is None else cycle.now_ns
+
+    def _take_turn(self, is_accepted: bool, now_ns: int) -> None:
+        """Take a turn over the ground: a second against the gyro must follow the first before both count.
+
+        One of 20 is rejected though nothing is wrong, and one may be of another ground than that in view.
+        """
+        before, self._turn_rejections = self._turn_rejections, 0 if is_accepted else self._turn_rejections + 1
+        self._agrees = is_accepted
+        self._said_ns = now_ns if is_accepted or before else None
 
     def severity(self, now_ns: int) -> Severity:
         """Return that of a gyro which measures no turn: a stop where it is known to be wrong."""

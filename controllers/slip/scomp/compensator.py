@@ -154,11 +154,11 @@ class ScompCompensator:
         return DriftSource.TILT if self._tilt.is_known else DriftSource.NONE
 
     @property
-    def sees_no_motion(self) -> bool:
-        """Whether frames have shown no motion of the ground for some travel of the wheels."""
+    def unmoved_m(self) -> float:
+        """Travel of the wheels on which frames have shown no motion of the ground; 0 where that is little."""
         blind = SCOMP.correction
         is_blind = self._blind_m >= blind.blind_m and self._blind_frames >= blind.blind_frames
-        return self._finder is not None and is_blind
+        return self._blind_m if self._finder is not None and is_blind else 0.0
 
     @property
     def states(self) -> ScompStates:
@@ -363,7 +363,7 @@ class ScompCompensator:
             return "slip angle taken from the trace anew"
         if self._finder is None or self._has_trace():
             return ""
-        return NO_MOTION if self.sees_no_motion else NO_TRACE
+        return NO_MOTION if self.unmoved_m else NO_TRACE
 
 
 @dataclass(slots=True)

@@ -333,7 +333,7 @@ def test_unknown_slip_in_between_does_not_clear_the_suspicion() -> None:
 
 def test_a_camera_that_sees_no_motion_is_a_suspicion() -> None:
     rule = Travel().rule
-    (reason,) = rule.check(Cycle(now_ns=0, sees_no_motion=True))
+    (reason,) = rule.check(Cycle(now_ns=0, unmoved_m=0.3))
     assert reason.severity is Severity.SUSPICION
     assert reason.text == (
         "rover: may be entrapped, the rear camera sees no motion of the ground: it is stuck, or the camera "
@@ -402,12 +402,45 @@ def test_an_answer_and_progress_by_fixes_clear_the_travel() -> None:
     assert [travel.go(0.3)[0].severity for _ in range(4)][2:] == [Severity.SUSPICION, Severity.RECOVERABLE]
 
 
-def test_a_camera_that_sees_no_motion_for_long_stops_too_and_the_slip_reading_never_does() -> None:
-    rule, severities = Travel().rule, []
-    for index in range(20):
-        cycle = Cycle(now_ns=index * CYCLE_NS, distance_m=0.1, sees_no_motion=True, measured_rad_s=(1.0,))
-        severities += [reason.severity for reason in rule.check(cycle)]
-    assert severities == [Severity.SUSPICION] * 14 + [Severity.RECOVERABLE] * 6
+def unmoved(
+    travel: Travel, index: int, unmoved_m: float, distance_m: float = 0.1, *, is_still: bool = False
+) -> Severity:
+    cycle = Cycle(
+        now_ns=index * CYCLE_NS,
+        distance_m=distance_m,
+        unmoved_m=unmoved_m,
+        measured_rad_s=(1.0,),
+        is_still=is_still,
+    )
+    (reason,) = travel.rule.check(cycle)
+    return reason.severity
+
+
+def test_a_camera_that_sees_no_motion_stops_as_early_as_fixes_would() -> None:
+    travel = Travel()
+    assert list(travel.rule.check(Cycle(now_ns=0, distance_m=0.3, measured_rad_s=(1.0,)))) == []
+    found = [unmoved(travel, index, 0.1 * index) for index in range(4, 8)]
+    assert found == [Severity.SUSPICION, *[Severity.RECOVERABLE] * 3]
+    # After a rest the travel counts anew.
+    assert unmoved(travel, 9, 0.8, 0.0, is_still=True) is Severity.SUSPICION
+    assert [unmoved(travel, index, 0.1 * index) for index in range(10, 15)][-2:] == [
+        Severity.SUSPICION,
+        Severity.RECOVERABLE,
+    ]
+
+
+def test_what_fixes_have_shown_is_no_travel_without_progress_under_a_camera() -> None:
+    travel = Travel()
+    for _ in range(10):
+        travel.place_m += 0.1
+        travel.fix()
+        travel.go(0.1)
+    travel.now_ns += CYCLE_NS
+    found = [unmoved(travel, 1000 + index, 1.0) for index in range(6)]
+    assert found == [Severity.SUSPICION] * 4 + [Severity.RECOVERABLE] * 2
+
+
+def test_the_slip_reading_never_stops() -> None:
     travel = Travel()
     assert {reason.severity for _ in range(100) for reason in travel.go(0.1, 1.0)} == {Severity.SUSPICION}
 

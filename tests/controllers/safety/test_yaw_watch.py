@@ -64,9 +64,25 @@ def test_the_newest_one_counts() -> None:
     assert watching.severity(SECOND_NS) is Severity.DOUBT
 
 
-@pytest.mark.parametrize(("accepted", "severity"), [(True, Severity.SUSPICION), (False, Severity.STOP)])
-def test_a_camera_compares_the_turn_with_that_of_the_gyro(accepted: bool, severity: Severity) -> None:
-    assert watch(said("rear turn", 0.0, accepted=accepted)).severity(SECOND_NS) is severity
+@pytest.mark.parametrize(
+    ("accepted", "severity"),
+    [
+        ([True], Severity.SUSPICION),
+        ([False], Severity.DOUBT),
+        ([True, False], Severity.DOUBT),
+        ([False, True, False], Severity.DOUBT),
+        ([False, False], Severity.STOP),
+        ([False, False, True], Severity.SUSPICION),
+    ],
+)
+def test_a_camera_contradicts_the_gyro_by_two_turns_in_a_row(
+    accepted: list[bool], severity: Severity
+) -> None:
+    watching = watch()
+    for each in accepted:
+        innovations = (said("rear turn", 0.0, accepted=each),)
+        watching.take(Cycle(now_ns=SECOND_NS, innovations=innovations))
+    assert watching.severity(SECOND_NS) is severity
 
 
 def test_a_doubt_says_what_it_means() -> None:
