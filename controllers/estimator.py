@@ -147,6 +147,11 @@ class Estimator:
         self._bias_seen_ns: int | None = None
         self.motion_ns: int | None = None
 
+    @property
+    def pose_filter(self) -> PoseFilter:
+        """The filter that it feeds."""
+        return self._filter
+
     def take(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`; samples of other devices and kinds have no effect."""
         device = sample.device

@@ -7,11 +7,13 @@ accepts NaN and negative time steps silently, and adds K y to an angle without w
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
 
+from controllers.estimation.measurement_model import MeasurementModel
 from controllers.matrices import is_positive_definite, product
 from controllers.motion.planar import wrap_angle
 from drivers.record import record
@@ -38,6 +40,21 @@ class Innovation:
     accepted: bool
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FilterStep:
+    """One step of a filter; n states.
+
+    Attributes:
+        transition: From the estimate of the step before to the prediction, (n, n).
+        predicted: State before the corrections of this step, and its covariance.
+        estimate: State after them, and its covariance.
+    """
+
+    transition: Array
+    predicted: tuple[Array, Array]
+    estimate: tuple[Array, Array]
+
+
 class GuardedFilter:
     """An extended Kalman filter for measurements with independent errors.
 
@@ -48,6 +65,10 @@ class GuardedFilter:
         variances: Its variances, greater than zero.
         angles: Which states are angles; they stay within [-pi, pi).
         gate_probability: A measurement is rejected when its NIS exceeds this quantile of chi-square.
+
+    Attributes:
+        angles: As given.
+        kept: Steps since `keep_steps`, for a smoother; None before.
     """
 
     def __init__(
@@ -61,7 +82,8 @@ class GuardedFilter:
         self._p: Array = np.diag(np.array(variances, dtype=float))
         # Corrections lose digits; the sum of a prediction does not.
         self._is_corrected = True
-        self._angles = tuple(angles)
+        self.angles = tuple(angles)
+        self.kept: list[FilterStep] | None = None
         self._gate_probability = gate_probability
         # With one degree of freedom the chi-square quantile is that of a normal deviate, squared.
         self._gate = NormalDist().inv_cdf(0.5 * (1.0 + gate_probability)) ** 2
@@ -81,6 +103,22 @@ class GuardedFilter:
         """Its covariance, as a copy."""
         values: list[list[float]] = self._p.tolist()
         return values
+
+    def keep_steps(self) -> list[FilterStep]:
+        """Keep every step from now on, for a smoother; return the growing list."""
+        self.kept = []
+        self._begin_step(np.eye(len(self._x)))
+        return self.kept
+
+    def _begin_step(self, transition: Array) -> None:
+        if self.kept is not None:
+            now = (self._x.copy(), self._p.copy())
+            self.kept.append(FilterStep(transition=transition.copy(), predicted=now, estimate=now))
+
+    def _end_step(self) -> None:
+        """Take the present estimate as that of the newest step."""
+        if self.kept is not None:
+            self.kept[-1] = replace(self.kept[-1], estimate=(self._x.copy(), self._p.copy()))
 
     def predict(self, dt_s: float, state: Sequence[float], transition: Array, noise: Array) -> bool:
         """Move the estimate to `state`.
@@ -103,7 +141,20 @@ class GuardedFilter:
         if self._is_corrected and not is_positive_definite(self._p):
             self._p = _lift(self._p)
         self._is_corrected = False
+        self._begin_step(transition)
         return True
+
+    def correct(self, model: MeasurementModel, measured: Sequence[float]) -> tuple[Innovation, ...]:
+        """Correct the estimate by what a model measures; shape (k,)."""
+        expected = model.predict(self._x)
+        residuals = [
+            wrap_angle(reading - value) if index in model.angles else reading - value
+            for index, (reading, value) in enumerate(zip(measured, expected.value.tolist(), strict=True))
+        ]
+        if len(residuals) == 1:
+            (name,), variance = model.names, expected.variance.item(0)
+            return (self.update(name, residuals[0], expected.row[0], variance),)
+        return self.update_together(model.names, np.array(residuals), expected.row, expected.variance)
 
     def update(self, name: str, residual: float, row: Array, variance: float) -> Innovation:
         """Correct the estimate by a scalar measurement.
@@ -121,6 +172,7 @@ class GuardedFilter:
         nis = residual * residual / total
         accepted = nis <= self._gate and self._take(state, covariance)
         self._is_corrected |= accepted
+        self._end_step()
         return Innovation(name=name, residual=residual, variance=total, nis=nis, accepted=accepted)
 
     def update_together(
@@ -155,6 +207,7 @@ class GuardedFilter:
         gate = float(chi2.ppf(self._gate_probability, len(names)))
         accepted = nis <= gate and self._take(state, covariance)
         self._is_corrected |= accepted
+        self._end_step()
         return tuple(
             Innovation(
                 name=name,
@@ -169,15 +222,18 @@ class GuardedFilter:
     def assign(self, index: int, value: float) -> None:
         """Set a state that is unknown so far, so that its first measurement is linearised at its value."""
         self._x[index] = value
+        self._begin_step(np.eye(len(self._x)))
 
     def widen(self, index: int, variance: float) -> None:
         """Increase the variance of a state by a number that is not negative."""
         self._p[index, index] += variance
+        self._begin_step(np.eye(len(self._x)))
 
     def widen_by(self, noise: Array) -> None:
         """Add a covariance; without effect where a number of it is not finite."""
         if math.isfinite(float(noise.sum())):
             self._p = self._p + noise
+            self._begin_step(np.eye(len(self._x)))
 
     @staticmethod
     def _corrected(
@@ -203,7 +259,7 @@ class GuardedFilter:
         """Take an estimate, its angles wrapped; return False if a number of it is not finite."""
         if not (math.isfinite(sum(state.tolist())) and math.isfinite(float(covariance.sum()))):
             return False
-        for index in self._angles:
+        for index in self.angles:
             state[index] = wrap_angle(float(state[index]))
         self._x, self._p = state, 0.5 * (covariance + covariance.T)
         return True

@@ -9,12 +9,14 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.estimation.guarded_filter import GuardedFilter, Innovation
+from controllers.estimation.guarded_filter import FilterStep, GuardedFilter, Innovation
+from controllers.estimation.measurements.heading import HeadingModel
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pose_fixes import Step, WayBack, displaced
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.slip_states import SlipStates, SlipStep
+from controllers.estimation.state_layout import BIAS, SCALE, YAW, StateLayout, X, Y, lay_out
 from controllers.ground_motion.motion import GroundMotion
 from controllers.matrices import complex_product, product
 from controllers.motion.planar import Pose, move, wrap_angle
@@ -23,12 +25,6 @@ from drivers.samples import UNKNOWN_YAW_STD_RAD, HeadingReference, PoseFixSample
 
 Array = NDArray[np.float64]
 
-X, Y, YAW, BIAS, FIRST_OFFSET = range(5)
-_, _, _, SCALE = range(4)
-"""Index of the scale of the measured travel, after the pose at the newest frame."""
-CERTAIN = 1e-12
-UNKNOWN_ANGLE_RAD2 = 10.0
-UNKNOWN_POSITION_M2 = 1e4
 LEAST_BASELINE_SD = 10.0
 """Two fixes without yaw turn the floor's axes from so many deviations of their difference on: to 6 deg."""
 
@@ -160,52 +156,42 @@ class PoseFilter:
         has_ground: bool = False,
         slip: SlipStates | None = None,
     ) -> None:
-        sources = [(device, reference) for device in heading_devices for reference in HeadingReference]
         self._settings = settings
-        self._offset_index = {source: FIRST_OFFSET + i for i, source in enumerate(sources)}
-        first_origin = FIRST_OFFSET + len(sources)
-        self._origin_index = {device: first_origin + 3 * i for i, device in enumerate(fix_devices)}
+        self._layout = layout = lay_out(
+            settings,
+            heading_devices,
+            fix_devices,
+            is_compensated=is_compensated,
+            has_ground=has_ground,
+            block_variances=() if slip is None else slip.start_variances.tolist(),
+        )
         self._rejections: dict[str, int] = {}
         self._unoriented: dict[str, _Unoriented] = {}
-        self._frame_index = first_origin + 3 * len(fix_devices)
-        first_slip = self._frame_index + (4 if has_ground else 0)
-        self._estimated_pairs = (2 if is_compensated else 1) if settings.has_slip else 0
-        self._slip_pairs = self._estimated_pairs + has_ground
         self._has_scale = False
-        self._first_slip = first_slip
-        first_state = first_slip + 2 * self._slip_pairs
         self._slip = slip
-        starts, start_variances = ((), ()) if slip is None else (slip.start, slip.start_variances)
-        size = first_state + len(starts)
-        self._block = slice(first_state, size)
+        start = np.zeros(layout.size)
+        if slip is not None:
+            start[layout.block] = slip.start
         self._filter = GuardedFilter(
-            state=[0.0] * first_state + [float(value) for value in starts],
-            variances=[CERTAIN] * BIAS
-            + [settings.gyro_bias_rad_s**2]
-            + [UNKNOWN_ANGLE_RAD2] * len(sources)
-            + [UNKNOWN_POSITION_M2, UNKNOWN_POSITION_M2, UNKNOWN_ANGLE_RAD2] * len(fix_devices)
-            + [CERTAIN] * (4 if has_ground else 0)
-            + [1.0] * (2 * self._slip_pairs)
-            + [max(float(variance), CERTAIN) for variance in start_variances],
-            angles=[
-                YAW,
-                *self._offset_index.values(),
-                *(i + YAW for i in self._origin_index.values()),
-                *([self._frame_index + YAW] if has_ground else []),
-            ],
-            gate_probability=settings.gate_probability,
+            start.tolist(), layout.variances, layout.angles, settings.gate_probability
         )
-        self._transition = np.eye(size)
-        self._noise = np.zeros((size, size))
-        remaining = slice(first_slip, first_state)
+        self._transition = np.eye(layout.size)
+        self._noise = np.zeros((layout.size, layout.size))
+        remaining = slice(layout.first_slip, layout.first_slip + 2 * layout.slip_pairs)
         self._slip_slopes = self._transition[:YAW, remaining]
         # Views of the diagonals.
         self._slip_keeps = np.einsum("ii->i", self._transition)[remaining]
         self._slip_noises = np.einsum("ii->i", self._noise)[remaining]
-        self._bias_row = np.eye(size)[BIAS]
-        self._heading_rows = {
-            source: np.eye(size)[YAW] + np.eye(size)[i] for source, i in self._offset_index.items()
-        }
+        self._bias_row = np.eye(layout.size)[BIAS]
+
+    def keep_steps(self) -> list[FilterStep]:
+        """Keep every step of the filter from now on, for a smoother; return the growing list."""
+        return self._filter.keep_steps()
+
+    @property
+    def layout(self) -> StateLayout:
+        """Where each part of the state is."""
+        return self._layout
 
     @property
     def pose(self) -> Pose:
@@ -236,7 +222,7 @@ class PoseFilter:
         rolled_m = travel_m = complex(increment.x_m, increment.y_m)
         by_slip = None
         if self._slip is not None:
-            by_slip = self._slip.predict(np.array(state[self._block]), increment)
+            by_slip = self._slip.predict(np.array(state[self._layout.block]), increment)
             if increment.is_measured:  # what the camera measures is the whole slip
                 by_slip = by_slip.without_travel(travel_m)
             rolled_m = travel_m = by_slip.travel_m
@@ -244,7 +230,7 @@ class PoseFilter:
             rolled_m = increment.rolled_m
         active, slip_sd, across_sd = self._active_slip(increment)
         remaining, ground_m = 0j, abs(travel_m)
-        if self._slip_pairs:
+        if self._layout.slip_pairs:
             remaining = complex(slip_sd * state[active], across_sd * state[active + 1])
         travel_m += rolled_m * remaining
         after = move(before, travel_m.real, travel_m.imag, turn_rad)
@@ -258,7 +244,7 @@ class PoseFilter:
         transition[YAW, BIAS] = -turn.covered_s
         self._set_noise(increment, turn)
         toward = cmath.rect(1.0, before.yaw_rad + 0.5 * turn_rad)
-        if self._slip_pairs:
+        if self._layout.slip_pairs:
             way_m = rolled_m * toward
             self._let_slip_change(ground_m, state)
             if increment.is_measured:
@@ -288,7 +274,7 @@ class PoseFilter:
             toward: From the body frame to the local one, with the remaining slip.
             state: Changed in place.
         """
-        block = self._block
+        block = self._layout.block
         slopes_m = complex_product(step.slopes_m, toward)
         self._transition[X, block], self._transition[Y, block] = slopes_m.real, slopes_m.imag
         self._transition[block, block] = step.transition
@@ -320,14 +306,14 @@ class PoseFilter:
     ) -> Innovation:
         """Correct by a heading; `turned_since_rad` is the turn of the rover since it was measured."""
         source = (device, reference)
-        state = self._filter.state
-        expected_rad = state[YAW] - turned_since_rad + state[self._offset_index[source]]
-        return self._filter.update(
-            f"{device} {reference}",
-            wrap_angle(heading_rad - expected_rad),
-            self._heading_rows[source],
-            self._settings.heading_noise_rad**2,
+        model = HeadingModel(
+            name=f"{device} {reference}",
+            offset_index=self._layout.offsets[source],
+            deviation_index=self._layout.deviations.get(source),
+            turned_since_rad=turned_since_rad,
+            sd_rad=self._settings.heading_noise_rad,
         )
+        return self._filter.correct(model, (heading_rad,))[0]
 
     def correct_bias(self, device: str, rate_rad_s: float) -> Innovation:
         """Correct by a gyro reading at standstill: it is the bias."""
@@ -360,25 +346,25 @@ class PoseFilter:
     @property
     def slip_values(self) -> Array:
         """The states of the slip compensator, shape (n,)."""
-        return np.array(self._filter.state[self._block])
+        return np.array(self._filter.state[self._layout.block])
 
     def correct_slip(
         self, name: str, residual: float, slopes: Array, bias_slope: float, variance: float
     ) -> Innovation:
         """Correct by a measurement of the slip, see `SlipEstimate`."""
-        row = np.zeros(self._block.stop)
-        row[BIAS], row[self._block] = bias_slope, slopes
+        row = np.zeros(self._layout.size)
+        row[BIAS], row[self._layout.block] = bias_slope, slopes
         return self._filter.update(name, residual, row, variance)
 
     def widen_slip(self, index: int, variance: float) -> None:
         """Increase the variance of one state of the slip compensator."""
-        self._filter.widen(self._block.start + index, variance)
+        self._filter.widen(self._layout.block.start + index, variance)
 
     def doubt_slip(self) -> None:
         """Make the states of slip as uncertain as at the start: what has taught them was wrong."""
         variances = () if self._slip is None else self._slip.start_variances
         covariance = self._filter.covariance
-        for index, variance in enumerate(variances, self._block.start):
+        for index, variance in enumerate(variances, self._layout.block.start):
             self._filter.widen(index, max(0.0, float(variance) - covariance[index][index]))
 
     def correct_pose(self, fix: PoseFixSample, way_back: WayBack) -> tuple[Innovation, ...]:
@@ -388,7 +374,7 @@ class PoseFilter:
         has slipped more than the noise allows: the uncertainty of the pose then becomes its difference from
         the next fix, which is reported as displaced.
         """
-        origin = self._origin_index[fix.device]
+        origin = self._layout.origins[fix.device]
         if fix.device not in self._rejections and not _has_yaw(fix):
             if not self._orient(origin, fix, way_back):
                 return ()
@@ -489,29 +475,24 @@ class PoseFilter:
         settings = self._settings
         if increment.is_measured:
             sd = ESTIMATION.ground.slip_sd
-            return self._measured_index, sd, sd
-        if self._estimated_pairs < 2 or not increment.is_sure:
-            index = self._first_slip + max(0, 2 * self._estimated_pairs - 2)
-            sd = settings.unsure_slip_sd if self._estimated_pairs else 0.0
+            return self._layout.measured_slip, sd, sd
+        if self._layout.estimated_pairs < 2 or not increment.is_sure:
+            index = self._layout.first_slip + max(0, 2 * self._layout.estimated_pairs - 2)
+            sd = settings.unsure_slip_sd if self._layout.estimated_pairs else 0.0
         else:
-            index = self._first_slip
+            index = self._layout.first_slip
             sd = math.hypot(settings.slip_sd, settings.slip_sd_share * (increment.slip_sd or 0.0))
         return index, sd, settings.cross_slip_ratio * sd
 
     @property
-    def _measured_index(self) -> int:
-        """Index of the slip while the motion over the ground is measured."""
-        return self._first_slip + 2 * self._estimated_pairs
-
-    @property
     def measured_slip(self) -> complex:
         """What is added to the wheels' travel while the motion is measured, as a share; left imaginary."""
-        state, index = self._filter.state, self._measured_index
+        state, index = self._filter.state, self._layout.measured_slip
         return ESTIMATION.ground.slip_sd * complex(state[index], state[index + 1])
 
     def mark_frame(self, way_back: WayBack) -> None:
         """Keep the pose at the exposure of a frame; `way_back` leads to it from the present pose."""
-        frame = self._frame_index
+        frame = self._layout.frame
         then_m, then_rad = self._then(way_back)
         state = self._filter.state
         arm_m = then_m - complex(state[X], state[Y])
@@ -536,7 +517,7 @@ class PoseFilter:
             way_back: From the present pose to that at the later frame.
             corrects_yaw: Whether the turn is used, too; a gyro that is fresh measures it better.
         """
-        frame, state = self._frame_index, self._filter.state
+        frame, state = self._layout.frame, self._filter.state
         if not self._has_scale:
             self._has_scale = True
             self._filter.widen(frame + SCALE, motion.scale_sd**2)
@@ -584,7 +565,7 @@ class PoseFilter:
         self._slip_slopes[:] = 0.0
         self._slip_keeps[:] = keep
         self._slip_noises[:] = 1.0 - keep * keep
-        for index in range(self._first_slip, self._first_slip + 2 * self._slip_pairs):
+        for index in range(self._layout.first_slip, self._layout.first_slip + 2 * self._layout.slip_pairs):
             state[index] *= keep
 
     def _let_measured_slip_change(self, rolled_m: float, state: list[float]) -> None:
@@ -592,8 +573,8 @@ class PoseFilter:
 
         It does not return to zero by itself: then it would lag behind a slip that stays.
         """
-        first = 2 * self._estimated_pairs
-        index = self._measured_index
+        first = 2 * self._layout.estimated_pairs
+        index = self._layout.measured_slip
         state[index : index + 2] = self._filter.state[index : index + 2]
         self._slip_keeps[first:] = 1.0
         self._slip_noises[first:] = -math.expm1(-2.0 * rolled_m / self._settings.slip_distance_m)

@@ -35,6 +35,8 @@ class FilterSettings(Settings):
         heading_noise_rad: Standard deviation of one heading reading; larger where successive errors are
             correlated.
         heading_lag_s: Delay of the heading device behind the rover.
+        heading_deviation_rad: Standard deviation of each harmonic (sin, cos, sin 2, cos 2) of a heading
+            device's deviation over the heading. They are estimated while driving; 0 for none.
         motor_fields: Field of the motors at a compass by `rover-hil calibrate motors CONFIG`:
             path of the file. A heading for which a current is not known is then not used: the rover stops
             where the compass is required.
@@ -58,7 +60,8 @@ class FilterSettings(Settings):
     gyro_bias_walk_rad_s_sqrt_s: Annotated[float, Field(ge=1e-7, le=0.01)] = 1e-4
     acceleration_noise_m_s2: Annotated[float, Field(ge=1e-3, le=10.0)] = 0.1
     heading_noise_rad: Annotated[float, Field(ge=1e-3, le=0.8)] = 0.05
-    heading_lag_s: Annotated[float, Field(ge=0, le=2.0)] = 0.0
+    heading_lag_s: Annotated[float, Field(ge=0, le=5.0)] = 0.0
+    heading_deviation_rad: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     motor_fields: MotorFields | None = None
     standstill_s: Annotated[float, Field(ge=0.05, le=10.0)] = 0.3
     gate_probability: Annotated[float, Field(ge=0.5, lt=1.0)] = 0.9995

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from controllers.estimation.settings import FilterSettings
 from controllers.slip.scomp.parameters import ScompParameters
 from rover_hil.console.exit_codes import EXIT_OK
 from rover_hil.console.json_text import print_json
@@ -36,9 +37,9 @@ def run_scomp(
     source = read_drive(log)
     notes = list(source.notes)
     if params is not None:
-        parameters = read_parameters(params)
+        parameters, settings = read_parameters(params), None
     else:
-        parameters, note = _parameters_of(source)
+        parameters, settings, note = _parameters_of(source)
         notes.append(f"no --params: {note}")
     with show_progress() as progress:
         task = progress.add_task("estimating", total=len(source.drive.t_s))
@@ -46,6 +47,7 @@ def run_scomp(
             source.drive,
             parameters,
             lambda rows: progress.update(task, completed=rows),
+            settings=settings,
             online=online,
         )
     write_file(out, track_text(result.track))
@@ -58,15 +60,15 @@ def run_scomp(
     return EXIT_OK
 
 
-def _parameters_of(source: ReadDrive) -> tuple[ScompParameters, str]:
-    """Return the parameters for a drive without any given, and what they are."""
+def _parameters_of(source: ReadDrive) -> tuple[ScompParameters, FilterSettings | None, str]:
+    """Return the parameters for a drive without any given, the noise of the filter, and what they are."""
     config = None if source.recorded is None else source.recorded.config
     if config is not None and config.scomp is not None:
-        return config.scomp.parameters, "those of [scomp] in the log are used"
+        return config.scomp.parameters, config.filter, "those of [scomp] and [filter] in the log are used"
     parameters = ScompParameters()
     if source.rover is not None:
         parameters = parameters.model_copy(update={"rover": source.rover})
-    return parameters, "lunar soil simulant and the rover of the paper are assumed"
+    return parameters, None, "lunar soil simulant and the rover of the paper are assumed"
 
 
 def _print(summary: Mapping[str, float], notes: Sequence[str]) -> None:

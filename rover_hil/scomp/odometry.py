@@ -1,32 +1,25 @@
-"""Path of a recorded drive by the sComp filter."""
+"""Path of a recorded drive by the estimator that drives, smoothed backwards."""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
-from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.guarded_filter import FilterStep, Innovation
+from controllers.estimation.settings import FilterSettings
+from controllers.estimation.state_layout import YAW, StateLayout, X, Y
 from controllers.motion.planar import wrap_angle
-from controllers.slip.scomp.filter import FilterStep, ScompFilter, StartHeading
-from controllers.slip.scomp.motion_model import (
-    ANGLES,
-    FIRST,
-    SECOND,
-    YAW,
-    Motion,
-    X,
-    Y,
-    expected_drift,
-    tilt_along,
-)
-from controllers.slip.scomp.parameters import SCOMP, ScompParameters
-from controllers.slip.scomp.slip_laws import PitchLaw, SlipLaw, TwoSegmentLaw
+from controllers.slip.scomp.motion_model import FIRST, SECOND, Tilt
+from controllers.slip.scomp.parameters import ScompParameters
+from controllers.slip.scomp.states import ScompStates
 from drivers.errors import ModelError
+from drivers.samples import HeadingReference
 from rover_hil.datasets.arrays import Array
 from rover_hil.scomp.drive import Drive, Track
+from rover_hil.scomp.recorded_samples import COMPASS, RecordedSamples, recorded_estimator
 from rover_hil.scomp.smoother import smooth
-from rover_hil.scomp.windows import smoothed
 
 START_AGREES_RAD = math.radians(4.0)
 START_AGREES_UNCALIBRATED_RAD = math.radians(10.0)
@@ -34,7 +27,7 @@ START_AGREES_UNCALIBRATED_RAD = math.radians(10.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
-    """A path by the sComp filter.
+    """A path of a recorded drive.
 
     Attributes:
         innovations: Of every correction, in order.
@@ -48,19 +41,28 @@ class Result:
     notes: tuple[str, ...] = field(default=())
 
 
+class _Row(NamedTuple):
+    """What a row of the drive leaves: the number of steps of the filter so far, and the tilt."""
+
+    steps: int
+    tilt: Tilt
+
+
 def estimate_track(
     drive: Drive,
     parameters: ScompParameters,
     progress: Callable[[int], None] = lambda _: None,
     *,
+    settings: FilterSettings | None = None,
     online: bool = False,
 ) -> Result:
-    """Return the path by the sComp filter, one estimate for each row of the drive.
+    """Return the path by the estimator of the control loop, one estimate for each row of the drive.
 
     Args:
         drive: The log; sensors may be missing.
         parameters: Rover, ground and sensors.
         progress: Called from time to time with the number of rows done.
+        settings: Noise of the pose filter that drove; None for that of the sensors in `parameters`.
         online: Estimate each row from the rows before, not from the whole drive. The last row is the same.
 
     Raises:
@@ -70,64 +72,125 @@ def estimate_track(
         raise ModelError(
             f"an odometry needs at least two rows, the drive has {len(drive.t_s)}: give a longer log"
         )
-    notes = _missing(drive)
-    drive = _with_smooth_tilt(drive)
     parameters, sign_note = with_compass_sign(drive, parameters)
-    start, start_note = start_heading(drive, parameters)
-    law: SlipLaw = PitchLaw(parameters) if drive.pitch_rad is not None else TwoSegmentLaw(parameters)
-    estimator = ScompFilter(parameters, law, start, follows_roll=drive.roll_rad is not None)
-    motions = [_motion(drive, parameters, max(index, 1)) for index in range(len(drive.t_s))]
-    steps, innovations = _filter(drive, estimator, motions, progress)
-    estimates = [step.estimate for step in steps] if online else smooth(steps, ANGLES)
+    start_rad, start_note = start_heading(drive, parameters)
+    states = ScompStates(
+        parameters, has_pitch=drive.pitch_rad is not None, has_roll=drive.roll_rad is not None
+    )
+    samples = RecordedSamples(drive, parameters, start_rad)
+    estimator, slip = recorded_estimator(samples, parameters, settings or sensor_noise(parameters), states)
+    steps = estimator.pose_filter.keep_steps()
+    rows: list[_Row] = []
+    innovations: list[Innovation] = []
+    for index in range(len(drive.t_s)):
+        for sample in samples.of_row(index):
+            estimator.take(sample, sample.t_ns)
+        innovations += estimator.advance(samples.t_ns(index))
+        if slip.trace_innovation is not None:
+            innovations.append(slip.trace_innovation)
+        rows.append(_Row(len(steps) - 1, states.tilt))
+        if index % 200 == 0:
+            progress(index)
+    layout = estimator.pose_filter.layout
+    estimates = [step.estimate for step in steps] if online else smooth(steps, layout.angles)
     state, covariance = steps[-1].estimate
-    spread = np.sqrt(np.diag(covariance))
+    values, spread = state[layout.block], np.sqrt(np.diag(covariance)[layout.block])
+    track = _track(drive, states, layout, [(estimates[row.steps], row.tilt) for row in rows])
+    if start_rad is not None:
+        track = _turned(track, *_start_by_compass(parameters, layout, steps[-1], start_rad))
     return Result(
-        track=_track(drive, estimator, estimates, motions),
+        track=track,
         innovations=tuple(innovations),
-        learnt=(float(state[FIRST]), float(state[SECOND]), float(spread[FIRST]), float(spread[SECOND])),
-        notes=(*notes, *sign_note, *start_note),
+        learnt=(float(values[FIRST]), float(values[SECOND]), float(spread[FIRST]), float(spread[SECOND])),
+        notes=(*_missing(drive), *sign_note, *start_note),
     )
 
 
-def _filter(
-    drive: Drive, estimator: ScompFilter, motions: list[Motion], progress: Callable[[int], None]
-) -> tuple[list[FilterStep], list[Innovation]]:
-    innovations: list[Innovation] = []
-    _correct(estimator, drive, 0, innovations)
-    steps = [estimator.step]
-    for index in range(1, len(drive.t_s)):
-        estimator.move(motions[index])
-        _correct(estimator, drive, index, innovations)
-        steps.append(estimator.step)
-        if index % 200 == 0:
-            progress(index)
-    return steps, innovations
+def sensor_noise(parameters: ScompParameters) -> FilterSettings:
+    """Return the noise of the pose filter for the sensors of a rover.
+
+    No slip remains beside that of the slip law: its uncertainty is part of the states.
+    """
+    gyro, compass = parameters.gyro, parameters.compass
+    return FilterSettings(
+        position_noise_m_sqrt_m=1e-4,
+        unsure_position_noise_m_sqrt_m=1e-4,
+        unsure_slip_sd=0.0,
+        gyro_noise_rad_sqrt_s=min(max(gyro.walk_rad_sqrt_s, 1e-6), 0.1),
+        gyro_bias_rad_s=min(max(gyro.bias_rad_s, 1e-6), 0.5),
+        gyro_bias_walk_rad_s_sqrt_s=min(max(gyro.bias_walk_rad_s_sqrt_s, 1e-7), 0.01),
+        heading_noise_rad=min(max(compass.noise_rad, 1e-3), 0.8),
+        heading_lag_s=compass.lag_s,
+        heading_deviation_rad=min(compass.deviation_rad, 1.0),
+    )
 
 
 def _track(
     drive: Drive,
-    estimator: ScompFilter,
-    estimates: list[tuple[Array, Array]],
-    motions: list[Motion],
+    states: ScompStates,
+    layout: StateLayout,
+    rows: Sequence[tuple[tuple[Array, Array], Tilt]],
 ) -> Track:
-    states = np.array([state for state, _ in estimates])
-    variances = np.array([np.diag(covariance)[:2] for _, covariance in estimates])
-    model = estimator.model
-    pairs = list(zip(states, motions, strict=True))
+    found = np.array([state for (state, _), _ in rows])
+    variances = np.array([np.diag(covariance)[:2] for (_, covariance), _ in rows])
+    model = states.model
+    slips = [model.slip(state[layout.block], tilt) for (state, _), tilt in rows]
+    drifts = [model.drift(state[layout.block], tilt) for (state, _), tilt in rows]
+    turns = np.diff(drive.wheel_rad, prepend=2.0 * drive.wheel_rad[0] - drive.wheel_rad[1]) != 0.0
     return Track(
         t_s=drive.t_s,
-        x_m=states[:, X],
-        y_m=states[:, Y],
-        heading_rad=np.unwrap(states[:, YAW]),
-        slip=np.array([model.slip(state, motion) if motion.wheel_rad else 0.0 for state, motion in pairs]),
-        slip_angle_rad=np.array([model.course(state, motion) for state, motion in pairs]),
+        x_m=found[:, X],
+        y_m=found[:, Y],
+        heading_rad=np.unwrap(found[:, YAW]),
+        slip=np.where(turns, slips, 0.0),
+        slip_angle_rad=np.array(drifts) + (0.0 if drive.steering_rad is None else drive.steering_rad),
         sigma_x_m=np.sqrt(variances[:, 0]),
         sigma_y_m=np.sqrt(variances[:, 1]),
     )
 
 
-def start_heading(drive: Drive, parameters: ScompParameters) -> tuple[StartHeading, tuple[str, ...]]:
-    """Return the heading at start, and a note on it.
+def _start_by_compass(
+    parameters: ScompParameters, layout: StateLayout, last: FilterStep, start_rad: float
+) -> tuple[float, float]:
+    """Return the heading at start by all readings of the compass, and its standard deviation.
+
+    The estimator counts the yaw from the start; the offset that it finds contains the heading there. The
+    deviation is zero at the start in the estimator, and at `reference_rad` in the parameters.
+    """
+    state, covariance = last.estimate
+    source = (COMPASS, HeadingReference.MAGNETIC)
+    offset, compass = layout.offsets[source], parameters.compass
+    found_rad = state[offset] - (compass.offset_rad or 0.0)
+    if source in layout.deviations:
+        first = layout.deviations[source]
+        at_rad = compass.reference_rad - start_rad
+        waves = np.array(
+            [math.sin(at_rad), math.cos(at_rad) - 1.0, math.sin(2 * at_rad), math.cos(2 * at_rad) - 1.0]
+        )
+        found_rad += float((waves * state[first : first + len(waves)]).sum())
+    sd_rad = math.sqrt(covariance[offset, offset] + compass.offset_sd_rad**2)
+    return start_rad + wrap_angle(found_rad - start_rad), sd_rad
+
+
+def _turned(track: Track, start_rad: float, sd_rad: float) -> Track:
+    """Return a track whose first heading is `start_rad`, with a standard deviation."""
+    way = (track.x_m + 1j * track.y_m) * np.exp(1j * start_rad)
+    xx, yy = track.sigma_x_m**2, track.sigma_y_m**2
+    cosine2, sine2 = math.cos(start_rad) ** 2, math.sin(start_rad) ** 2
+    return Track(
+        t_s=track.t_s,
+        x_m=way.real,
+        y_m=way.imag,
+        heading_rad=track.heading_rad + start_rad,
+        slip=track.slip,
+        slip_angle_rad=track.slip_angle_rad,
+        sigma_x_m=np.sqrt(cosine2 * xx + sine2 * yy + (sd_rad * way.imag) ** 2),
+        sigma_y_m=np.sqrt(sine2 * xx + cosine2 * yy + (sd_rad * way.real) ** 2),
+    )
+
+
+def start_heading(drive: Drive, parameters: ScompParameters) -> tuple[float | None, tuple[str, ...]]:
+    """Return the heading at start by the compass, and a note; None where the start defines the frame.
 
     The frame of the path is the pose at start, x ahead, unless the parameters are from a truth in another
     frame, or a compass with a known offset contradicts it.
@@ -135,58 +198,13 @@ def start_heading(drive: Drive, parameters: ScompParameters) -> tuple[StartHeadi
     compass = parameters.compass
     reading = _first(drive.compass_rad)
     if reading is None:
-        return StartHeading(heading_rad=0.0, standard_deviation_rad=SCOMP.motion.start_certain_rad), ()
+        return None, ()
     by_compass = wrap_angle((compass.sign or 1) * reading - (compass.offset_rad or 0.0))
     agrees_rad = START_AGREES_UNCALIBRATED_RAD if compass.offset_rad is None else START_AGREES_RAD
     if parameters.starts_along_x and abs(by_compass) < agrees_rad:
-        return StartHeading(heading_rad=0.0, standard_deviation_rad=SCOMP.motion.start_certain_rad), ()
+        return None, ()
     words = f"the heading at start is that of the compass, {math.degrees(by_compass):.1f} deg"
-    return StartHeading(heading_rad=by_compass, standard_deviation_rad=None), (words,)
-
-
-def _correct(estimator: ScompFilter, drive: Drive, index: int, innovations: list[Innovation]) -> None:
-    found: list[Innovation | None] = [estimator.correct_standstill()]
-    if drive.compass_rad is not None and math.isfinite(drive.compass_rad[index]):
-        found.append(estimator.correct_compass(float(drive.compass_rad[index])))
-    if drive.trace_rad is not None and math.isfinite(drive.trace_rad[index]):
-        found.append(estimator.correct_trace(float(drive.trace_rad[index])))
-    if drive.fix_m is not None and np.isfinite(drive.fix_m[index]).all():
-        x_m, y_m = drive.fix_m[index].tolist()
-        found.extend(estimator.correct_position(x_m, y_m, drive.fix_sd_m))
-    innovations.extend(item for item in found if item is not None)
-
-
-def _with_smooth_tilt(drive: Drive) -> Drive:
-    pitch, roll = (
-        None if values is None else smoothed(drive.t_s, values, SCOMP.motion.tilt_memory_s)
-        for values in (drive.pitch_rad, drive.roll_rad)
-    )
-    return replace(drive, pitch_rad=pitch, roll_rad=roll)
-
-
-def _motion(drive: Drive, parameters: ScompParameters, index: int) -> Motion:
-    dt_s = float(drive.t_s[index] - drive.t_s[index - 1])
-    rover = parameters.rover
-    if drive.gyro_rad_s is not None:
-        rate = 0.5 * float(drive.gyro_rad_s[index] + drive.gyro_rad_s[index - 1])
-    else:
-        turned = float(drive.wheel_yaw_rad[index] - drive.wheel_yaw_rad[index - 1])
-        rate = rover.wheel_radius_m * turned / (0.5 * rover.track_m) / dt_s
-    pitch = 0.0 if drive.pitch_rad is None else float(drive.pitch_rad[index])
-    roll = 0.0 if drive.roll_rad is None else float(drive.roll_rad[index])
-    steering = 0.0
-    if drive.steering_rad is not None:
-        steering = 0.5 * float(drive.steering_rad[index] + drive.steering_rad[index - 1])
-    pitch, roll = tilt_along(parameters, pitch, roll, steering)
-    return Motion(
-        duration_s=dt_s,
-        wheel_rad=float(drive.wheel_rad[index] - drive.wheel_rad[index - 1]),
-        rate_rad_s=rate,
-        is_gyro=drive.gyro_rad_s is not None,
-        pitch_rad=pitch,
-        expected_drift_rad=expected_drift(parameters, pitch, roll),
-        steering_rad=steering,
-    )
+    return by_compass, (words,)
 
 
 def _missing(drive: Drive) -> list[str]:

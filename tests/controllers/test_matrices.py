@@ -27,7 +27,6 @@ CONTROLLERS = Path(__file__).parents[2] / "controllers"
 WITH_LINEAR_ALGEBRA = {
     "ftrace": "pictures: OpenCV's own arithmetic depends on the processor, too",
     "ground_motion": "pictures",
-    "slip/scomp/filter.py": "recorded drives, not the cycle",
 }
 FORBIDDEN = ("dot", "matmul", "inner", "vdot", "tensordot", "linalg")
 

@@ -248,3 +248,31 @@ def test_an_estimate_can_be_logged_and_knows_when_it_is_not_finite() -> None:
     assert estimate.is_finite
     assert not replace(estimate, yaw_rate_rad_s=math.nan).is_finite
     assert not replace(estimate, covariance=(math.inf, 0.0, 0.0, 1.0, 0.0, 1.0)).is_finite
+
+
+def test_the_deviation_of_a_compass_is_learned_and_does_not_bend_the_yaw() -> None:
+    def yaw_error_deg(deviation_rad: float) -> float:
+        rng = np.random.default_rng(4)
+        settings = FilterSettings(
+            gyro_noise_rad_sqrt_s=0.002,
+            gyro_bias_rad_s=0.001,
+            heading_noise_rad=math.radians(0.3),
+            heading_deviation_rad=deviation_rad,
+        )
+        pose_filter = PoseFilter(settings, ("compass",))
+        yaw, errors = 0.0, []
+        for index in range(1500):
+            turn = 0.02
+            yaw += turn
+            pose_filter.predict(
+                BodyIncrement(x_m=0.0, y_m=0.0, turn_rad=turn, duration_s=0.1, turned_rad=()),
+                Turn(angle_rad=turn, source=YawSource.GYRO, covered_s=0.1),
+            )
+            read = yaw + math.radians(1.5) * math.sin(2.0 * yaw + 1.0)
+            noise = math.radians(0.3) * float(rng.standard_normal())
+            pose_filter.correct_heading("compass", HeadingReference.MAGNETIC, read + noise, 0.0)
+            errors.append(wrap_angle(pose_filter.pose.yaw_rad - yaw))
+        return math.degrees(float(np.sqrt(np.mean(np.square(errors[300:])))))
+
+    assert yaw_error_deg(math.radians(1.0)) < 0.4
+    assert yaw_error_deg(0.0) > 2.0 * yaw_error_deg(math.radians(1.0))

@@ -107,6 +107,10 @@ class ScompCompensator:
         roles: Names the gyro, which also measures the tilt, and the rearward camera.
         kinematics: Of the wheels.
         finder: Of the trace; None without a camera.
+        states: Of slip and trace; None for those of a rover with pitch and roll.
+
+    Attributes:
+        trace_innovation: Of the trace at the last `correct`; None without a new one.
     """
 
     def __init__(
@@ -115,13 +119,15 @@ class ScompCompensator:
         roles: DeviceRoles,
         kinematics: Kinematics,
         finder: TraceFinder | None,
+        states: ScompStates | None = None,
     ) -> None:
         self._report: ScompReport | None = None
+        self.trace_innovation: Innovation | None = None
         self._settings = settings
         self._roles = roles
         self._kinematics = kinematics
         self._finder = finder
-        self._states = ScompStates(settings.parameters)
+        self._states = states or ScompStates(settings.parameters)
         self._yaw_rate_rad_s = 0.0
         self._trace_rejections = 0
         self._traces_to_confirm = 0
@@ -224,7 +230,7 @@ class ScompCompensator:
 
     def correct(self, estimate: SlipEstimate) -> None:
         """Correct the states by the trace of the newest frame, and report the slip, see `SlipCompensator`."""
-        trace = None
+        trace = self.trace_innovation = None
         if self._pending.duration_s >= SCOMP.motion.step_s:
             trace = self._step(estimate)
             self._slip, self._wheel_slip_angle_rad = self._states.slip_and_angle(estimate.slip_values)
@@ -270,13 +276,15 @@ class ScompCompensator:
         self._follow_sight(reading)
         if reading is None or reading.theta_rad is None:
             return reading
-        innovation = None
         if reading.detected:
             innovation = self._correct_trace(estimate, reading.theta_rad, 0.0, pending, bool(readings))
         elif reading.source == "flow" and reading.theta_sd_rad is not None:
             innovation = self._correct_trace(
                 estimate, reading.theta_rad, reading.theta_sd_rad, pending, bool(readings)
             )
+        else:
+            innovation = None
+        self.trace_innovation = innovation
         if innovation is not None and innovation.accepted:
             self._since_trace_s = 0.0
         return reading
@@ -314,11 +322,11 @@ class ScompCompensator:
         arm_s = parameters.rover.rear_axle_m / velocity_x_m_s
         course_rad = pending.steering_rad + self._states.slip_and_angle(values)[1]
         expected_rad = math.atan(math.tan(course_rad) - arm_s * self._yaw_rate_rad_s)
-        error_rad = float(values[TRACE_NOISE - RESIDUAL] + values[TRACE_OFFSET - RESIDUAL])
+        error_rad = float(values[TRACE_NOISE] + values[TRACE_OFFSET])
         residual = wrap_angle(parameters.trace.sign * angle_rad - expected_rad - error_rad)
         slopes = np.zeros(len(values))
-        slopes[[0, TRACE_NOISE - RESIDUAL, TRACE_OFFSET - RESIDUAL]] = 1.0
-        slopes[GAIN - RESIDUAL] = self._states.expected_drift_rad
+        slopes[[RESIDUAL, TRACE_NOISE, TRACE_OFFSET]] = 1.0
+        slopes[GAIN] = self._states.expected_drift_rad
         rate_sd_rad_s = SCOMP.motion.wheel_walk_rad_sqrt_s
         if is_gyro:
             rate_sd_rad_s = parameters.gyro.walk_rad_sqrt_s / math.sqrt(SCOMP.correction.rate_memory_s)
@@ -329,7 +337,7 @@ class ScompCompensator:
         if innovation.accepted:
             self._traces_to_confirm = max(0, self._traces_to_confirm - 1)
         if self._trace_rejections > SCOMP.correction.most_trace_rejections and math.isfinite(residual):
-            estimate.widen_slip(0, residual**2)
+            estimate.widen_slip(RESIDUAL, residual**2)
             self._trace_rejections = 0
             self._traces_to_confirm = SCOMP.correction.confirming_traces
             innovation = estimate.correct_slip("trace", residual, slopes, bias_slope_s, variance)
@@ -353,7 +361,7 @@ class ScompCompensator:
         return self._uncertainty() in ("", NO_TRACE, NO_MOTION)
 
     def _uncertainty(self) -> str:
-        if not self._tilt.is_known:
+        if self._states.needs_tilt and not self._tilt.is_known:
             return "no tilt"
         if self._is_backwards:
             return "backwards: outside the slip law"

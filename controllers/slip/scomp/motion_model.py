@@ -1,6 +1,5 @@
-"""Prediction of the filter's state and covariance by one step."""
+"""Slip, slip angle and slip law of a rover, and the errors of its trace, as states."""
 
-import cmath
 import math
 from dataclasses import dataclass
 
@@ -8,68 +7,49 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.matrices import product
-from controllers.motion.planar import wrap_angle
 from controllers.slip.scomp.parameters import SCOMP, ScompParameters
 from controllers.slip.scomp.slip_laws import SlipLaw, slopes
 
 Array = NDArray[np.float64]
 
-X, Y, YAW, BIAS, LAGGED, OFFSET, DEVIATION = range(7)
-RESIDUAL, RESIDUAL_RATE, TRACE_NOISE, TRACE_OFFSET, GAIN, FIRST, SECOND = range(10, 17)
+RESIDUAL, RESIDUAL_RATE, TRACE_NOISE, TRACE_OFFSET, GAIN, FIRST, SECOND = range(7)
 RESIDUALS = slice(RESIDUAL, RESIDUAL_RATE + 1)
-STATES = 17
-"""x, y, heading; gyro bias; lagged heading, offset and four harmonics of the deviation of the compass;
-residual of the slip angle beyond the roll's share, and its rate; correlated and constant error of the trace;
-gain of the roll; the two parameters of the slip law."""
-ANGLES = (YAW, LAGGED, OFFSET)
+STATES = 7
+"""Residual of the slip angle beyond the roll's share, and its rate; correlated and constant error of the
+trace; gain of the roll; the two parameters of the slip law."""
 CERTAIN = 1e-10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Motion:
-    """Motion and tilt of the rover during one step.
+class Tilt:
+    """Tilt of a rover whose wheels roll.
 
     Attributes:
-        duration_s: Positive.
-        wheel_rad: Mean angle turned by the wheels.
-        rate_rad_s: Yaw rate: mean of the gyro's readings at both ends, or by the wheels.
-        is_gyro: True where the rate is the gyro's.
         pitch_rad: Along the direction in which the wheels roll, with the sign of the log; 0 where unknown.
         expected_drift_rad: Slip angle expected from the roll, see `expected_drift`; 0 where unknown.
-        steering_rad: Direction in which the wheels roll, counter-clockwise from the rover's axis.
     """
 
-    duration_s: float
-    wheel_rad: float
-    rate_rad_s: float
-    is_gyro: bool
     pitch_rad: float = 0.0
     expected_drift_rad: float = 0.0
-    steering_rad: float = 0.0
-
-    @property
-    def rolling(self) -> complex:
-        """Unit vector in which the wheels roll: forward as real part, left as imaginary part."""
-        return cmath.rect(1.0, self.steering_rad)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prediction:
-    """Result of a step.
+    """The states after a time, and the motion for a metre that the wheels roll.
 
     Attributes:
-        state: State after the step.
-        transition: Jacobian over the state before it.
-        noise: Covariance added by the step.
-        velocity_x_m_s: Eq 15 with the estimator's slip, along the rover's axis.
-        yaw_rate_rad_s: Gyro bias removed.
+        travel: Of the body relative to the direction in which the wheels roll, left as imaginary part.
+        slopes: Its derivatives over the states, complex, shape (7,).
+        spread_s: Its covariance times the time over which the metre is rolled, shape (2, 2).
+        transition: Of the states, shape (7, 7).
+        noise: Covariance added to them; that of the slip law's first parameter per metre.
     """
 
-    state: list[float]
+    travel: complex
+    slopes: NDArray[np.complex128]
+    spread_s: Array
     transition: Array
     noise: Array
-    velocity_x_m_s: float
-    yaw_rate_rad_s: float
 
 
 def expected_drift(parameters: ScompParameters, pitch_rad: float, roll_rad: float) -> float:
@@ -94,10 +74,9 @@ def tilt_along(
 
 
 class MotionModel:
-    """Eqs 15-17 with slip and slip angle from the state.
+    """Eqs 15-17 with slip and slip angle from the states.
 
-    Wheels that are steered roll in the direction `Motion.steering_rad`; slip, slip angle and tilt are then
-    those along and across that direction.
+    Wheels that are steered roll in one direction; slip, slip angle and tilt are those along and across it.
 
     Args:
         parameters: Rover, ground and sensors.
@@ -108,17 +87,18 @@ class MotionModel:
     def __init__(self, parameters: ScompParameters, law: SlipLaw, *, follows_roll: bool) -> None:
         self._parameters = parameters
         self._law = law
+        self._follows_roll = follows_roll
         roll = parameters.roll
         self._residual_sd = roll.rest if follows_roll else roll.alone
         self._rate_per_s = math.sqrt(3.0) / (roll.rest_time_s if follows_roll else roll.alone_time_s)
 
-    def start(self, *, follows_roll: bool) -> tuple[Array, Array]:
-        """Return the states from `RESIDUAL` on at the start, and their variances."""
+    def start(self) -> tuple[Array, Array]:
+        """Return the states at the start, and their variances."""
         trace, roll, law = self._parameters.trace, self._parameters.roll, self._law
-        gain, gain_rad2 = (roll.gain, roll.gain_sd**2) if follows_roll else (0.0, 0.0)
+        gain, gain_rad2 = (roll.gain, roll.gain_sd**2) if self._follows_roll else (0.0, 0.0)
         values = (0.0, 0.0, 0.0, trace.offset_rad, gain, law.first, law.second)
         variances = (
-            *self.residual_variances(),
+            *self._residual_variances(),
             trace.noise_rad**2,
             trace.offset_sd_rad**2,
             gain_rad2 + CERTAIN,
@@ -127,77 +107,62 @@ class MotionModel:
         )
         return np.array(values), np.array(variances)
 
-    def residual_variances(self) -> tuple[float, float]:
+    def _residual_variances(self) -> tuple[float, float]:
         """Return the stationary variances of the slip angle's residual and of its rate."""
         return self._residual_sd**2, (self._residual_sd * self._rate_per_s) ** 2
 
-    def drift(self, state: Array | list[float], motion: Motion) -> float:
+    def drift(self, values: Array, tilt: Tilt) -> float:
         """Return the slip angle of the wheels in rad: the roll's share and the residual."""
-        beta = float(state[GAIN]) * motion.expected_drift_rad + float(state[RESIDUAL])
+        beta = float(values[GAIN]) * tilt.expected_drift_rad + float(values[RESIDUAL])
         return min(max(beta, -SCOMP.motion.largest_drift_rad), SCOMP.motion.largest_drift_rad)
 
-    def course(self, state: Array | list[float], motion: Motion) -> float:
-        """Return the slip angle of the rover in rad, eq 1: that of its wheels, and their steering."""
-        return motion.steering_rad + self.drift(state, motion)
-
-    def slip(self, state: Array | list[float], motion: Motion) -> float:
+    def slip(self, values: Array, tilt: Tilt) -> float:
         """Return the slip ratio of the rover, eq 3, in the direction in which the wheels roll."""
-        beta = self.drift(state, motion)
-        return self._law.slip_at(beta, motion.pitch_rad, float(state[FIRST]), float(state[SECOND]))
+        beta = self.drift(values, tilt)
+        return self._law.slip_at(beta, tilt.pitch_rad, float(values[FIRST]), float(values[SECOND]))
 
-    def predict(self, state: list[float], motion: Motion) -> Prediction:
-        """Return the state after a step, with its Jacobian and noise."""
-        dt_s = motion.duration_s
-        turn = (motion.rate_rad_s - (state[BIAS] if motion.is_gyro else 0.0)) * dt_s
-        middle = state[YAW] + 0.5 * turn
-        follow = -math.expm1(-dt_s / max(self._parameters.compass.lag_s, 1e-3))
-        keep_noise = math.exp(-dt_s / self._parameters.trace.noise_time_s)
-        residual = self._residual_transition(dt_s)
-
-        rim_m = self._parameters.rover.wheel_radius_m * motion.wheel_rad
-        travel_m, over = self._travel(state, motion, rim_m)
-        toward = complex(math.cos(middle), math.sin(middle))
-        moved_m = toward * travel_m
-        moved = list(state)
-        moved[X], moved[Y] = state[X] + moved_m.real, state[Y] + moved_m.imag
-        moved[YAW] = state[YAW] + turn
-        moved[LAGGED] = state[LAGGED] + follow * wrap_angle(middle - state[LAGGED])
-        moved[RESIDUALS] = product(residual, np.array(state[RESIDUALS])).tolist()
-        moved[TRACE_NOISE] = keep_noise * state[TRACE_NOISE]
-
+    def predict(self, values: Array, tilt: Tilt, duration_s: float) -> Prediction:
+        """Return the states after a time, and the motion for a metre of the wheels."""
+        beta = self.drift(values, tilt)
+        travel, over = self._travel(values, tilt)
+        by_state = np.zeros(STATES, dtype=complex)
+        for index, slope in over.items():
+            by_state[index] = slope
+        trace_time_s = self._parameters.trace.noise_time_s
+        residual = self._residual_transition(duration_s)
         transition = np.eye(STATES)
-        covered_s = dt_s if motion.is_gyro else 0.0
-        over |= {YAW: 1j * travel_m, BIAS: -0.5j * covered_s * travel_m}
-        for index, slope_m in over.items():
-            transition[X, index], transition[Y, index] = (toward * slope_m).real, (toward * slope_m).imag
-        transition[YAW, BIAS], transition[LAGGED, BIAS] = -covered_s, -0.5 * covered_s * follow
-        transition[LAGGED, LAGGED], transition[LAGGED, YAW] = 1.0 - follow, follow
         transition[RESIDUALS, RESIDUALS] = residual
-        transition[TRACE_NOISE, TRACE_NOISE] = keep_noise
+        transition[TRACE_NOISE, TRACE_NOISE] = math.exp(-duration_s / trace_time_s)
+        noise = np.zeros((STATES, STATES))
+        spread = np.diag(self._residual_variances())
+        noise[RESIDUALS, RESIDUALS] = spread - product(product(residual, spread), residual.T)
+        trace_rad2 = self._parameters.trace.noise_rad**2
+        noise[TRACE_NOISE, TRACE_NOISE] = trace_rad2 * -math.expm1(-2.0 * duration_s / trace_time_s)
+        noise[FIRST, FIRST] = SCOMP.motion.first_walk_sqrt_m**2
+        # The slip fluctuates fast against the drive: white noise with the same effect on the position.
+        size, time_s = self._law.fluctuation
+        direction = np.array([1.0, math.tan(beta)])
         return Prediction(
-            state=moved,
+            travel=travel,
+            slopes=by_state,
+            spread_s=size**2 * 2.0 * time_s * np.outer(direction, direction),
             transition=transition,
-            noise=self._noise(
-                motion, rim_m, toward * motion.rolling * complex(1.0, math.tan(self.drift(state, motion)))
-            ),
-            velocity_x_m_s=travel_m.real / dt_s,
-            yaw_rate_rad_s=turn / dt_s,
+            noise=noise,
         )
 
-    def _travel(self, state: list[float], motion: Motion, rim_m: float) -> tuple[complex, dict[int, complex]]:
-        """Return the travel in the body frame, left as imaginary part, and its slopes over the states."""
-        beta = self.drift(state, motion)
+    def _travel(self, values: Array, tilt: Tilt) -> tuple[complex, dict[int, complex]]:
+        """Return the travel for a metre, and its slopes over the states."""
+        beta = self.drift(values, tilt)
         slip, over_beta, over_first, over_second = slopes(
-            self._law, beta, motion.pitch_rad, state[FIRST], state[SECOND]
+            self._law, beta, tilt.pitch_rad, float(values[FIRST]), float(values[SECOND])
         )
-        direction = motion.rolling * complex(1.0, math.tan(beta))
-        across = motion.rolling * 1j * rim_m * (1.0 - slip) * (1.0 + math.tan(beta) ** 2)
-        by_beta = -rim_m * over_beta * direction + across
-        return rim_m * (1.0 - slip) * direction, {
+        direction = complex(1.0, math.tan(beta))
+        by_beta = -over_beta * direction + 1j * (1.0 - slip) * (1.0 + math.tan(beta) ** 2)
+        return (1.0 - slip) * direction, {
             RESIDUAL: by_beta,
-            GAIN: by_beta * motion.expected_drift_rad,
-            FIRST: -rim_m * over_first * direction,
-            SECOND: -rim_m * over_second * direction,
+            GAIN: by_beta * tilt.expected_drift_rad,
+            FIRST: -over_first * direction,
+            SECOND: -over_second * direction,
         }
 
     def _residual_transition(self, dt_s: float) -> Array:
@@ -206,20 +171,3 @@ class MotionModel:
         return math.exp(-rate * dt_s) * np.array(
             [[1.0 + rate * dt_s, dt_s], [-(rate**2) * dt_s, 1.0 - rate * dt_s]]
         )
-
-    def _noise(self, motion: Motion, rim_m: float, along: complex) -> Array:
-        parameters, dt_s = self._parameters, motion.duration_s
-        noise = np.zeros((STATES, STATES))
-        # The slip fluctuates fast against the drive: white noise with the same effect on the position.
-        size, time_s = self._law.fluctuation
-        direction = np.array([along.real, along.imag])
-        noise[:2, :2] = (rim_m * size) ** 2 * 2.0 * time_s / dt_s * np.outer(direction, direction)
-        walk = parameters.gyro.walk_rad_sqrt_s if motion.is_gyro else SCOMP.motion.wheel_walk_rad_sqrt_s
-        noise[YAW, YAW] = walk**2 * dt_s
-        noise[BIAS, BIAS] = parameters.gyro.bias_walk_rad_s_sqrt_s**2 * dt_s
-        spread, residual = np.diag(self.residual_variances()), self._residual_transition(dt_s)
-        noise[RESIDUALS, RESIDUALS] = spread - product(product(residual, spread), residual.T)
-        trace = parameters.trace
-        noise[TRACE_NOISE, TRACE_NOISE] = trace.noise_rad**2 * -math.expm1(-2.0 * dt_s / trace.noise_time_s)
-        noise[FIRST, FIRST] = SCOMP.motion.first_walk_sqrt_m**2 * abs(rim_m)
-        return noise

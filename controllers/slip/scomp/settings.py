@@ -26,6 +26,6 @@ class ScompSettings(Settings):
 
     parameters: ScompParameters = ScompParameters()
     rig: RigFile | None = None
-    frame_period_s: Annotated[float, Field(ge=0.05, le=10.0)] = 0.1
+    frame_period_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.1
     trace_age_s: Annotated[float, Field(ge=0.1, le=60.0)] = 3.0
     steer_against_drift: bool = True

@@ -1,7 +1,6 @@
 """Slip, slip angle and slip law as states of the pose filter."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,43 +8,37 @@ from numpy.typing import NDArray
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.slip_states import SlipStep
 from controllers.matrices import complex_product, product
-from controllers.slip.scomp.motion_model import (
-    FIRST,
-    RESIDUAL,
-    STATES,
-    Motion,
-    MotionModel,
-    X,
-    Y,
-)
+from controllers.slip.scomp.motion_model import FIRST, MotionModel, Tilt
 from controllers.slip.scomp.parameters import SCOMP, ScompParameters
-from controllers.slip.scomp.slip_laws import PitchLaw
+from controllers.slip.scomp.slip_laws import PitchLaw, TwoSegmentLaw
 
 Array = NDArray[np.float64]
 
-BLOCK = slice(RESIDUAL, STATES)
-"""Of the states of `motion_model.STATES`, those of slip and trace."""
-
 
 class ScompStates:
-    """The states of slip and trace of the sComp filter: indices from `RESIDUAL` on, without those before.
+    """The states of slip and trace, see `motion_model.STATES`.
 
     The slip law is linearised anew every `SCOMP.motion.step_s`; it changes slowly and is costly.
 
     Args:
         parameters: Rover, ground and sensors.
+        has_pitch: False where the pitch is never measured: the slip then follows the slip angle alone.
+        has_roll: False where the roll is never measured.
 
     Attributes:
+        model: Their motion model.
+        needs_tilt: Whether the slip follows the pitch, or the slip angle the roll.
+        tilt: For the next linearisation.
         start: Values at the start, shape (7,).
         start_variances: Their variances, shape (7,).
     """
 
-    def __init__(self, parameters: ScompParameters) -> None:
-        law = PitchLaw(parameters)
-        self.model = MotionModel(parameters, law, follows_roll=True)
-        self.start, self.start_variances = self.model.start(follows_roll=True)
-        radius_m = parameters.rover.wheel_radius_m
-        self._metre = Motion(duration_s=1.0, wheel_rad=1.0 / radius_m, rate_rad_s=0.0, is_gyro=False)
+    def __init__(self, parameters: ScompParameters, *, has_pitch: bool = True, has_roll: bool = True) -> None:
+        law = PitchLaw(parameters) if has_pitch else TwoSegmentLaw(parameters)
+        self.needs_tilt = has_pitch or has_roll
+        self.model = MotionModel(parameters, law, follows_roll=has_roll)
+        self.start, self.start_variances = self.model.start()
+        self.tilt = Tilt()
         self._pending_s = math.inf
         self._pending_m = 0.0
         self._at = self.start
@@ -60,18 +53,17 @@ class ScompStates:
         return self._per_m
 
     def take_tilt(self, pitch_rad: float, expected_drift_rad: float) -> None:
-        """Take pitch and expected slip angle for the next linearisation, see `Motion`."""
-        self._metre = replace(self._metre, pitch_rad=pitch_rad, expected_drift_rad=expected_drift_rad)
+        """Take pitch and expected slip angle for the next linearisation, see `Tilt`."""
+        self.tilt = Tilt(pitch_rad=pitch_rad, expected_drift_rad=expected_drift_rad)
 
     def slip_and_angle(self, values: Array) -> tuple[float, float]:
         """Return slip and slip angle in rad for values of the states."""
-        state = self._full(values)
-        return self.model.slip(state, self._metre), self.model.drift(state, self._metre)
+        return self.model.slip(values, self.tilt), self.model.drift(values, self.tilt)
 
     @property
     def expected_drift_rad(self) -> float:
         """The slip angle expected from the roll, for a gain of one."""
-        return self._metre.expected_drift_rad
+        return self.tilt.expected_drift_rad
 
     def predict(self, values: Array, increment: BodyIncrement) -> SlipStep:
         """Return the motion of the body for an increment of the wheels, see `SlipStates`."""
@@ -103,18 +95,11 @@ class ScompStates:
     def _linearise(self, values: Array) -> tuple[Array, Array]:
         """Linearise at values; return transition and noise of the time since the last linearisation."""
         duration_s = self._pending_s if math.isfinite(self._pending_s) else SCOMP.motion.step_s
-        prediction = self.model.predict(self._full(values), replace(self._metre, duration_s=duration_s))
-        self._per_m = complex(prediction.state[X], prediction.state[Y])
-        self._slopes = prediction.transition[X, BLOCK] + 1j * prediction.transition[Y, BLOCK]
-        self._at = values
-        # Like the motion for a metre, relative to the direction in which the wheels roll.
-        self._spread_m2_s = prediction.noise[:2, :2] * duration_s
-        noise = prediction.noise[BLOCK, BLOCK]
+        prediction = self.model.predict(values, self.tilt, duration_s)
+        self._per_m, self._slopes, self._at = prediction.travel, prediction.slopes, values
+        self._spread_m2_s = prediction.spread_s
+        noise = prediction.noise
         # That of a metre; it grows with the distance.
-        noise[FIRST - RESIDUAL, FIRST - RESIDUAL] *= self._pending_m
+        noise[FIRST, FIRST] *= self._pending_m
         self._pending_s = self._pending_m = 0.0
-        return prediction.transition[BLOCK, BLOCK], noise
-
-    @staticmethod
-    def _full(values: Array) -> list[float]:
-        return [0.0] * RESIDUAL + [float(value) for value in values]
+        return prediction.transition, noise

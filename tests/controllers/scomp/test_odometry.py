@@ -48,15 +48,29 @@ def test_final_error_counts_from_each_start() -> None:
 def test_start_heading_is_the_frames_unless_the_compass_contradicts() -> None:
     known = PARAMETERS.model_copy(update={"compass": CompassModel(sign=1, offset_rad=0.5)})
     near, _ = start_heading(straight(0.0, 0.5 + math.radians(2.0)), known)
-    assert near.heading_rad == 0.0
+    assert near is None
     far, notes = start_heading(straight(0.0, 0.5 + math.radians(30.0)), known)
-    assert far.standard_deviation_rad is None
-    assert far.heading_rad == pytest.approx(math.radians(30.0))
+    assert far == pytest.approx(math.radians(30.0))
     assert "30.0 deg" in notes[0]
     elsewhere, _ = start_heading(
         straight(0.0, 0.5 + math.radians(2.0)), known.model_copy(update={"starts_along_x": False})
     )
-    assert elsewhere.heading_rad == pytest.approx(math.radians(2.0))
+    assert elsewhere == pytest.approx(math.radians(2.0))
+
+
+def test_the_compass_alone_turns_the_whole_path() -> None:
+    compass = CompassModel(sign=-1, offset_rad=0.5, reference_rad=1.0)
+    drive = straight(0.0, -1.5)
+    assert drive.compass_rad is not None
+    parameters = PARAMETERS.model_copy(update={"compass": compass})
+    track = estimate_track(drive, parameters).track
+    assert track.heading_rad == pytest.approx(1.0, abs=1e-3)
+    way_m = math.hypot(track.x_m[-1], track.y_m[-1])
+    assert way_m == pytest.approx(WAY_M * 0.8, abs=0.05)
+    assert math.atan2(track.y_m[-1], track.x_m[-1]) == pytest.approx(1.0, abs=1e-3)
+    # Across the course: the offset's own uncertainty, turned by the distance.
+    across_m = math.hypot(track.sigma_x_m[-1] * math.sin(1.0), track.sigma_y_m[-1] * math.cos(1.0))
+    assert across_m > way_m * compass.offset_sd_rad
 
 
 @pytest.mark.parametrize(("which", "bar_m"), [("sideways", 0.12), ("mounds", 0.25)])
@@ -79,7 +93,7 @@ def test_field_tests_with_parameters_of_the_first(which: str, bar_m: float) -> N
 
 def test_normalised_innovations_are_near_one() -> None:
     found = estimated("mounds", online=True).innovations
-    for name in ("compass", "trace"):
+    for name in ("compass magnetic", "trace"):
         nis = [i.nis for i in found if i.name == name and i.nis is not None]
         # Neighbours are alike: the bounds of a mean over independent ones would be far tighter.
         assert 0.6 < float(np.mean(nis)) < 1.4, name

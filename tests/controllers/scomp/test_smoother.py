@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from controllers.slip.scomp.filter import FilterStep
+from controllers.estimation.guarded_filter import FilterStep
 from rover_hil.scomp.smoother import smooth
 
 

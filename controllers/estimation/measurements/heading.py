@@ -1,0 +1,62 @@
+"""Heading of a compass."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.estimation.measurement_model import Array, Expected
+from controllers.estimation.state_layout import HARMONICS, YAW
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadingModel:
+    """Heading of a device that lags behind the rover.
+
+        h = yaw - t + o + d(yaw) - d(0)
+        d(yaw) = a sin yaw + b cos yaw + c sin 2 yaw + e cos 2 yaw
+
+    with the turn t of the rover since it was measured, the offset o, and the deviation d by the iron of the
+    rover (Archibald Smith's semicircular and quadrantal terms; Denne, Magnetic Compass Deviation and
+    Correction, 1979). The offset holds at the yaw of the start.
+
+    Attributes:
+        name: Device and reference.
+        offset_index: State of the offset.
+        deviation_index: First of the states of a, b, c, e; None without.
+        turned_since_rad: t.
+        sd_rad: Standard deviation of a reading.
+    """
+
+    name: str
+    offset_index: int
+    deviation_index: int | None
+    turned_since_rad: float
+    sd_rad: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the heading."""
+        return (self.name,)
+
+    @property
+    def angles(self) -> tuple[int, ...]:
+        """The heading."""
+        return (0,)
+
+    def predict(self, state: Array) -> Expected:
+        """Return the expected heading."""
+        row = np.zeros((1, len(state)))
+        row[0, YAW] = row[0, self.offset_index] = 1.0
+        yaw_rad = state.item(YAW)
+        value_rad = yaw_rad - self.turned_since_rad + state.item(self.offset_index)
+        if self.deviation_index is not None:
+            block = slice(self.deviation_index, self.deviation_index + HARMONICS)
+            sine, cosine = math.sin(yaw_rad), math.cos(yaw_rad)
+            sine_2, cosine_2 = math.sin(2.0 * yaw_rad), math.cos(2.0 * yaw_rad)
+            waves = np.array([sine, cosine - 1.0, sine_2, cosine_2 - 1.0])
+            slopes = np.array([cosine, -sine, 2.0 * cosine_2, -2.0 * sine_2])
+            value_rad += float((waves * state[block]).sum())
+            row[0, YAW] += float((slopes * state[block]).sum())
+            row[0, block] = waves
+        return Expected(np.array([value_rad]), row, np.array([self.sd_rad**2]))
