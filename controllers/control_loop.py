@@ -11,7 +11,7 @@ from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.motor_field import MotorFieldCorrection
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pauses import PauseWatch
-from controllers.estimation.pose_filter import PoseEstimate
+from controllers.estimation.pose_estimate import PoseEstimate
 from controllers.estimation.wheel_contradiction import ContradictionReport
 from controllers.estimator import Estimator
 from controllers.motion.crab import CrabDrift, CrabReport

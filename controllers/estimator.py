@@ -11,11 +11,13 @@ from controllers.estimation.gyro import GyroIntegrator, GyroTurn
 from controllers.estimation.odometry import BodyIncrement, WheelOdometry
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pauses import SilenceWatch
-from controllers.estimation.pose_filter import PoseEstimate, PoseFilter, Turn, YawSource
+from controllers.estimation.pose_estimate import PoseEstimate, YawSource
+from controllers.estimation.pose_filter import PoseFilter
 from controllers.estimation.pose_fixes import FixQueue, Step, late
 from controllers.estimation.rest import Rest, RestWatch, Witness
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.stuck_encoder import StuckEncoders
+from controllers.estimation.transition import Turn
 from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
 from controllers.estimation.unseen_motion import UnseenMotion
 from controllers.estimation.wheel_angle import WheelAngle

@@ -36,7 +36,7 @@ from benchmarks.cluster_option import add_cluster_option
 from benchmarks.four_wheels.field_drives import MOUNDS, SIDEWAYS
 from benchmarks.robotino.consistency import BOUND, INSIDE_BAR, NEES_BAR
 from controllers.control_loop import ControlLoop, StepOutput
-from controllers.estimation.pose_filter import PoseEstimate
+from controllers.estimation.pose_estimate import PoseEstimate
 from controllers.safety import Mode
 from controllers.slip.scomp.compensator import Rates, TraceFinder, TraceReading
 from drivers.clock import VirtualClock, nanoseconds, seconds

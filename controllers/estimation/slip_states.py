@@ -1,5 +1,6 @@
 """States of slip that a compensator adds to those of the pose filter."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -7,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.measurement_model import MeasurementModel
 from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.state_layout import StateLayout
 
 Array = NDArray[np.float64]
 
@@ -71,18 +74,13 @@ class SlipEstimate(Protocol):
         """The estimated bias of the gyro."""
         ...
 
-    def correct_slip(
-        self, name: str, residual: float, slopes: Array, bias_slope: float, variance: float
-    ) -> Innovation:
-        """Correct by a measurement of the slip.
+    @property
+    def layout(self) -> StateLayout:
+        """Where the states of slip are."""
+        ...
 
-        Args:
-            name: Of the measurement.
-            residual: Measured minus expected.
-            slopes: Derivatives of the expected measurement over the states of slip, shape (n,).
-            bias_slope: Its derivative over the bias of the gyro.
-            variance: Of the error of the measurement.
-        """
+    def correct(self, model: MeasurementModel, measured: Sequence[float]) -> tuple[Innovation, ...]:
+        """Correct by what a model measures."""
         ...
 
     def widen_slip(self, index: int, variance: float) -> None:

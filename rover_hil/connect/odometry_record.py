@@ -2,7 +2,7 @@
 
 import math
 
-from controllers.estimation.pose_filter import YawSource
+from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
 from rover_hil.connect.records import OdometryRecord
 from rover_hil.recording.schema import EstimateRecord, PoseEstimateRecord, PoseRecord

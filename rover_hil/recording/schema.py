@@ -13,7 +13,7 @@ from pydantic import BaseModel, FailFast, Field, TypeAdapter
 from typing_extensions import TypedDict
 
 from controllers.control_loop import StepOutput
-from controllers.estimation.pose_filter import PoseEstimate
+from controllers.estimation.pose_estimate import PoseEstimate
 from controllers.motion.crab import CrabReport
 from controllers.operator import OperatorInput
 from controllers.safety.drive_check import Finding

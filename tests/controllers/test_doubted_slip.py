@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from controllers.estimation.measurement_model import Expected
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.slip_states import SlipEstimate
@@ -114,11 +115,19 @@ def test_a_wrong_gyro_makes_the_slip_that_was_learnt_as_uncertain_as_at_the_star
     bench = Bench(SeenTrace(math.radians(5.0)))
     bench.run(1.0, rim_m_s=0.0)
     bench.run(5.0)
-    values = bench.filter.slip_values
+    block, values = bench.filter.layout.block, bench.filter.slip_values
+
+    class FirstState:
+        """A measurement of the slip angle's residual."""
+
+        names, angles = ("trace",), ()
+
+        def predict(self, state: np.ndarray) -> Expected:
+            return Expected(state[block][:1], np.eye(len(state))[block][:1], np.array([1e-9]))
 
     def trace_sd_rad() -> float:
         """Return the standard deviation that the filter expects of a trace; nothing is changed."""
-        innovation = bench.filter.correct_slip("trace", 10.0, np.eye(len(values))[0], 0.0, 1e-9)
+        (innovation,) = bench.filter.correct(FirstState(), (10.0,))
         assert innovation.variance is not None
         assert not innovation.accepted
         return math.sqrt(innovation.variance)

@@ -7,7 +7,7 @@ import pytest
 
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.pose_filter import YawSource
+from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode

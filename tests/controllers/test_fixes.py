@@ -11,9 +11,11 @@ from scipy.stats import chi2
 from controllers.control_loop import ControlLoop
 from controllers.estimation.guarded_filter import Array, Innovation
 from controllers.estimation.odometry import BodyIncrement
-from controllers.estimation.pose_filter import PoseFilter, Turn, YawSource
+from controllers.estimation.pose_estimate import YawSource
+from controllers.estimation.pose_filter import PoseFilter
 from controllers.estimation.pose_fixes import FixQueue, WayBack
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.transition import Turn
 from controllers.estimator import Estimator
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.planar import Pose, wrap_angle

@@ -10,8 +10,10 @@ import pytest
 from scipy.stats import chi2
 
 from controllers.estimation.odometry import BodyIncrement
-from controllers.estimation.pose_filter import PoseEstimate, PoseFilter, Turn, YawSource
+from controllers.estimation.pose_estimate import PoseEstimate, YawSource
+from controllers.estimation.pose_filter import PoseFilter
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.transition import Turn
 from controllers.motion.planar import wrap_angle
 from drivers.samples import HeadingReference
 from tests.cases import first_often
@@ -261,7 +263,7 @@ def test_the_deviation_of_a_compass_is_learned_and_does_not_bend_the_yaw() -> No
         )
         pose_filter = PoseFilter(settings, ("compass",))
         yaw, errors = 0.0, []
-        for index in range(1500):
+        for _ in range(1500):
             turn = 0.02
             yaw += turn
             pose_filter.predict(

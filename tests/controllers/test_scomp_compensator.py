@@ -12,9 +12,11 @@ from pydantic import ValidationError
 
 from controllers.control_loop import ControlLoop
 from controllers.estimation.odometry import BodyIncrement
-from controllers.estimation.pose_filter import PoseFilter, Turn, YawSource
+from controllers.estimation.pose_estimate import YawSource
+from controllers.estimation.pose_filter import PoseFilter
 from controllers.estimation.pose_fixes import WayBack
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.transition import Turn
 from controllers.motion.crab import DriftSource
 from controllers.motion.kinematics import SkidSteerKinematics
 from controllers.motion.planar import Pose

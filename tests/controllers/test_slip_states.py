@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from controllers.estimation.odometry import BodyIncrement
-from controllers.estimation.pose_filter import PoseFilter, Turn, YawSource
+from controllers.estimation.pose_estimate import YawSource
+from controllers.estimation.pose_filter import PoseFilter
 from controllers.estimation.pose_fixes import WayBack
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.transition import Turn
 from drivers.samples import PoseFixSample
 
 STEP_M = 0.01

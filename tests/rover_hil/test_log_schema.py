@@ -12,7 +12,7 @@ from controllers.control_loop import StepOutput
 from controllers.estimation.dead_reckoning import DeadReckoned
 from controllers.estimation.ground_travel import GroundReport
 from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.pose_filter import PoseEstimate, YawSource
+from controllers.estimation.pose_estimate import PoseEstimate, YawSource
 from controllers.estimation.wheel_contradiction import ContradictionReport
 from controllers.motion.crab import CrabReport, DriftSource
 from controllers.motion.limits import Limit

@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-import numpy as np
-
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.parameters import ESTIMATION
@@ -14,20 +12,17 @@ from controllers.estimation.slip_states import SlipEstimate
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.crab import DriftSource
 from controllers.motion.kinematics import Kinematics
-from controllers.motion.planar import wrap_angle
 from controllers.motion.steering import mean_steering_rad
 from controllers.roles import DeviceRoles
 from controllers.slip.scomp.motion_model import (
-    GAIN,
     RESIDUAL,
-    TRACE_NOISE,
-    TRACE_OFFSET,
     expected_drift,
     tilt_along,
 )
 from controllers.slip.scomp.parameters import SCOMP
 from controllers.slip.scomp.settings import ScompSettings
 from controllers.slip.scomp.states import ScompStates
+from controllers.slip.scomp.trace_model import TraceAngle
 from drivers.clock import nanoseconds, seconds
 from drivers.record import record
 from drivers.samples import AttitudeSample, FrameSample, RateSample, Sample
@@ -318,29 +313,32 @@ class ScompCompensator:
         velocity_x_m_s = motion_m.real / pending.duration_s
         if abs(velocity_x_m_s) < SCOMP.correction.slowest_m_s:
             return None
-        parameters, values = self._settings.parameters, estimate.slip_values
+        parameters = self._settings.parameters
         arm_s = parameters.rover.rear_axle_m / velocity_x_m_s
-        course_rad = pending.steering_rad + self._states.slip_and_angle(values)[1]
-        expected_rad = math.atan(math.tan(course_rad) - arm_s * self._yaw_rate_rad_s)
-        error_rad = float(values[TRACE_NOISE] + values[TRACE_OFFSET])
-        residual = wrap_angle(parameters.trace.sign * angle_rad - expected_rad - error_rad)
-        slopes = np.zeros(len(values))
-        slopes[[RESIDUAL, TRACE_NOISE, TRACE_OFFSET]] = 1.0
-        slopes[GAIN] = self._states.expected_drift_rad
         rate_sd_rad_s = SCOMP.motion.wheel_walk_rad_sqrt_s
         if is_gyro:
             rate_sd_rad_s = parameters.gyro.walk_rad_sqrt_s / math.sqrt(SCOMP.correction.rate_memory_s)
-        variance = SCOMP.correction.trace_grain_rad**2 + sd_rad**2 + (arm_s * rate_sd_rad_s) ** 2
-        bias_slope_s = arm_s if is_gyro else 0.0
-        innovation = estimate.correct_slip("trace", residual, slopes, bias_slope_s, variance)
+        model = TraceAngle(
+            model=self._states.model,
+            tilt=self._states.tilt,
+            block=estimate.layout.block,
+            steering_rad=pending.steering_rad,
+            arm_s=arm_s,
+            yaw_rate_rad_s=self._yaw_rate_rad_s,
+            bias_slope_s=arm_s if is_gyro else 0.0,
+            variance_rad2=SCOMP.correction.trace_grain_rad**2 + sd_rad**2 + (arm_s * rate_sd_rad_s) ** 2,
+        )
+        measured = (parameters.trace.sign * angle_rad,)
+        (innovation,) = estimate.correct(model, measured)
+        residual = innovation.residual
         self._trace_rejections = 0 if innovation.accepted else self._trace_rejections + 1
         if innovation.accepted:
             self._traces_to_confirm = max(0, self._traces_to_confirm - 1)
-        if self._trace_rejections > SCOMP.correction.most_trace_rejections and math.isfinite(residual):
+        if self._trace_rejections > SCOMP.correction.most_trace_rejections and residual is not None:
             estimate.widen_slip(RESIDUAL, residual**2)
             self._trace_rejections = 0
             self._traces_to_confirm = SCOMP.correction.confirming_traces
-            innovation = estimate.correct_slip("trace", residual, slopes, bias_slope_s, variance)
+            (innovation,) = estimate.correct(model, measured)
         return innovation
 
     def _follow_skidding(self, pending: "_Pending", rate_rad_s: float) -> None:

@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 
 from controllers.control_loop import StepOutput
 from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.pose_filter import PoseEstimate, YawSource
+from controllers.estimation.pose_estimate import PoseEstimate, YawSource
 from controllers.motion.limits import Limit
 from controllers.motion.planar import Pose
 from controllers.safety import Mode

@@ -1,0 +1,107 @@
+"""Frames of the devices that give fixes: how they are found, and what a fix that does not fit means."""
+
+import cmath
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.estimation.guarded_filter import GuardedFilter, Innovation
+from controllers.estimation.measurements.pose_fix import PoseFix, has_yaw, place_then
+from controllers.estimation.parameters import ESTIMATION
+from controllers.estimation.pose_fixes import WayBack, displaced
+from controllers.estimation.state_layout import YAW, X, Y
+from controllers.motion.planar import wrap_angle
+from drivers.samples import PoseFixSample
+
+LEAST_BASELINE_SD = 10.0
+"""Two fixes without yaw turn the floor's axes from so many deviations of their difference on: to 6 deg."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Unoriented:
+    """The first fix of a device that gives no yaw: by the fix, and in the local frame."""
+
+    place_m: complex
+    then_m: complex
+    position_std_m: float
+
+
+class FixFrames:
+    """Corrects a filter by fixes of the pose.
+
+    Args:
+        pose_filter: With states for the origin of each device.
+        origins: First of these states, by device.
+    """
+
+    def __init__(self, pose_filter: GuardedFilter, origins: Mapping[str, int]) -> None:
+        self._filter = pose_filter
+        self._origins = origins
+        self._rejections: dict[str, int] = {}
+        self._unoriented: dict[str, _Unoriented] = {}
+
+    def correct(self, fix: PoseFixSample, way_back: WayBack) -> tuple[Innovation, ...]:
+        """Correct by a fix of the pose; `way_back` leads from the present pose to that at exposure.
+
+        A fix is accepted or rejected as a whole. After two rejections in a row the rover has been moved, or
+        has slipped more than the noise allows: the uncertainty of the pose then becomes its difference from
+        the next fix, which is reported as displaced.
+        """
+        origin = self._origins[fix.device]
+        if fix.device not in self._rejections and not has_yaw(fix):
+            if not self._orient(origin, fix, way_back):
+                return ()
+        elif fix.device not in self._rejections and math.isfinite(fix.x_m + fix.y_m + fix.yaw_rad):
+            self._rejections[fix.device] = 0
+            self._assign_origin(origin, fix, way_back)
+        model = PoseFix(fix=fix, way_back=way_back, origin_index=origin)
+        innovations = self._filter.correct(model, model.measured)
+        if innovations[0].accepted:
+            self._rejections[fix.device] = 0
+            return innovations
+        residuals = [innovation.residual for innovation in innovations if innovation.residual is not None]
+        if len(residuals) < len(innovations):
+            return innovations
+        self._rejections[fix.device] += 1
+        if self._rejections[fix.device] <= ESTIMATION.pose.most_rejections:
+            return innovations
+        self._rejections[fix.device] = 0
+        # The axes of the floor are not those of the local frame: widen both by the distance.
+        distance_m2 = residuals[X] ** 2 + residuals[Y] ** 2
+        turned_rad = residuals[YAW] if has_yaw(fix) else 0.0
+        for index, variance in ((X, distance_m2), (Y, distance_m2), (YAW, turned_rad**2)):
+            self._filter.widen(index, variance)
+        report = displaced(fix, math.sqrt(distance_m2), abs(turned_rad))
+        return (*self._filter.correct(model, model.measured), *report[: len(innovations) - 1])
+
+    def _assign_origin(self, origin: int, fix: PoseFixSample, way_back: WayBack) -> None:
+        """Set the unknown origin by the first fix."""
+        then_m, then_rad = place_then(np.array(self._filter.state), fix, way_back)
+        origin_rad = wrap_angle(fix.yaw_rad - then_rad)
+        origin_m = complex(fix.x_m, fix.y_m) - then_m * cmath.rect(1.0, origin_rad)
+        for index, value in zip((X, Y, YAW), (origin_m.real, origin_m.imag, origin_rad), strict=True):
+            self._filter.assign(origin + index, value)
+
+    def _orient(self, origin: int, fix: PoseFixSample, way_back: WayBack) -> bool:
+        """Set the unknown origin by two fixes without yaw that lie far apart; returns whether it is set.
+
+        The axes of the floor are turned by the direction between the two places by the fixes less that by
+        the motion of the rover. So it does not matter whether the rover drives ahead, back or aside.
+        """
+        then_m, _ = place_then(np.array(self._filter.state), fix, way_back)
+        place_m = complex(fix.x_m, fix.y_m)
+        if not cmath.isfinite(place_m) or not 0.0 < fix.position_std_m < math.inf:
+            return False
+        first = self._unoriented.setdefault(fix.device, _Unoriented(place_m, then_m, fix.position_std_m))
+        moved_m, fixed_m = then_m - first.then_m, place_m - first.place_m
+        least_m = LEAST_BASELINE_SD * math.hypot(fix.position_std_m, first.position_std_m)
+        if min(abs(moved_m), abs(fixed_m)) < least_m or abs(abs(fixed_m) - abs(moved_m)) > 0.5 * abs(moved_m):
+            return False
+        origin_rad = wrap_angle(cmath.phase(fixed_m) - cmath.phase(moved_m))
+        origin_m = place_m - then_m * cmath.rect(1.0, origin_rad)
+        for index, value in zip((X, Y, YAW), (origin_m.real, origin_m.imag, origin_rad), strict=True):
+            self._filter.assign(origin + index, value)
+        self._rejections[fix.device] = 0
+        return True
