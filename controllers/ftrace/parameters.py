@@ -6,7 +6,7 @@ sensitivity to each number is printed by `python -m benchmarks.ftrace.parameter_
 """
 
 from dataclasses import dataclass, replace
-from math import radians
+from math import log, radians
 
 from controllers.ground_motion.parameters import DEFAULTS as GROUND_MOTION
 from controllers.ground_motion.parameters import GroundMotionParameters
@@ -27,6 +27,7 @@ class DirectionParameters:
     """Direction of the wheel by the motion of the ground."""
 
     most_direction_sd_rad: float = 0.05  # of a direction that is given without a trace
+    rig_sd_rad: float = 0.005  # of an angle, by what no innovation shows: calibration of the camera, tilt
     least_motion_m: float = 0.003  # between two frames, for a direction that is given without a trace
     reach_m: float = 0.12  # frames further apart share too little ground: they are matched first
     least_share: float = 0.3  # of the points that must move with the ground in matched frames
@@ -165,6 +166,7 @@ class StripParameters:
     trace_sd: tuple[float, ...] = (1.1, 0.6, 0.85, 0.8, 0.8, 0.45, 1.1, 0.5, 0.4, 0.35)
     edge_sd: float = 1.2  # of the answers on the side on which the edge of a shadow runs
     log_edge: float = -2.3  # logarithm of the probability that one runs there
+    log_hidden: float = log(0.25)  # of the probability that a given edge lies in the front wheel's imprint
     log_change: float = -3.5  # logarithm of the probability that a trace begins or ends at a given strip
     search_cost: float = 4.0  # logarithm of the number of independent places that a search tries
     other_reading: float = 2.0  # logarithm of how much less likely two overlapping traces are than one

@@ -1,5 +1,7 @@
 """Confidence of a trace: a logistic regression on the evidence of its strips."""
 
+import math
+
 import numpy as np
 
 from controllers.ftrace.parameters import ConfidenceParameters
@@ -13,3 +15,8 @@ def confidence(log_odds: float, parameters: ConfidenceParameters) -> float:
         parameters: Fitted numbers.
     """
     return float(1 / (1 + np.exp(-np.clip(parameters.constant + parameters.odds * log_odds, -30.0, 30.0))))
+
+
+def within(limit: float, sd: float) -> float:
+    """Return the probability that a normal error of standard deviation `sd` is smaller than `limit`."""
+    return math.erf(limit / (sd * math.sqrt(2.0)))

@@ -59,7 +59,7 @@ class PathFilter:
 
     @property
     def theta_sd_rad(self) -> float:
-        """Standard deviation of `theta_rad`."""
+        """Standard deviation of `theta_rad` by the noise assumed."""
         return float(np.sqrt(max(self._covariance[0, 0], 0.0)) / (1 + self._state[0] ** 2))
 
     @property
@@ -82,10 +82,19 @@ class PathFilter:
         noise = np.diag(sd_m**2) + offset_sd_m**2 + slope_sd**2 * np.outer(s_m, s_m)
         self._update(rows, y_m - rows @ self._state, noise)
 
-    def observe_motion(self, s_m: float, y_m: float, sd_m: float) -> None:
-        """Correct by the present place of the last step's contact."""
+    def observe_motion(self, s_m: float, y_m: float, sd_m: float, gate_sd: float) -> float:
+        """Correct by the present place of the last step's contact, unless it is off by `gate_sd` deviations.
+
+        Returns:
+            The squared difference over its variance; 1 in the mean where the noise is as assumed.
+        """
         rows = self._rows(np.array([s_m]))
-        self._update(rows, np.array([y_m]) - rows @ self._state, np.array([[sd_m**2]]))
+        innovation = np.array([y_m]) - rows @ self._state
+        variance = float((rows @ self._covariance @ rows.T)[0, 0]) + sd_m**2
+        ratio = float(innovation[0]) ** 2 / variance
+        if ratio <= gate_sd**2:
+            self._update(rows, innovation, np.array([[sd_m**2]]))
+        return ratio
 
     def curve(self, s_m: Floats) -> Floats:
         """Return y at `s_m`."""

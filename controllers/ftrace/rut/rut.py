@@ -234,9 +234,13 @@ def two_sided(sums: Floats, one_sided_share: float) -> Floats:
 
 
 def _placing(signature: Floats) -> Floats:
-    """Return the kernel weights that locate a rut with this signature; sure kernels are made symmetric."""
+    """Return the kernel weights that locate a rut with this signature; sure kernels are made symmetric.
+
+    A side without any weight is hidden, and remains so.
+    """
     sides = signature.reshape(2, -1).copy()
-    sides[:, SURE] = np.maximum(sides[:, SURE].mean(axis=0), 0.0)
+    visible: Mask = np.asarray(sides.any(axis=1))
+    sides[:, SURE] = np.maximum(sides[visible][:, SURE].mean(axis=0), 0.0) * visible[:, None]
     weights = sides.ravel() * PLACING
     return np.asarray(weights / max(float(np.linalg.norm(weights)), 1e-6))
 

@@ -30,6 +30,7 @@ class Stretch:
         fills_view: The stretch reaches the far end of the view.
         is_followed: Its strips were seen in several frames, on a known path.
         reading: Index of the curve that shows it best.
+        hidden: Side of its edge that lies in the front wheel's imprint: 0 right, 1 left; None without one.
         sums: Mean answers of its strips, one for each kernel.
     """
 
@@ -38,11 +39,18 @@ class Stretch:
     fills_view: bool
     is_followed: bool
     reading: int
+    hidden: int | None
     sums: Floats
 
 
 NO_STRETCH = Stretch(
-    log_odds=-np.inf, length_m=0.0, fills_view=False, is_followed=False, reading=0, sums=np.zeros(2 * KERNELS)
+    log_odds=-np.inf,
+    length_m=0.0,
+    fills_view=False,
+    is_followed=False,
+    reading=0,
+    hidden=None,
+    sums=np.zeros(2 * KERNELS),
 )
 """Where too little ground is in view."""
 
@@ -52,11 +60,13 @@ class TraceStrips:
 
     Args:
         s_m: Places of the blocks of the view behind the contact, evenly spaced.
+        may_overlap: Whether a front wheel may have left an imprint that hides an edge of the trace.
         parameters: Tuned numbers.
     """
 
-    def __init__(self, s_m: Floats, parameters: StripParameters) -> None:
+    def __init__(self, s_m: Floats, may_overlap: bool, parameters: StripParameters) -> None:
         self._parameters = parameters
+        self._may_overlap = may_overlap
         self._s_m = s_m
         self._block_m = float(s_m[1] - s_m[0])
         self._slots = len(s_m) + 2
@@ -70,6 +80,9 @@ class TraceStrips:
         self._mean: Floats = np.asarray(parameters.trace_mean, np.float64)
         self._bare: Floats = np.tile(np.asarray(parameters.bare_sd, np.float64) ** 2, 2)
         self._variance: Floats = np.asarray(parameters.trace_sd, np.float64) ** 2
+        # A side is even plus or minus odd part, over root 2.
+        to_sides = self._to_even_odd.T
+        self._one_side = to_sides @ self._mean, to_sides**2 @ self._variance
 
     def update(self, answers: Floats, valid: Mask, moved_m: float) -> None:
         """Take the next frame.
@@ -140,32 +153,45 @@ class TraceStrips:
         mean = (total[:, last] - total[:, first]) / count
         is_usual_end = (last == seen) | (np.abs(last - laid) <= 1)
         changes = (first > 0).astype(np.float64) + ~is_usual_end
-        ratio = self._log_ratio(mean, count.astype(np.float64)) + changes * numbers.log_change
+        whole = self._log_ratio(mean, count.astype(np.float64))
+        ratio = np.asarray(np.logaddexp.reduce(whole)) + changes * numbers.log_change
         ratio[1:] -= numbers.other_reading
         greatest = float(ratio.max())
         which, best = np.unravel_index(int(ratio.argmax()), ratio.shape)
+        shape = int(whole[:, which, best].argmax())
         return Stretch(
             log_odds=greatest + float(np.log(np.exp(ratio - greatest).sum())),
             length_m=float(count[best, 0]) * self._block_m,
             fills_view=int(last[best]) >= seen - 1,
             is_followed=False,
             reading=int(which),
+            hidden=None if shape == 0 else shape - 1,
             sums=np.asarray(mean[which, best]),
         )
 
     def _log_ratio(self, mean: Floats, count: Floats) -> Floats:
         """Return the logarithm of the density of means of strips with a trace over that without one.
 
-        Without a trace, the ground is bare, or an edge runs on one side of the path, as of a shadow.
+        The first axis is of the shapes of a trace: both edges visible, the right one hidden, the left one.
+        Where the rover drifts, one edge of the rear wheel's imprint lies on the floor of the front wheel's:
+        there the ground answers as if bare, and the other edge as that of any trace. Without a trace, the
+        ground is bare, or an edge runs on one side of the path, as of a shadow.
         """
         numbers = self._parameters
         noise = self._bare + numbers.strip_sd**2 / (numbers.independent * count)
         parts = mean @ self._to_even_odd.T
-        trace = _log_density(parts - self._mean, noise + self._variance)
         one_side = np.repeat([0.0, numbers.edge_sd**2], KERNELS)
         bare = _log_density(mean, noise)
         edges = [_log_density(mean, noise + side) + numbers.log_edge for side in (one_side, one_side[::-1])]
-        return trace - np.logaddexp(bare, np.logaddexp(*edges))
+        shapes = [_log_density(parts - self._mean, noise + self._variance)]
+        if self._may_overlap:
+            side_mean, side_variance = self._one_side
+            visible = np.repeat([0.0, 1.0], KERNELS)
+            shapes += [
+                _log_density(mean - side_mean * seen, noise + side_variance * seen) + numbers.log_hidden
+                for seen in (visible, visible[::-1])
+            ]
+        return np.stack(shapes) - np.logaddexp(bare, np.logaddexp(*edges))
 
     def _medians(self, slots: Floats) -> Floats:
         """Return the median of the views of each strip: curve, strip, kernel."""

@@ -1,5 +1,6 @@
 """Search for the rut near the path travelled, which the motion of the ground predicts."""
 
+import math
 from copy import deepcopy
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from controllers.ftrace.frame import Frame, Reading
 from controllers.ftrace.matching import GroundMatch
 from controllers.ftrace.parameters import FTraceParameters
-from controllers.ftrace.rut.confidence import confidence
+from controllers.ftrace.rut.confidence import confidence, within
 from controllers.ftrace.rut.front_wheel_trace import FrontWheelTrace
 from controllers.ftrace.rut.path_filter import PathFilter
 from controllers.ftrace.rut.presence import Presence
@@ -22,6 +23,8 @@ from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.prior import MotionPrior
 from drivers.samples import Image
 
+RIGHT_WITHIN_RAD = math.radians(5.0)
+"""An angle with a smaller error is right."""
 LEAST_SCORE = -1e6
 """Score of a curve with too few blocks in view."""
 
@@ -50,19 +53,22 @@ class RutTracker:
         self._path = PathFilter(ground.rig.behind_m, parameters.path)
         self._odometry = PathFilter(ground.rig.behind_m, parameters.path)
         hidden_m = float(np.argmax(ground.visible[:, ground.centre])) * RESOLUTION_M
-        self._strips = TraceStrips(self._finder.s_m, parameters.strips)
+        self._strips = TraceStrips(self._finder.s_m, self._front.exists, parameters.strips)
         self._presence = Presence(hidden_m + parameters.presence.least_length_m, parameters.presence)
         self._previous: Image | None = None
         self._offset_m = 0.0
         self._backwards = 0.0
         self._confidence = 0.0
+        self._noise_ratio = 1.0
+        self._agrees = True
+        self._apart_rad = 0.0
 
     def track(self, frame: Frame) -> Reading:
         """Return the trace in the next frame."""
         log_grey, structure = frame.ground.log_grey, frame.ground.structure
         motion = self._motion(frame, structure)
         moved_m, goes_back = self._advance(frame, motion)
-        found, self._confidence = False, 0.0
+        found, self._confidence, self._apart_rad = False, 0.0, 0.0
         if frame.usable:
             self._light.update(log_grey, motion)
             detail = self._finder.detail(log_grey - self._light.field)
@@ -71,16 +77,27 @@ class RutTracker:
         if not found:
             self._path = deepcopy(self._odometry)
         s = self._finder.s_m
-        sd_rad, most_sd_rad = self._path.theta_sd_rad, self._numbers.direction.most_direction_sd_rad
+        sd_rad, most_sd_rad = self._theta_sd_rad(), self._numbers.direction.most_direction_sd_rad
+        is_measured = self._is_moving(motion) and self._agrees and not goes_back
         return Reading(
             found=found,
             theta_rad=self._path.theta_rad,
             theta_sd_rad=sd_rad,
-            by_motion=self._is_moving(motion) and not goes_back and sd_rad < most_sd_rad,
+            by_motion=is_measured and sd_rad < most_sd_rad,
             offset_m=self._offset_m,
-            confidence=self._confidence,
+            confidence=self._confidence * within(RIGHT_WITHIN_RAD, sd_rad),
             path_m=np.stack([s, self._path.curve(s)], axis=1),
         )
+
+    def _theta_sd_rad(self) -> float:
+        """Return the standard deviation of the angle.
+
+        The path's covariance times the mean squared innovation over its variance, as that of unit weight of
+        an adjustment; the errors that no innovation shows; and at least half of the angle between the trace
+        and the motion of the ground, one of which is wrong where they differ.
+        """
+        assumed_rad = self._path.theta_sd_rad * math.sqrt(self._noise_ratio)
+        return max(math.hypot(assumed_rad, self._numbers.direction.rig_sd_rad), self._apart_rad / 2)
 
     def lose(self) -> None:
         """Set the trace to absent."""
@@ -111,7 +128,12 @@ class RutTracker:
             path.advance(moved_m, turn, turn_sd)
             if motion is not None and motion.forward_m > 0:
                 sd_m = max(motion.left_sd_m, numbers.motion_sd_m)
-                path.observe_motion(motion.forward_m, -motion.left_m, sd_m)
+                gate_sd = self._search.contradiction_sd
+                ratio = path.observe_motion(motion.forward_m, -motion.left_m, sd_m, gate_sd)
+                if path is self._odometry:
+                    self._agrees = ratio <= gate_sd**2
+                    share = min(motion.forward_m / self._ground.rig.behind_m, 1.0)
+                    self._noise_ratio += share * (ratio - self._noise_ratio)
         return moved_m, self._backwards > numbers.most_backwards
 
     def _motion(self, frame: Frame, structure: Patch) -> PatchMotion | None:
@@ -165,7 +187,9 @@ class RutTracker:
         if not self._presence.update(stretch, moved_m):
             self._confidence = min(self._confidence, self._numbers.confidence.most_in_doubt)
             return False
-        signature = self._presence.signature
+        signature = self._presence.signature.copy()
+        if stretch.hidden is not None:
+            signature.reshape(2, -1)[stretch.hidden] = 0.0
         best = edges[0][stretch.reading], edges[1][stretch.reading]
         points = self._finder.points(sections, curve, best, signature)
         if len(points.s_m) < self._numbers.sections.least_blocks:
@@ -189,6 +213,7 @@ class RutTracker:
         slope = weight * place / (weight @ place**2)
         error = float(slope @ (points.y_m - mean))
         variance = slope @ (covariance + np.diag(sd_m**2)) @ slope + self._search.slope_sd**2
+        self._apart_rad = abs(error) if abs(error) > 2 * np.sqrt(variance) else 0.0
         return bool(abs(error) > self._search.contradiction_sd * np.sqrt(variance))
 
     def _without_outliers(self, s_m: Floats, y_m: Floats, sd_m: Floats) -> Floats:

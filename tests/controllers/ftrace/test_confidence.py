@@ -1,7 +1,7 @@
 """Confidence in a trace."""
 
 from controllers.ftrace.parameters import DEFAULTS
-from controllers.ftrace.rut.confidence import confidence
+from controllers.ftrace.rut.confidence import confidence, within
 
 
 def test_it_increases_with_the_evidence() -> None:
@@ -14,3 +14,9 @@ def test_it_increases_with_the_evidence() -> None:
 
 def test_a_trace_that_is_reported_is_more_likely_than_not() -> None:
     assert confidence(DEFAULTS.presence.lock_odds, DEFAULTS.confidence) > 0.5
+
+
+def test_an_angle_of_great_deviation_is_less_likely_right() -> None:
+    assert within(5.0, 0.5) > 0.999
+    assert round(within(5.0, 5.0), 3) == 0.683
+    assert round(within(5.0, 2.5), 3) == 0.954

@@ -7,6 +7,7 @@ from controllers.ftrace.parameters import DEFAULTS
 from controllers.ftrace.rut.path_filter import PathFilter
 
 STEP_M = 0.016
+GATE_SD = DEFAULTS.search.contradiction_sd
 SEEN_M = np.arange(0.08, 0.6, 0.04)
 
 
@@ -52,7 +53,7 @@ def test_motion_seen_directly_gives_the_angle() -> None:
     path = PathFilter(0.6, DEFAULTS.path)
     for _ in range(20):
         path.advance(STEP_M, 0.0, 0.0005)
-        path.observe_motion(STEP_M, 0.1 * STEP_M, 0.0001)
+        path.observe_motion(STEP_M, 0.1 * STEP_M, 0.0001, GATE_SD)
 
     assert math.tan(path.theta_rad) == pytest.approx(-0.1, abs=0.01)
 
@@ -68,3 +69,21 @@ def test_the_covariance_stays_symmetric_and_positive_over_a_long_drive() -> None
     _, covariance = path.trace(SEEN_M)
     assert np.linalg.eigvalsh(covariance).min() > -1e-12
     assert math.isfinite(path.theta_rad)
+
+
+def test_a_motion_that_no_wheel_can_make_is_not_believed_and_widens_the_angle() -> None:
+    """From one frame to the next the direction cannot turn by 20 deg: the shadow that sweeps is followed."""
+    path = PathFilter(0.6, DEFAULTS.path)
+
+    def step(slope: float) -> float:
+        path.advance(STEP_M, 0.0, 0.0005)
+        return path.observe_motion(STEP_M, slope * STEP_M, 0.0001, GATE_SD)
+
+    ratios = [step(0.1) for _ in range(30)]
+    before_rad, before_sd_rad = path.theta_rad, path.theta_sd_rad
+    wrong = [step(0.1 + math.tan(math.radians(20.0))) for _ in range(4)]
+
+    assert max(ratios[5:]) < 1.0
+    assert min(wrong) > GATE_SD**2
+    assert path.theta_rad == pytest.approx(before_rad, abs=math.radians(0.5))
+    assert path.theta_sd_rad > 2.0 * before_sd_rad

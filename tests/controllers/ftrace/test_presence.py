@@ -11,7 +11,13 @@ from controllers.ftrace.rut.strips import KERNELS, Stretch
 NUMBERS = DEFAULTS.presence
 START_M, STEP_M = 0.3, 0.016
 CLEAR = Stretch(
-    log_odds=20.0, length_m=0.4, fills_view=True, is_followed=False, reading=0, sums=np.ones(2 * KERNELS)
+    log_odds=20.0,
+    length_m=0.4,
+    fills_view=True,
+    is_followed=False,
+    reading=0,
+    hidden=None,
+    sums=np.ones(2 * KERNELS),
 )
 NOTHING = replace(CLEAR, log_odds=-6.0)
 

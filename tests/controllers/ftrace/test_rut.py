@@ -41,3 +41,14 @@ def test_each_edge_is_answered_by_its_own_side() -> None:
     assert np.allclose(mixed[:5], both[:5])
     assert np.allclose(mixed[5:], other[5:])
     assert not np.allclose(both, other)
+
+
+def test_a_hidden_edge_has_no_part_in_the_place_of_the_trace() -> None:
+    finder, sections = made_up()
+    here, far = np.zeros(finder.blocks), np.full(finder.blocks, 0.06)
+    seen = np.repeat([1.0, 0.0], 5)
+
+    one, other = (finder.points(sections, here, (here, left), seen) for left in (here, far))
+
+    assert len(one.s_m) >= 3
+    assert np.array_equal(one.y_m, other.y_m)
