@@ -37,15 +37,15 @@ from benchmarks.four_wheels.field_drives import MOUNDS, SIDEWAYS
 from benchmarks.robotino.consistency import BOUND, INSIDE_BAR, NEES_BAR
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.estimation.pose_estimate import PoseEstimate
+from controllers.ftrace.reading import Rates, TraceReading
 from controllers.safety import Mode
-from controllers.slip.scomp.compensator import Rates, TraceFinder, TraceReading
+from controllers.slip.scomp.compensator import TraceFinder
 from drivers.clock import VirtualClock, nanoseconds, seconds
 from drivers.link import NoTap
 from drivers.samples import FrameSample, PoseFixSample, Sample
 from rover_hil.config import Config, load_config
 from rover_hil.parallel.executor import open_executor
-from rover_hil.run.composition import build_virtual_rig
-from rover_hil.run.live_trace import LiveTraceFinder
+from rover_hil.run.composition import build_virtual_rig, make_finder
 from sim_backends.terramechanics.soil.library import load_soil
 from sim_backends.world.plant import Truth
 
@@ -294,11 +294,10 @@ def drive(config: Config, case: Case, watch: Watch = lambda *_: None) -> list[Mo
 def make_loop(config: Config, finder: TraceFinder | None, *, has_fixes: bool) -> ControlLoop:
     """Return the control loop of a configuration with a finder of its own, and with pose fixes or without."""
     roles = replace(config.device_roles(), fixes=(FIX_DEVICE,) if has_fixes else ())
-    camera = None if config.roles.camera is None else config.devices[config.roles.camera]
     if finder is not None:
         roles = replace(roles, camera=CAMERA)
-    elif camera is not None and config.scomp is not None and config.scomp.rig is not None:
-        finder = LiveTraceFinder(config.scomp.rig, camera)  # type: ignore[arg-type]
+    else:
+        finder = make_finder(config)
     return ControlLoop(config, roles, finder)
 
 

@@ -33,10 +33,11 @@ from benchmarks.four_wheels.consistency import (
 from benchmarks.four_wheels.field_drives import MOUNDS, SIDEWAYS, draw_rover, field_drive
 from controllers.estimation.settings import FilterSettings
 from controllers.estimator import Estimator
+from controllers.ftrace.reading import TraceReading
 from controllers.motion.kinematics import SkidSteerKinematics
 from controllers.motion.rover_geometry import SkidSteerRoverSettings
 from controllers.roles import DeviceRoles
-from controllers.slip.scomp.compensator import Rates, ScompCompensator, TraceReading
+from controllers.slip.scomp.compensator import ScompCompensator
 from controllers.slip.scomp.parameters import ScompParameters
 from controllers.slip.scomp.settings import ScompSettings
 from drivers.clock import nanoseconds
@@ -54,6 +55,7 @@ from rover_hil.config import load_config
 from rover_hil.identify.scomp.fit import identify
 from rover_hil.scomp.columns import drive_of
 from rover_hil.scomp.drive import TruePath
+from rover_hil.scomp.recorded_samples import RecordedTrace
 from tests.nature import four_wheel_drive as nature
 
 Array = NDArray[np.float64]
@@ -112,23 +114,6 @@ def drives_of(plant: str, seed: int) -> dict[str, Recorded]:
         }
         drives[name] = Recorded({**drive.log, **trace}, drive.truth)
     return drives
-
-
-class RecordedTrace:
-    """A finder that returns the trace of the newest row.
-
-    Attributes:
-        reading: Of that row.
-    """
-
-    def __init__(self) -> None:
-        self.reading: TraceReading | None = None
-
-    def find(
-        self, frame: FrameSample, wheel_speed_m_s: float, rates_rad_s: Rates | None
-    ) -> TraceReading | None:
-        """Return the trace of the newest row."""
-        return self.reading
 
 
 def samples(log: Columns, row: int, t_ns: int, trace: RecordedTrace) -> list[Sample]:

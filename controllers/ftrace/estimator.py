@@ -8,6 +8,7 @@ import numpy as np
 from controllers.ftrace.frame import Frame, Reading, is_usable
 from controllers.ftrace.hough.tracker import HoughTracker
 from controllers.ftrace.parameters import DEFAULTS, FTraceParameters
+from controllers.ftrace.reading import Rates, TraceReading
 from controllers.ftrace.rut.tracker import RutTracker
 from controllers.ground_motion.ground_patch import Floats, GroundPatch
 from controllers.ground_motion.ground_view import GroundView
@@ -15,43 +16,26 @@ from controllers.ground_motion.prior import turned
 from controllers.ground_motion.rig import RigGeometry
 from drivers.clock import seconds
 from drivers.errors import ConfigError, ModelError
-from drivers.samples import Image
+from drivers.samples import FrameSample, Image
 
-Rates = tuple[float, float, float]
 Method = Literal["fused", "hough"]
 Source = Literal["trace", "flow", "held", "none"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TraceAngle:
-    """Estimate after a frame.
+class TraceAngle(TraceReading):
+    """Estimate after a frame: the reading, and where the trace lies.
 
     Attributes:
-        t_ns: Time of the frame.
-        detected: The trace is detected in this frame.
-        theta_rad: Angle of the wheel's current velocity from its axis, counter-clockwise; None without a
-            source.
-        theta_sd_rad: Standard deviation of `theta_rad`; None where unknown (`hough`, and without a source).
-        source: Where the angle comes from. `trace`: the trace, with the motion of the ground; `flow`: the
-            motion of the ground and the gyro alone, no trace is detected; `held`: neither, the direction is
-            predicted for at most `parameters.most_misses` frames; `none`: there is none.
         offset_m: Place of the trace at the contact, left of it positive; for at most `parameters.most_misses`
             frames after the last trace that of the kept path; None without one.
         distance_m: Distance of the trace's line from the vehicle's origin, positive when it passes left of it
             (the paper's d_t); None like `offset_m`.
-        confidence: 0..1, probability that the wheel's own trace is in this frame, at least 0.20 m of it, and
-            that `theta_rad` is right within 5 deg. It is also given where no trace is detected.
         path_m: Centre line of the trace in the vehicle frame, rows of x, y, z; empty without one.
     """
 
-    t_ns: int
-    detected: bool
-    theta_rad: float | None
-    theta_sd_rad: float | None
-    source: Source
     offset_m: float | None
     distance_m: float | None
-    confidence: float
     path_m: Floats
 
     @property
@@ -136,6 +120,24 @@ class TraceEstimator:
             distance_m=None if line is None else self._distance(*line),
             confidence=0.0 if source == "none" else self._confidence,
             path_m=np.zeros((0, 3)) if line is None else self._ground.to_vehicle(*reading.path_m.T),
+        )
+
+    def find(
+        self, frame: FrameSample, wheel_speed_m_s: float, rates_rad_s: Rates | None
+    ) -> TraceReading | None:
+        """Return the reading of a frame; None for one of another size, or not newer than the one before."""
+        t_ns = frame.t_ns if frame.t_capture_ns is None else frame.t_capture_ns
+        is_late = self._t_ns is not None and t_ns <= self._t_ns
+        if is_late or frame.image.shape[:2] != (self._rig.height, self._rig.width):
+            return None
+        found = self.step(t_ns, frame.image, wheel_speed_m_s=wheel_speed_m_s, rates_rad_s=rates_rad_s)
+        return TraceReading(
+            t_ns=t_ns,
+            detected=found.detected,
+            theta_rad=found.theta_rad,
+            confidence=found.confidence,
+            source=found.source,
+            theta_sd_rad=found.theta_sd_rad,
         )
 
     def _source(self, reading: Reading) -> Source:

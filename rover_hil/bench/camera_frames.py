@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controllers.ftrace.reading import TraceReading
 from controllers.ground_motion.rig import RigGeometry
-from controllers.slip.scomp.compensator import TraceReading
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.samples import FrameSample, Image
 from rover_hil.bench.views import Picture

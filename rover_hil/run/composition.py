@@ -158,14 +158,22 @@ def _shared_view(config: Config) -> "GroundView | None":
     return GroundView(GroundPatch(scomp.rig.geometry()))
 
 
-def _make_finder(config: Config, view: "GroundView | None") -> TraceFinder | None:
+def make_finder(config: Config, view: "GroundView | None" = None) -> TraceFinder | None:
+    """Return the trace estimator of a configuration; None without a rear camera.
+
+    Raises:
+        ConfigError: The camera does not see the ground behind the wheel, or its frames have another size.
+    """
     camera = None if config.roles.camera is None else config.devices[config.roles.camera]
     if config.scomp is None or config.scomp.rig is None or not isinstance(camera, CameraSettings):
         return None
     # Imported here because it brings OpenCV, which a rover without a camera must not wait for.
-    from rover_hil.run.live_trace import LiveTraceFinder
+    from controllers.ftrace.estimator import TraceEstimator
 
-    return LiveTraceFinder(config.scomp.rig, camera, view)
+    conflict = config.scomp.rig.size_conflict(camera.width, camera.height)
+    if conflict:
+        raise ConfigError(conflict)
+    return TraceEstimator(config.scomp.rig.geometry(), view=view)
 
 
 def _make_meter(config: Config, view: "GroundView | None") -> GroundMeter | None:
@@ -187,5 +195,5 @@ def _assemble(config: Config, clock: Clock, drivers: dict[str, AnyDriver]) -> Ri
         raise ConfigError(conflict)
     roles = replace(config.device_roles(), wheel_wraps_rad=drive.wheel_wraps_rad)
     view = _shared_view(config)
-    loop = ControlLoop(config, roles, _make_finder(config, view), _make_meter(config, view))
+    loop = ControlLoop(config, roles, make_finder(config, view), _make_meter(config, view))
     return Rig(clock, drivers, drive, loop, frozenset(config.roles.names()))

@@ -7,11 +7,12 @@ import numpy as np
 
 from controllers.estimation.settings import FilterSettings
 from controllers.estimator import Estimator
+from controllers.ftrace.reading import Rates, TraceReading
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import RoverSettings, SkidSteerRoverSettings, WheelsRoverSettings
 from controllers.motion.wheel_settings import SteeringSettings, WheelSettings
 from controllers.roles import DeviceRoles
-from controllers.slip.scomp.compensator import Rates, ScompCompensator, TraceReading
+from controllers.slip.scomp.compensator import ScompCompensator
 from controllers.slip.scomp.parameters import RoverGeometry, ScompParameters
 from controllers.slip.scomp.settings import ScompSettings
 from controllers.slip.scomp.states import ScompStates

@@ -17,6 +17,7 @@ from controllers.estimation.pose_filter import PoseFilter
 from controllers.estimation.pose_fixes import WayBack
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.transition import Turn
+from controllers.ftrace.reading import Rates, TraceReading
 from controllers.motion.crab import DriftSource
 from controllers.motion.kinematics import SkidSteerKinematics
 from controllers.motion.planar import Pose
@@ -24,7 +25,7 @@ from controllers.motion.rover_geometry import SkidSteerRoverSettings
 from controllers.motion.settings import LineMission
 from controllers.roles import DeviceRoles
 from controllers.settings import ControlSettings
-from controllers.slip.scomp.compensator import NO_MOTION, Rates, ScompCompensator, TraceReading
+from controllers.slip.scomp.compensator import NO_MOTION, ScompCompensator
 from controllers.slip.scomp.settings import ScompSettings
 from drivers.clock import nanoseconds
 from drivers.samples import AttitudeSample, FrameSample, PoseFixSample, RateSample, Sample, WheelSample

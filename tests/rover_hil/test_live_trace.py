@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from controllers.slip.scomp.compensator import TraceFinder
 from drivers.errors import ConfigError
 from drivers.samples import FrameSample
 from rover_hil.config import Config, describe_validation_error, load_config
@@ -17,8 +18,8 @@ from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Summary, summarise
 from rover_hil.report.verdict import facts
 from rover_hil.report.write import write_report
+from rover_hil.run.composition import make_finder
 from rover_hil.run.driving import run_virtual
-from rover_hil.run.live_trace import LiveTraceFinder
 from tests.rover_hil.conftest import EL_DORADO_S
 from tests.rover_hil.test_virtual_run import with_changes
 
@@ -34,12 +35,12 @@ def summary_of(path: Path) -> Summary:
     return summarise(read_run(path))
 
 
-def finder(**changes: object) -> LiveTraceFinder:
+def finder(**changes: object) -> TraceFinder:
     config = load_config("el-dorado")
     camera = config.devices["camera"].model_copy(update=changes)
-    assert config.scomp is not None
-    assert config.scomp.rig is not None
-    return LiveTraceFinder(config.scomp.rig, camera)  # type: ignore[arg-type]
+    found = make_finder(config.model_copy(update={"devices": {**config.devices, "camera": camera}}))
+    assert found is not None
+    return found
 
 
 def picture(t_ns: int, shape: tuple[int, ...] = (480, 640, 3)) -> FrameSample:

@@ -14,6 +14,7 @@ from controllers.estimation.ground_travel import GroundReport
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
 from controllers.estimation.wheel_contradiction import ContradictionReport
+from controllers.ftrace.reading import TraceReading
 from controllers.motion.crab import CrabReport, DriftSource
 from controllers.motion.limits import Limit
 from controllers.motion.planar import Pose
@@ -21,7 +22,7 @@ from controllers.safety import Mode
 from controllers.slip.effort.compensator import SlipReport, WheelSlip
 from controllers.slip.effort.excited_slip import RoverSlip
 from controllers.slip.effort.ground_knowledge import SlipSource
-from controllers.slip.scomp.compensator import ScompReport, TraceReading
+from controllers.slip.scomp.compensator import ScompReport
 from drivers.errors import LogError
 from drivers.samples import PoseFixSample, RateSample, Sample, SentCommand, WheelCommand, WheelSample
 from rover_hil.config import load_config

@@ -9,6 +9,7 @@ from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.slip_states import SlipEstimate
+from controllers.ftrace.reading import Rates, TraceReading
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.crab import DriftSource
 from controllers.motion.kinematics import Kinematics
@@ -27,8 +28,6 @@ from drivers.clock import nanoseconds, seconds
 from drivers.record import record
 from drivers.samples import AttitudeSample, FrameSample, RateSample, Sample
 
-Rates = tuple[float, float, float]
-
 NO_TRACE = "no trace"
 """A reason that leaves the motion sure: without a trace the slip angle's own variance grows."""
 
@@ -37,28 +36,6 @@ NO_MOTION = (
     "bright, or the rover is stuck"
 )
 """The same after a travel of the wheels on which no frame gave a direction at all."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TraceReading:
-    """The trace in one frame.
-
-    Attributes:
-        t_ns: Time of exposure.
-        detected: The trace is in the frame.
-        theta_rad: Direction of the rear left wheel's velocity in the body, left positive; None where unknown.
-        confidence: 0..1, probability that the trace is in the frame and `theta_rad` is right within 5 deg.
-        source: Where `theta_rad` comes from: `trace`; `flow`, the motion of the ground without a trace;
-            `held`, predicted from earlier frames; `none`.
-        theta_sd_rad: Standard deviation of `theta_rad`; None where unknown.
-    """
-
-    t_ns: int
-    detected: bool
-    theta_rad: float | None
-    confidence: float
-    source: str
-    theta_sd_rad: float | None
 
 
 class TraceFinder(Protocol):

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from controllers.control_loop import StepOutput
-from controllers.slip.scomp.compensator import ScompReport, TraceReading
+from controllers.ftrace.reading import TraceReading
+from controllers.slip.scomp.compensator import ScompReport
 from drivers.clock import VirtualClock
 from drivers.link import NoTap
 from drivers.samples import FrameSample, Image
