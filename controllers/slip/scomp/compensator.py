@@ -101,8 +101,9 @@ class ScompCompensator:
         self._finder = finder
         self._states = states or ScompStates(settings.parameters)
         self._yaw_rate_rad_s = 0.0
-        self._trace_rejections = 0
-        self._traces_to_confirm = 0
+        self._rejected_from_ns: int | None = None
+        self._accepted_ns: int | None = None
+        self._to_confirm_s = 0.0
         self._skid_m_s = self._rim_m_s = 0.0
         self._since_rate_s = 0.0
         self._is_backwards = False
@@ -114,7 +115,8 @@ class ScompCompensator:
         self._readings_rad_s: list[float] = []
         self._since_trace_s = math.inf
         self._blind_m = 0.0
-        self._blind_frames = 0
+        self._blind_s = 0.0
+        self._blind_from_ns: int | None = None
         self._slip = self._wheel_slip_angle_rad = 0.0
         self._steering_rad: tuple[float, ...] = ()
         self._pending = _Pending()
@@ -135,7 +137,7 @@ class ScompCompensator:
     def unmoved_m(self) -> float:
         """Travel of the wheels on which frames have shown no motion of the ground; 0 where that is little."""
         blind = SCOMP.correction
-        is_blind = self._blind_m >= blind.blind_m and self._blind_frames >= blind.blind_frames
+        is_blind = self._blind_m >= blind.blind_m and self._blind_s >= blind.blind_s
         return self._blind_m if self._finder is not None and is_blind else 0.0
 
     @property
@@ -245,46 +247,49 @@ class ScompCompensator:
             return None
         self._frame_ns = _exposed_ns(frame)
         reading = self._finder.find(frame, pending.rim_m / pending.duration_s, self._rates)
-        self._follow_sight(reading)
+        self._follow_sight(reading, self._frame_ns)
         if reading is None or reading.theta_rad is None:
             return reading
-        if reading.detected:
-            innovation = self._correct_trace(estimate, reading.theta_rad, 0.0, pending, bool(readings))
-        elif reading.source == "flow" and reading.theta_sd_rad is not None:
-            innovation = self._correct_trace(
-                estimate, reading.theta_rad, reading.theta_sd_rad, pending, bool(readings)
-            )
-        else:
-            innovation = None
+        innovation = None
+        if reading.detected or (reading.source == "flow" and reading.theta_sd_rad is not None):
+            innovation = self._correct_trace(estimate, reading, reading.theta_rad, pending, bool(readings))
         self.trace_innovation = innovation
         if innovation is not None and innovation.accepted:
             self._since_trace_s = 0.0
         return reading
 
-    def _follow_sight(self, reading: TraceReading | None) -> None:
-        """Follow the travel since a frame last showed a direction: by the trace or the ground's motion."""
-        self._blind_frames += 1
+    def _follow_sight(self, reading: TraceReading | None, frame_ns: int) -> None:
+        """Follow travel and time since a frame last showed a direction, by trace or ground."""
         if reading is not None and reading.source in ("trace", "flow"):
-            self._blind_m, self._blind_frames = 0.0, 0
+            self._blind_m, self._blind_s, self._blind_from_ns = 0.0, 0.0, None
+            return
+        if self._blind_from_ns is None:
+            self._blind_from_ns = frame_ns
+        self._blind_s = seconds(frame_ns - self._blind_from_ns)
 
     def _has_trace(self) -> bool:
         return self._finder is not None and self._since_trace_s <= self._settings.trace_age_s
 
     def _correct_trace(
-        self, estimate: SlipEstimate, angle_rad: float, sd_rad: float, pending: "_Pending", is_gyro: bool
+        self,
+        estimate: SlipEstimate,
+        reading: TraceReading,
+        angle_rad: float,
+        pending: "_Pending",
+        is_gyro: bool,
     ) -> Innovation | None:
         """Correct by a trace angle, eq 2; None at a standstill.
 
         Args:
             estimate: The pose filter.
+            reading: In the newest frame.
             angle_rad: Of the trace, or of the motion of the ground.
-            sd_rad: Additional standard deviation of a direction measured without the trace.
             pending: Motion of the wheels since the last step.
             is_gyro: Whether the yaw rate is the gyro's.
 
-        After more than `most_trace_rejections` rejections in a row the ground has changed: the slip angle
+        After `trace_rejected_s` with rejections alone the ground has changed: the slip angle
         then becomes as uncertain as its difference from the reading. The gyro may be what is wrong instead:
-        the slip angle stays flagged until `confirming_traces` more were accepted.
+        the slip angle stays flagged until traces were accepted for `confirming_s`.
         """
         motion_m = complex(pending.x_m, pending.y_m) * self._states.motion_per_m
         velocity_x_m_s = motion_m.real / pending.duration_s
@@ -295,6 +300,8 @@ class ScompCompensator:
         rate_sd_rad_s = SCOMP.motion.wheel_walk_rad_sqrt_s
         if is_gyro:
             rate_sd_rad_s = parameters.gyro.walk_rad_sqrt_s / math.sqrt(SCOMP.correction.rate_memory_s)
+        # The states hold the errors of a trace; a direction without one has its own.
+        sd_rad = 0.0 if reading.detected else reading.theta_sd_rad or 0.0
         model = TraceAngle(
             model=self._states.model,
             tilt=self._states.tilt,
@@ -308,15 +315,27 @@ class ScompCompensator:
         measured = (parameters.trace.sign * angle_rad,)
         (innovation,) = estimate.correct(model, measured)
         residual = innovation.residual
-        self._trace_rejections = 0 if innovation.accepted else self._trace_rejections + 1
         if innovation.accepted:
-            self._traces_to_confirm = max(0, self._traces_to_confirm - 1)
-        if self._trace_rejections > SCOMP.correction.most_trace_rejections and residual is not None:
+            self._confirm(reading.t_ns)
+        elif residual is not None and self._is_rejected_for_long(reading.t_ns):
             estimate.widen_slip(RESIDUAL, residual**2)
-            self._trace_rejections = 0
-            self._traces_to_confirm = SCOMP.correction.confirming_traces
+            self._rejected_from_ns = None
+            self._to_confirm_s = SCOMP.correction.confirming_s
             (innovation,) = estimate.correct(model, measured)
+            self._accepted_ns = reading.t_ns
         return innovation
+
+    def _confirm(self, t_ns: int) -> None:
+        """Take an accepted trace: the time since the one before confirms, if none was rejected."""
+        if self._accepted_ns is not None and self._rejected_from_ns is None:
+            since_s = min(seconds(t_ns - self._accepted_ns), self._settings.trace_age_s)
+            self._to_confirm_s = max(0.0, self._to_confirm_s - since_s)
+        self._accepted_ns, self._rejected_from_ns = t_ns, None
+
+    def _is_rejected_for_long(self, t_ns: int) -> bool:
+        if self._rejected_from_ns is None:
+            self._rejected_from_ns = t_ns
+        return seconds(t_ns - self._rejected_from_ns) >= SCOMP.correction.trace_rejected_s
 
     def _follow_skidding(self, pending: "_Pending", rate_rad_s: float) -> None:
         """Follow the speed at which the wheels of a side skid, as the rover turns less than they do."""
@@ -342,7 +361,7 @@ class ScompCompensator:
             return "backwards: outside the slip law"
         if self._is_skidding():
             return "no gyro" if self._since_rate_s > SCOMP.correction.rate_age_s else "skidding in a turn"
-        if self._traces_to_confirm:
+        if self._to_confirm_s > 0.0:
             return "slip angle taken from the trace anew"
         if self._finder is None or self._has_trace():
             return ""

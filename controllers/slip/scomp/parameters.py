@@ -180,15 +180,12 @@ class MotionParameters:
     largest_drift_rad: float = 1.3  # bound of the slip angle
     tilt_memory_s: float = 0.5  # time constant of the low-pass on pitch and roll
     tilt_age_s: float = 1.0  # after this time without a reading pitch and roll are unknown
-    start_certain_rad: float = math.radians(0.05)  # of a heading at start that defines the frame
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrectionParameters:
-    """Corrections by gyro, compass and trace."""
+    """Corrections by the trace."""
 
-    gate: float = 0.9995  # a measurement is rejected when its NIS exceeds this quantile of chi-square
-    standstill_rad_s: float = 0.02  # wheels that turn more slowly are at rest
     slowest_m_s: float = 0.01  # below this speed a trace has no direction
     rate_memory_s: float = 0.3  # time constant of the yaw rate that the trace is compared with
     rate_age_s: float = (
@@ -199,14 +196,12 @@ class CorrectionParameters:
     greatest_skid: float = (
         0.15  # wheels skid in a turn by this share of their speed: the slip law does not hold
     )
-    most_trace_rejections: int = 2  # in a row, before the slip angle is taken from the trace
-    confirming_traces: int = 10  # accepted after that, before the slip angle is sure again
+    trace_rejected_s: float = 0.35  # of rejected traces alone, before the slip angle is taken from the trace
+    confirming_s: float = 1.9  # of accepted traces after that, before the slip angle is sure again
     blind_m: float = (
         0.3  # of the wheels without a direction in any frame: the camera does not see the ground move
     )
-    blind_frames: int = 10  # at least, in that travel
-    most_compass_rejections: int = 20  # in a row, before the gyro's bias becomes less certain
-    widened_bias_rad_s: float = math.radians(0.1)  # added to its standard deviation then
+    blind_s: float = 1.7  # at least, from the first frame without a direction to the newest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
