@@ -166,7 +166,49 @@ class RutFinder:
     ) -> RutPoints:
         """Return the place in each block near a curve that best matches `signature`, a weight per kernel."""
         numbers = self._parameters
-        near = round(numbers.near_m / RESOLUTION_M)
+        span, here = self._matched(sections, curve_m, edges_m, signature, numbers.near_m)
+        best = 1 + here[:, 1:-1].argmax(axis=1)
+        before, peak, after = (here[self._block, best + step] for step in (-1, 0, 1))
+        bend = np.maximum(2 * peak - before - after, 1e-3)
+        place = span[self._block, best] - self._centre + np.clip((after - before) / (2 * bend), -0.5, 0.5)
+        strong = peak > max(numbers.alike * float(np.percentile(peak, 75)), numbers.least_peak)
+        strong &= self._in_view(curve_m, *edges_m)
+        sd = numbers.point_sd_m * np.clip(
+            numbers.usual_peak / np.maximum(peak, numbers.faintest_peak), *numbers.point_sd_range
+        )
+        return RutPoints(self.s_m[strong], place[strong] * RESOLUTION_M, sd[strong])
+
+    def aside(
+        self, sections: CrossSections, edges_m: Edges, signature: Floats, blocks: Mask, reach_m: float
+    ) -> tuple[float, float]:
+        """Return how far left of a curve these blocks together match `signature` best, and by how much better.
+
+        Args:
+            sections: Answers.
+            edges_m: Right and left edge of the trace on the curve, as in `along`.
+            signature: A weight per kernel.
+            blocks: Blocks to sum.
+            reach_m: Greatest distance to either side.
+
+        Returns:
+            The distance, m, and the logarithm of the ratio of likelihoods there and on the curve; zeros
+            without a block in view.
+        """
+        curve_m = np.asarray((edges_m[0] + edges_m[1]) / 2)
+        _, here = self._matched(sections, curve_m, edges_m, signature, reach_m)
+        used = blocks & self._in_view(curve_m, *edges_m)
+        if not used.any():
+            return 0.0, 0.0
+        sums = np.maximum(here[used].sum(axis=0), 0.0)
+        best, middle = int(sums.argmax()), len(sums) // 2
+        gain = float(sums[best] ** 2 - sums[middle] ** 2) / (2 * int(used.sum()))
+        return (best - middle) * RESOLUTION_M, gain
+
+    def _matched(
+        self, sections: CrossSections, curve_m: Floats, edges_m: Edges, signature: Floats, near_m: float
+    ) -> tuple[NDArray[np.intp], Floats]:
+        """Return columns near a curve (block, place), and how well they match `signature`."""
+        near = round(near_m / RESOLUTION_M)
         columns = self._column(curve_m)
         span = columns[:, None] + np.arange(-near - 1, near + 2)
         here = np.zeros(span.shape)
@@ -176,17 +218,14 @@ class RutFinder:
             matched = np.tensordot(weights, answers, 1)
             there = span + (self._column(edge) - columns)[:, None]
             here += matched[self._block[:, None], np.clip(there, 0, self._columns - 1)]
-        best = 1 + here[:, 1:-1].argmax(axis=1)
-        before, peak, after = (here[self._block, best + step] for step in (-1, 0, 1))
-        bend = np.maximum(2 * peak - before - after, 1e-3)
-        place = span[self._block, best] - self._centre + np.clip((after - before) / (2 * bend), -0.5, 0.5)
-        strong = peak > max(numbers.alike * float(np.percentile(peak, 75)), numbers.least_peak)
-        for edge in (curve_m, *edges_m):
-            strong &= self.valid[self._block, np.clip(self._column(edge), 0, self._columns - 1)]
-        sd = numbers.point_sd_m * np.clip(
-            numbers.usual_peak / np.maximum(peak, numbers.faintest_peak), *numbers.point_sd_range
-        )
-        return RutPoints(self.s_m[strong], place[strong] * RESOLUTION_M, sd[strong])
+        return span, here
+
+    def _in_view(self, *curves_m: Floats) -> Mask:
+        """Return the blocks at which all these curves are in view."""
+        inside: Mask = np.ones(self.blocks, np.bool_)
+        for curve_m in curves_m:
+            inside &= self.valid[self._block, np.clip(self._column(curve_m), 0, self._columns - 1)]
+        return inside
 
     def _column(self, place_m: Floats) -> NDArray[np.intp]:
         columns: NDArray[np.intp] = np.round(place_m / RESOLUTION_M).astype(np.intp) + self._centre

@@ -25,6 +25,8 @@ from drivers.samples import Image
 
 RIGHT_WITHIN_RAD = math.radians(5.0)
 """An angle with a smaller error is right."""
+SIGNIFICANT_SD = 2.0
+"""A difference of more deviations is significant, in 95 of 100 cases."""
 LEAST_SCORE = -1e6
 """Score of a curve with too few blocks in view."""
 
@@ -62,6 +64,7 @@ class RutTracker:
         self._noise_ratio = 1.0
         self._agrees = True
         self._apart_rad = 0.0
+        self._aside_m: float | None = None
 
     def track(self, frame: Frame) -> Reading:
         """Return the trace in the next frame."""
@@ -190,6 +193,7 @@ class RutTracker:
         signature = self._presence.signature.copy()
         if stretch.hidden is not None:
             signature.reshape(2, -1)[stretch.hidden] = 0.0
+        self._apart_rad = self._apart(sections, signature, stretch.reading, moved_m)
         best = edges[0][stretch.reading], edges[1][stretch.reading]
         points = self._finder.points(sections, curve, best, signature)
         if len(points.s_m) < self._numbers.sections.least_blocks:
@@ -205,6 +209,33 @@ class RutTracker:
         self._offset_m = float(np.average(residuals, weights=1 / sd**2))
         return True
 
+    def _apart(self, sections: CrossSections, signature: Floats, reading: int, moved_m: float) -> float:
+        """Return the angle between the near trace and the path by the motion alone; 0 where they agree.
+
+        The imprint begins at the contact, and so does the path, but for a constant distance: one wall is seen
+        better than the other, and the calibration has an error. A direction that has been wrong for some way
+        puts the path further beside the imprint than it was over the last length of the view.
+        """
+        s = self._finder.s_m
+        mean, covariance = self._odometry.trace(s)
+        sides = self._front.edges(mean[None]) if reading else (mean[None], mean[None])
+        near = np.arange(len(s)) < self._search.near_blocks
+        reach_m = self._search.most_beside * self._ground.rig.wheel_width_m
+        edges = np.asarray(sides[0][0]), np.asarray(sides[1][0])
+        aside_m, gain = self._finder.aside(sections, edges, signature, near, reach_m)
+        at = near & self._finder.valid[:, self._ground.centre]
+        if not at.any():
+            return 0.0
+        usual_m = aside_m if self._aside_m is None else self._aside_m
+        share = min(moved_m / self._ground.rig.behind_m, 1.0)
+        self._aside_m = usual_m + share * (aside_m - usual_m)
+        further_m = abs(aside_m - usual_m)
+        variance = float(covariance[np.ix_(at, at)].mean()) + self._search.offset_sd_m**2
+        is_apart = further_m > SIGNIFICANT_SD * math.sqrt(variance)
+        if not is_apart or gain < self._numbers.presence.lock_odds:
+            return 0.0
+        return math.atan2(further_m, float(s[at].mean()))
+
     def _contradicts_motion(self, points: RutPoints, sd_m: Floats) -> bool:
         """Return True for points whose direction contradicts the motion of the ground and the gyro."""
         mean, covariance = self._odometry.trace(points.s_m)
@@ -213,7 +244,8 @@ class RutTracker:
         slope = weight * place / (weight @ place**2)
         error = float(slope @ (points.y_m - mean))
         variance = slope @ (covariance + np.diag(sd_m**2)) @ slope + self._search.slope_sd**2
-        self._apart_rad = abs(error) if abs(error) > 2 * np.sqrt(variance) else 0.0
+        if abs(error) > SIGNIFICANT_SD * np.sqrt(variance):
+            self._apart_rad = max(self._apart_rad, abs(error))
         return bool(abs(error) > self._search.contradiction_sd * np.sqrt(variance))
 
     def _without_outliers(self, s_m: Floats, y_m: Floats, sd_m: Floats) -> Floats:

@@ -2,12 +2,17 @@
 `benchmarks/ftrace/rendered_drives.py`; here is tested that each rule works at all."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator
+from controllers.ftrace.frame import Frame
+from controllers.ftrace.rut.tracker import RutTracker
+from controllers.ground_motion.flow import PatchMotion
+from controllers.ground_motion.ground_patch import Patch
 from controllers.ground_motion.rig import RigFile
 from drivers.clock import nanoseconds
 from drivers.errors import ModelError
@@ -195,3 +200,37 @@ def test_time_that_stands_still() -> None:
 def test_a_frame_of_another_size() -> None:
     with pytest.raises(ModelError, match="of this rig"):
         TraceEstimator(geometry()).step(0, np.zeros((100, 100), np.uint8))
+
+
+@pytest.mark.parametrize("wrong_deg", [9.0, -9.0])
+def test_a_motion_that_follows_a_shadow_is_found_out_by_the_imprint(
+    left: Drive, left_angles: AnglesOf, monkeypatch: pytest.MonkeyPatch, wrong_deg: float
+) -> None:
+    """The motion of the ground turns by 9 deg within six frames, as if locked on a shadow; no jump tells it.
+
+    The imprint begins at the contact, and after a quarter of a metre it lies beside the path.
+    """
+    first, ramp = 35, 6
+    count = 0
+    measured = RutTracker._motion
+
+    def locked(self: RutTracker, frame: Frame, structure: Patch) -> PatchMotion | None:
+        nonlocal count
+        motion = measured(self, frame, structure)
+        share = min(max(count - first + 1, 0) / ramp, 1.0)
+        count += 1
+        if motion is None:
+            return None
+        aside_m = np.tan(np.radians(share * wrong_deg)) * motion.forward_m
+        return replace(motion, left_m=motion.left_m + float(aside_m))
+
+    healthy = left_angles("fused")
+    monkeypatch.setattr(RutTracker, "_motion", locked)
+    found = follow(*left, "fused")
+
+    later = slice(first + 18, first + 26)
+    for angles, least, most in ((healthy, 0.0, 1.5), (found, 1.9, 90.0)):
+        sds = [np.degrees(a.theta_sd_rad) for a in angles[later] if a.theta_sd_rad is not None]
+        assert len(sds) == 8
+        assert least < np.median(sds) < most
+    assert np.median([a.confidence for a in found[later]]) < np.median([a.confidence for a in healthy[later]])
