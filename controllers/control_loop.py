@@ -14,6 +14,7 @@ from controllers.estimation.pauses import PauseWatch
 from controllers.estimation.pose_estimate import PoseEstimate
 from controllers.estimation.wheel_contradiction import ContradictionReport
 from controllers.estimator import Estimator
+from controllers.maneuvers import Maneuvers
 from controllers.motion.crab import CrabDrift, CrabReport
 from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.motion.limits import Limit, WheelLimiter
@@ -44,7 +45,8 @@ class StepOutput:
         t_ns: Time of the cycle.
         mode: State of the controller.
         reason: Why the rover is stopped; empty while it may move.
-        suspicion: What may be wrong although it stops nothing; empty for nothing.
+        suspicion: What may be wrong although it stops nothing, or what the rover does beside its mission;
+            empty for nothing.
         estimate: Pose of the filter.
         odometry: Pose of the wheels alone.
         odometry_rebases: Number of times the odometry lost its base, together with the motion in between.
@@ -152,6 +154,10 @@ class ControlLoop:
         self._operator_reason = ""
         self._gain_ranges = gain_ranges(settings)
         self._follower = None if mission is None else mission.follower(kinematics)
+        rim_arm_m = settings.rover.wheel_radius_m * max(map(abs, kinematics.wheel_speeds(0.0, 0.0, 1.0)))
+        self._maneuvers = (
+            None if mission is None else Maneuvers(settings.safety, mission.speed_m_s, kinematics, rim_arm_m)
+        )
 
     def operate(self, now_ns: int, wanted: OperatorInput) -> None:
         """Take what an operator wants, before the `step` at the same time.
@@ -227,7 +233,7 @@ class ControlLoop:
             steering_rad=self._estimator.steering.angles_rad or None,
             crab=None if guidance is None or self._crab is None else self._crab.report,
             ground=ground,
-            suspicion=self._supervisor.suspicion or self._estimator.suspicion,
+            suspicion=self._announcement or self._supervisor.suspicion or self._estimator.suspicion,
             dead_reckoned=self._estimator.dead_reckoned(),
             findings=None if self._check is None else self._check.findings or None,
         )
@@ -240,6 +246,11 @@ class ControlLoop:
         if check.is_open:
             self._estimator.leave_open()
         return check.is_open or bool(check.doubts)
+
+    @property
+    def _announcement(self) -> str:
+        is_over = self._supervisor.mode in (Mode.FINISHED, Mode.EMERGENCY_STOP)
+        return "" if self._maneuvers is None or is_over else self._maneuvers.announcement
 
     def _mode(self) -> Mode:
         if self._follower is None:
@@ -282,6 +293,8 @@ class ControlLoop:
             slip=self._valid_slip(),
             lost_response="" if excited is None else excited.lost_response,
             unanswered_m=0.0 if excited is None else excited.unanswered_m,
+            odd_force="" if self._effort is None else self._effort.free_force.reason,
+            odd_force_m=0.0 if self._effort is None else self._effort.free_force.far_m,
             unmoved_m=0.0 if self._scomp is None else self._scomp.unmoved_m,
             set_steering_rad=self._steering_rad,
             steering_rad=self._estimator.steering.angles_rad,
@@ -293,24 +306,33 @@ class ControlLoop:
     def _guide(
         self, now_ns: int, estimate: PoseEstimate, innovations: tuple[Innovation, ...]
     ) -> Guidance | None:
-        if self._follower is None:
+        if self._follower is None or self._maneuvers is None:
             return None
-        supervisor = self._supervisor
-        supervisor.update(self._cycle(now_ns, estimate, innovations))
+        supervisor, maneuvers = self._supervisor, self._maneuvers
+        cycle = self._cycle(now_ns, estimate, innovations)
+        was_running = supervisor.mode is Mode.RUNNING
+        supervisor.update(cycle)
         for doubt in supervisor.doubts:
             self._estimator.doubt(*doubt)
+        if was_running and supervisor.mode is Mode.SAFE_STOP:
+            maneuvers.back_out.stop(supervisor.stop_cause)
         if supervisor.mode is not Mode.RUNNING or self._is_paused:
             return None
+        pose = Pose(x_m=estimate.x_m, y_m=estimate.y_m, yaw_rad=estimate.yaw_rad)
+        way_back = maneuvers.back_out.guide(pose, cycle.distance_m)
+        if way_back is not None:
+            return way_back
         drift_rad = 0.0
         if self._scomp is not None and self._steers_against_drift:
             drift_rad = self._scomp.wheel_slip_angle_rad
             if self._crab is not None:
                 drift_rad = self._crab.take(now_ns, drift_rad, self._scomp.source)
-        pose = Pose(x_m=estimate.x_m, y_m=estimate.y_m, yaw_rad=estimate.yaw_rad)
         guidance = self._follower.guide(pose, now_ns, drift_rad)
-        if guidance is not None and guidance.finished:
+        if guidance is None:
+            return None
+        if guidance.finished:
             supervisor.finish()
-        return guidance
+        return maneuvers.turn.guide(now_ns, guidance, is_doubted=supervisor.is_gyro_doubted)
 
     def _set_points(self, now_ns: int, guidance: Guidance | None) -> tuple[tuple[float, ...], Limit]:
         self._swing_rad_s = (0.0,) * self._kinematics.wheel_count
@@ -324,7 +346,8 @@ class ControlLoop:
         velocity_x_m_s, velocity_y_m_s = guidance.velocity_x_m_s, guidance.velocity_y_m_s
         excited = None if self._effort is None else self._effort.excited
         swing_rad_s = 0.0
-        if excited is not None and self._estimator.is_measured:
+        is_turning = self._maneuvers is not None and bool(self._maneuvers.turn.announcement)
+        if excited is not None and (self._estimator.is_measured or is_turning):
             excited.leave_out(seconds(now_ns))
         elif excited is not None:
             now_s = seconds(now_ns)

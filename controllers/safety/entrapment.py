@@ -22,24 +22,37 @@ class EntrapmentSettings(Settings):
     """When wheels that turn without moving the rover stop it.
 
     Attributes:
+        back_out_m: After the first stop because it does not get on the rover rests, drives back so far along
+            its own path, and tries the mission again; 0 for never. All stop rules hold meanwhile, and a
+            second such stop lasts until restart.
         entrapment_m: The rover stops until restart when its wheels have travelled this far straight ahead and
             pose fixes show no progress. Without fixes nothing decides: the slip of the yaw excitation over
             this travel is shown as a suspicion.
         entrapment_slip: Slip from which on the yaw excitation raises the suspicion. Fixes must be able to
             show it: where they are noisier, a longer travel is needed.
-        progress_unknown_m: The rover also stops, and goes on once, when the response of the yaw has been lost
-            for this travel of the wheels, or a rear camera has seen no motion for `entrapment_m`, and nothing
-            has shown progress meanwhile. The pose becomes uncertain by it. Greater than the mission is long
-            for never.
+        progress_unknown_m: The rover also stops, and goes on once, when nothing has shown progress for this
+            travel of the wheels while the response of the yaw is lost, or the drive force far from that of
+            free driving; or for `entrapment_m` while a rear camera sees no motion. The pose becomes uncertain
+            by it. Greater than the mission is long for never.
         entrapment_ground_m: The rover also stops until restart when its wheels have travelled this far while
             a camera measured no progress over the ground.
     """
 
+    back_out_m: Annotated[float, Field(ge=0.0, le=0.3)] = 0.0
     entrapment_m: Annotated[float, Field(ge=0.02, le=100.0)] = 0.5
     entrapment_ground_m: Annotated[float, Field(ge=0.02, le=100.0)] = 0.15
     entrapment_slip: Annotated[float, Field(ge=0.5, le=1.0)] = 0.85
     progress_unknown_m: Annotated[float, Field(ge=0.1, le=1000.0)] = 1.5
 
+
+LOST_RESPONSE, ODD_FORCE, NO_MOTION_SEEN, ENTRAPMENT = (
+    "lost response",
+    "odd force",
+    "no motion seen",
+    "entrapment",
+)
+PROGRESS_CAUSES = (LOST_RESPONSE, ODD_FORCE, NO_MOTION_SEEN, ENTRAPMENT)
+"""Causes of the stops of a rover that does not get on, or may not."""
 
 DEVIATIONS = 2.0
 """A displacement between two fixes is progress from this many standard deviations on; 1 in 20 is noise."""
@@ -240,8 +253,9 @@ def _compare(begin: _Seen, end: _Seen) -> _Progress:
 class EntrapmentRule(StopRule):
     """Stops where fixes, or a camera, show that the rover does not get on, and where nothing decides.
 
-    The slip reading alone is a suspicion that stops nothing. Others are a response of the yaw that is lost,
-    and a rear camera that sees no motion: one that lasts while nothing decides stops the rover once.
+    The slip reading alone is a suspicion that stops nothing. Others are a response of the yaw that is lost, a
+    drive force that is far from that of free driving, and a rear camera that sees no motion: one that lasts
+    while nothing decides stops the rover once.
 
     Progress is the displacement along the travel of the wheels. A rover that slips much and moves is not
     entrapped. A fix is compared with the newest travel up to its capture. One that was captured more than
@@ -252,9 +266,11 @@ class EntrapmentRule(StopRule):
 
     def __init__(self, settings: EntrapmentSettings, roles: DeviceRoles) -> None:
         self._settings = settings
-        self._ground = ProgressOverGround(settings.entrapment_ground_m)
         self._camera, self._gyro = roles.camera, roles.gyro
-        self._fixes = {device: ProgressByFixes(settings) for device in roles.fixes}
+        self._fix_devices = roles.fixes
+        self._severity = Severity.RECOVERABLE if settings.back_out_m else Severity.FINAL
+        self._is_force_asked = False
+        self._begin_anew()
         self._arrived: list[PoseFixSample] = []
         self._wheels_m, self._length_m = 0j, 0.0
         self._history: deque[_Travelled] = deque()
@@ -262,6 +278,10 @@ class EntrapmentRule(StopRule):
         self._is_over = False
         self._unknown_rad: tuple[float, ...] = ()
         self._before_ns: int | None = None
+
+    def _begin_anew(self) -> None:
+        self._ground = ProgressOverGround(self._settings.entrapment_ground_m)
+        self._fixes = {device: ProgressByFixes(self._settings) for device in self._fix_devices}
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take a pose fix."""
@@ -274,16 +294,22 @@ class EntrapmentRule(StopRule):
         for pair in cycle.ground_pairs:
             self._ground.take(pair)
             is_decided = self._ground.is_seen
-        if self._ground.lost_m:
-            yield _entrapped(self._ground.lost_m, self._camera or "")
         self._travel(cycle)
         is_decided |= self._take_fixes()
-        for device, progress in self._fixes.items():
-            if progress.lost_m >= self._settings.entrapment_m:
-                yield _entrapped(progress.lost_m, device)
+        lost = {self._camera or "": self._ground.lost_m} if self._ground.lost_m else {}
+        lost |= {
+            device: progress.lost_m
+            for device, progress in self._fixes.items()
+            if progress.lost_m >= self._settings.entrapment_m
+        }
+        if lost and cycle.is_still and self._severity is Severity.RECOVERABLE:
+            self._severity, lost = Severity.FINAL, {}  # now it backs out, and all counts anew
+            self._begin_anew()
+        for device, lost_m in lost.items():
+            yield _entrapped(lost_m, device, self._severity)
         yield from self._suspect_slip(cycle)
         suspicion = self._suspicion(cycle)
-        self._count(cycle, is_open=suspicion is not None and not is_decided, is_decided=is_decided)
+        self._count(cycle, suspicion, is_decided=is_decided)
         if suspicion is not None:
             yield self._stop(suspicion) if self._is_over else suspicion
 
@@ -334,10 +360,13 @@ class EntrapmentRule(StopRule):
                 "rover: may be entrapped, the rear camera sees no motion of the ground: it is stuck, or the "
                 "camera is covered, turned, or in the dark"
             )
-            return StopReason("no motion seen", text, Severity.SUSPICION)
+            return StopReason(NO_MOTION_SEEN, text, Severity.SUSPICION)
         if cycle.lost_response:
             text = f"rover: may be entrapped, or {self._gyro} has no signal: {cycle.lost_response}"
-            return StopReason("lost response", text, Severity.SUSPICION)
+            return StopReason(LOST_RESPONSE, text, Severity.SUSPICION)
+        if cycle.odd_force:
+            text = f"rover: may be entrapped, or on a slope or another ground: {cycle.odd_force}"
+            return StopReason(ODD_FORCE, text, Severity.SUSPICION)
         return None
 
     def _limit_m(self, cycle: Cycle) -> float:
@@ -346,22 +375,30 @@ class EntrapmentRule(StopRule):
         least_m = settings.entrapment_m if cycle.unmoved_m else math.inf
         return min(settings.progress_unknown_m, least_m)
 
-    def _count(self, cycle: Cycle, *, is_open: bool, is_decided: bool) -> None:
+    def _count(self, cycle: Cycle, suspicion: StopReason | None, *, is_decided: bool) -> None:
         """Add up what the wheels do while a suspicion stands and nothing decides.
 
-        What is over lasts until the wheels are at rest. Then the travel counts anew.
+        What is over lasts until the wheels are at rest. Then the travel counts anew. An odd force stops once:
+        on a slope or another ground it stays as it is.
         """
+        is_asked = suspicion is not None and suspicion.cause == ODD_FORCE and self._is_force_asked
+        is_open = suspicion is not None and not is_decided and not is_asked
         limit_m = self._limit_m(cycle)
         self._since_m = 0.0 if is_decided else self._since_m + cycle.distance_m
         elapsed_s = 0.0 if self._before_ns is None else seconds(cycle.now_ns - self._before_ns)
         self._before_ns = cycle.now_ns
         if self._is_over and cycle.is_still:
             self._since_m = 0.0
+            self._is_force_asked |= suspicion is not None and suspicion.cause == ODD_FORCE
         if not is_open or (self._is_over and cycle.is_still):
             self._unknown_m, self._unknown_rad, self._is_over = 0.0, (), False
         elif not self._is_over:
             if not self._unknown_rad:
-                before_m = min(cycle.unanswered_m, BEFORE_SHARE * limit_m) if cycle.lost_response else 0.0
+                unsure_m = max(
+                    cycle.unanswered_m if cycle.lost_response else 0.0,
+                    cycle.odd_force_m if cycle.odd_force else 0.0,
+                )
+                before_m = min(unsure_m, BEFORE_SHARE * limit_m)
                 self._before_m = max(before_m, min(cycle.unmoved_m, self._since_m) - cycle.distance_m, 0.0)
                 self._unknown_m = self._before_m
             self._unknown_m += cycle.distance_m
@@ -382,12 +419,10 @@ class EntrapmentRule(StopRule):
         return suspicion._replace(text=text, severity=Severity.RECOVERABLE, wheel_rad=wheel_rad)
 
 
-def _entrapped(lost_m: float, device: str) -> StopReason:
-    text = (
-        f"rover: entrapped, its wheels travelled {lost_m:.2f} m and {device} shows no progress: free it and "
-        "restart"
-    )
-    return StopReason("entrapment", text, Severity.FINAL)
+def _entrapped(lost_m: float, device: str, severity: Severity) -> StopReason:
+    remedy = "free it and restart" if severity is Severity.FINAL else "it rests and backs out once"
+    text = f"rover: entrapped, its wheels travelled {lost_m:.2f} m and {device} shows no progress: {remedy}"
+    return StopReason(ENTRAPMENT, text, severity)
 
 
 def _is_usable(fix: PoseFixSample) -> bool:

@@ -62,10 +62,13 @@ class YawDoubtSettings(Settings):
         yaw_doubt_rad: Where pose fixes or headings can decide, the rover stops when two standard deviations
             of the yaw by this exceed this angle, and they decide while it rests.
         unwatched_yaw_rad: Where nothing can decide, it stops until restart beyond this angle; None for never.
+        turn_to_find_out: Where nothing can decide, it interrupts its mission for a slow turn on the spot, at
+            most 10 deg to and fro, once: a gyro that measures the turn has a signal.
     """
 
     yaw_doubt_rad: Annotated[float, Field(ge=0.01, le=10.0)] = 0.15
     unwatched_yaw_rad: Annotated[float | None, Field(ge=0.01, le=10.0)] = None
+    turn_to_find_out: bool = False
 
 
 TWO_SD = 2.0

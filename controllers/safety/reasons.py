@@ -81,6 +81,8 @@ class Cycle(NamedTuple):
         lost_response: Why the yaw's response to the excitation shows that the rover may not get on; "" where
             it does not.
         unanswered_m: Travel of the wheels since the rover may have got stuck, by that response.
+        odd_force: Why the drive force shows that the rover may not get on; "" where it does not.
+        odd_force_m: Travel of the wheels since the rover may have got stuck, by that force.
         unmoved_m: Travel of the wheels on which a rear camera saw no motion of the ground; 0 for little.
         set_steering_rad: Steering set-points of the cycle before; empty where no wheel steers.
         steering_rad: Steering angles, one per wheel; empty where no wheel steers.
@@ -110,6 +112,8 @@ class Cycle(NamedTuple):
     slip: float | None = None
     lost_response: str = ""
     unanswered_m: float = 0.0
+    odd_force: str = ""
+    odd_force_m: float = 0.0
     unmoved_m: float = 0.0
     set_steering_rad: tuple[float, ...] = ()
     steering_rad: tuple[float, ...] = ()

@@ -78,6 +78,8 @@ class SafetySupervisor:
         mode: The mode after the last `update`.
         reason: Why the rover is stopped; empty while nothing is wrong.
         suspicion: What may be wrong although it stops nothing; empty for nothing.
+        stop_cause: Cause of the newest stop; empty before the first.
+        is_gyro_doubted: Whether gyro and wheels exclude each other, and nothing decides.
         doubts: What the stops of this cycle add to the doubt in the estimate.
     """
 
@@ -91,7 +93,8 @@ class SafetySupervisor:
         self._is_suspected = False
         self._healthy_since_ns: int | None = None
         self.mode = Mode.SETTLING
-        self.reason = self.suspicion = ""
+        self.reason = self.suspicion = self.stop_cause = ""
+        self.is_gyro_doubted = False
         self.doubts: list[Doubt] = []
 
     def observe(self, sample: Sample, t_ns: int) -> None:
@@ -104,6 +107,7 @@ class SafetySupervisor:
         stops = stops_of(reasons)
         shown = (Severity.SUSPICION, Severity.DOUBT)
         self.suspicion = next((each.text for each in reasons if each.severity in shown), "")
+        self.is_gyro_doubted = any(each.severity is Severity.DOUBT for each in reasons)
         self.doubts = list(self._rules.doubts(reasons))
         if self.mode is Mode.EMERGENCY_STOP:
             return
@@ -120,7 +124,7 @@ class SafetySupervisor:
 
     def _stop(self, stop: StopReason) -> None:
         self._healthy_since_ns = None
-        self.reason = stop.text
+        self.reason, self.stop_cause = stop.text, stop.cause
         if stop.severity is Severity.FINAL:
             self.mode = Mode.EMERGENCY_STOP
         elif self.mode is Mode.RUNNING:

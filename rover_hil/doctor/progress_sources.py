@@ -28,6 +28,10 @@ def _sources(config: Config) -> Iterator[str]:
     if slip is not None and slip.use == YAW_PROBE:
         is_real = for_real_rover(config)[0].slip is not None
         name = "yaw excitation" if is_real else "yaw excitation, on the real rover after commissioning"
-        yield f"wheels in the air and digging in, not a wall, by the {name}: {unknown}"
+        yield f"wheels in the air and digging in by the {name}: {unknown}"
+    if slip is not None:
+        what = "wheels in the air, digging in and a wall"
+        yield f"{what} by the currents, where they are far from those of free driving: {unknown}"
     if config.scomp is not None and config.scomp.rig is not None and camera is not None:
-        yield f"{camera} sees no motion of the ground, or is covered: {unknown} more"
+        after = f"stopped once after {safety.entrapment_m:g} m"
+        yield f"{camera} sees no motion of the ground, or is covered: {after}"

@@ -9,6 +9,7 @@ import pytest
 from drivers.errors import ConfigError
 from rover_hil.app.check import TUNE_RULE
 from rover_hil.config import Rule, load_config, read_config_text, schema_text, shipped_configs
+from rover_hil.doctor.progress_sources import describe_progress
 from rover_hil.run.checks import RUN_CHECKS
 from rover_hil.tune.parameters import TUNE_CHECKS, check_parameters
 from tests.rover_hil.command import Command, assert_one_sentence
@@ -44,18 +45,23 @@ def test_a_shipped_configuration_is_valid_and_ready_for_all(command: Command, na
 def test_what_notices_a_rover_that_does_not_get_on_is_named(command: Command, tmp_path: Path) -> None:
     assert command("check", "robotino") == 0
     assert (
-        "  entrapment: wheels in the air and digging in, not a wall, by the yaw excitation, on the real "
-        "rover after commissioning: stopped once after 1.5 m; a wheel that sticks stops it after 1 s, by its "
-        "encoder\n"
+        "  entrapment: wheels in the air and digging in by the yaw excitation, on the real rover after "
+        "commissioning: stopped once after 1.5 m; wheels in the air, digging in and a wall by the currents, "
+        "where they are far from those of free driving: stopped once after 1.5 m; a wheel that sticks stops "
+        "it after 1 s, by its encoder\n"
     ) in command.out
     assert command("check", "robotino-camera", "--json") == 0
     entrapment = json.loads(command.out)["entrapment"]
     assert entrapment.startswith("camera shows no progress: stopped after 0.15 m of the wheels; ")
     assert command("check", "el-dorado", "--json") == 0
     assert "camera sees no motion of the ground, or is covered: " in json.loads(command.out)["entrapment"]
-    alone = write(tmp_path, "robotino", ('use = "yaw_probe"', 'use = "surfaces"'))
-    assert command("check", alone, "--json") == 0
-    assert json.loads(command.out)["entrapment"].startswith("nothing notices wheels in the air, ")
+    without = write(tmp_path, "robotino", ('use = "yaw_probe"', 'use = "surfaces"'))
+    assert command("check", without, "--json") == 0
+    assert json.loads(command.out)["entrapment"].startswith(
+        "wheels in the air, digging in and a wall by the "
+    )
+    alone = load_config("robotino").model_copy(update={"slip": None})
+    assert describe_progress(alone).startswith("nothing notices wheels in the air, ")
 
 
 def test_the_sources_of_slip_are_named_with_the_error_of_the_rig(command: Command, tmp_path: Path) -> None:

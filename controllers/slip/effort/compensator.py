@@ -14,6 +14,7 @@ from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.roles import DeviceRoles
 from controllers.slip.effort.current_owners import CurrentOwners
 from controllers.slip.effort.excited_slip import ExcitedSlip, RoverSlip
+from controllers.slip.effort.free_force import FreeForce
 from controllers.slip.effort.ground_knowledge import GroundKnowledge, KnownSlip, SlipSource
 from controllers.slip.effort.labelled_windows import LabelledReading, LabelledWindows
 from controllers.slip.effort.motor_model import SIGN_UNKNOWN, EffortFlag, EffortObserver, WheelEffort
@@ -98,6 +99,7 @@ class EffortCompensator:
     Attributes:
         efforts: Of the wheels, as of the newest increment; empty before the first.
         excited: Slip by the yaw excitation; None where another map is in use.
+        free_force: Compares the drive force with that of free driving.
     """
 
     def __init__(
@@ -119,6 +121,7 @@ class EffortCompensator:
         self._learns, self._fixes = settings.learn, roles.fixes
         self._fix_ns: int | None = None
         self._by_fixes = SlipByFixes()
+        self.free_force = FreeForce(rover.base_radius_m)
         self._windows = LabelledWindows(settings.excitation.window_s)
         self._device = roles.wheels
         self._gyro = roles.gyro
@@ -275,7 +278,11 @@ class EffortCompensator:
         x_m, y_m, turn_rad = self.body_motion(increment.turned_rad)
         self._window_rad = list(map(operator.add, self._window_rad, increment.turned_rad))
         self._window_s += increment.duration_s
-        self._add_window_work(increment)
+        work_j = self._work_but_for_sign_j(increment)
+        self.free_force.move(increment, None if self._owners.reason else work_j)
+        self._window_work_j = (
+            None if self._window_work_j is None or work_j is None else self._window_work_j + work_j
+        )
         self._reported_m += complex(x_m, y_m)
         self._report = SlipReport(
             map=self._settings.use,
@@ -385,13 +392,11 @@ class EffortCompensator:
         x_m, y_m, _ = self._motion(window_rad, found.slips, found.drift_rad)
         return complex(x_m, y_m) - reported_m
 
-    def _add_window_work(self, increment: BodyIncrement) -> None:
-        if self._window_work_j is None:
-            return
+    def _work_but_for_sign_j(self, increment: BodyIncrement) -> float | None:
+        """Return the work; None where a torque is unknown by more than its sign."""
         if any(effort.unknown_torque not in KNOWN_BUT_FOR_SIGN for effort in self.efforts):
-            self._window_work_j = None
-        else:
-            self._window_work_j += self._work_j(increment)
+            return None
+        return self._work_j(increment)
 
     def _move_between_fixes(self, increment: BodyIncrement, gyro_rate_rad_s: float | None) -> None:
         turn_rad = increment.turn_rad if gyro_rate_rad_s is None else gyro_rate_rad_s * increment.duration_s

@@ -402,6 +402,45 @@ def test_an_answer_and_progress_by_fixes_clear_the_travel() -> None:
     assert [travel.go(0.3)[0].severity for _ in range(4)][2:] == [Severity.SUSPICION, Severity.RECOVERABLE]
 
 
+def test_an_odd_force_stops_once() -> None:
+    rule = Travel().rule
+
+    def go(index: int, *, is_still: bool = False) -> StopReason:
+        cycle = Cycle(
+            now_ns=index * CYCLE_NS,
+            distance_m=0.0 if is_still else 0.1,
+            odd_force="40 N",
+            odd_force_m=0.3,
+            measured_rad_s=(1.0,),
+            is_still=is_still,
+        )
+        (reason,) = rule.check(cycle)
+        return reason
+
+    found = [go(index) for index in range(13)]
+    assert [reason.severity for reason in found[10:]] == [
+        Severity.SUSPICION,
+        Severity.RECOVERABLE,
+        Severity.RECOVERABLE,
+    ]
+    assert "progress unknown on 1.50 m of its wheels, may be entrapped, or on a slope" in found[-1].text
+    assert go(13, is_still=True).severity is Severity.SUSPICION
+    assert {go(index).severity for index in range(14, 60)} == {Severity.SUSPICION}
+
+
+def test_a_rover_that_is_to_back_out_is_stopped_for_good_only_the_second_time() -> None:
+    travel = Doubted(EntrapmentSettings(back_out_m=0.3))
+    severities = []
+    for _ in range(2):
+        for _ in range(10):
+            travel.fix()
+            severities += [reason.severity for reason in travel.go(0.1)]
+        travel.is_still = True
+        severities += [reason.severity for reason in travel.go(0.0)]
+        travel.is_still = False
+    assert severities.index(Severity.RECOVERABLE) < severities.index(Severity.FINAL)
+
+
 def unmoved(
     travel: Travel, index: int, unmoved_m: float, distance_m: float = 0.1, *, is_still: bool = False
 ) -> Severity:
