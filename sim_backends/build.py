@@ -2,7 +2,7 @@
 
 import zlib
 from collections.abc import Callable, Iterator, Mapping
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -11,7 +11,6 @@ from drivers.errors import ConfigError
 from drivers.link import CameraImage
 from drivers.registry import AnyDeviceSettings
 from sim_backends.devices.camera import make_camera
-from sim_backends.devices.can_wheels import make_can_node
 from sim_backends.devices.canopen_wheels import make_canopen_wheels
 from sim_backends.devices.nmea_compass import make_compass
 from sim_backends.devices.nmea_gnss import make_gnss
@@ -27,8 +26,15 @@ from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from sim_backends.settings import EmulatorSettings, SimulationSettings
 from sim_backends.world.faults import flip_bit, grey_lower_half, schedule_faults
-from sim_backends.world.plant import Plant
+from sim_backends.world.plant import CompiledPlant, Plant
 from sim_backends.world.world import EmulatedDevice, World
+
+
+def _make_can_node(*arguments: Any) -> EmulatedDevice[bytes]:
+    from sim_backends.devices.can_wheels import make_can_node  # what reads DBC files takes half a second
+
+    return make_can_node(*arguments)
+
 
 Devices: TypeAlias = Mapping[str, AnyDeviceSettings]
 IMAGE_DEVICES: Mapping[str, Callable[..., EmulatedDevice[CameraImage]]] = {
@@ -36,7 +42,7 @@ IMAGE_DEVICES: Mapping[str, Callable[..., EmulatedDevice[CameraImage]]] = {
     "overhead_camera": make_overhead_camera,
 }
 BYTE_DEVICES: Mapping[str, Callable[..., EmulatedDevice[bytes]]] = {
-    "can_wheels": make_can_node,
+    "can_wheels": _make_can_node,
     "canopen_wheels": make_canopen_wheels,
     "nmea_compass": make_compass,
     "nmea_gnss": make_gnss,
@@ -51,7 +57,9 @@ BYTE_DEVICES: Mapping[str, Callable[..., EmulatedDevice[bytes]]] = {
 EMULATOR: TypeAdapter[EmulatorSettings] = TypeAdapter(EmulatorSettings)
 
 
-def build_world(devices: Devices, simulation: SimulationSettings, start_ns: int) -> World:
+def build_world(
+    devices: Devices, simulation: SimulationSettings, start_ns: int, *, is_run: bool = True
+) -> World:
     """Build the simulated rover.
 
     Each device, its faults and the plant draw from generators of their own, so that adding a device does
@@ -61,6 +69,7 @@ def build_world(devices: Devices, simulation: SimulationSettings, start_ns: int)
         devices: The devices of the configuration, by name.
         simulation: The rover, the errors of its devices, and the faults.
         start_ns: When the simulation starts.
+        is_run: Compile the rover now; its first step would do it, while time passes.
 
     Raises:
         ConfigError: The simulation names devices that do not exist, or its rover does not fit them; one line
@@ -70,6 +79,8 @@ def build_world(devices: Devices, simulation: SimulationSettings, start_ns: int)
     if mistakes:
         raise ConfigError("\n".join(mistakes))
     plant = _make_plant(simulation, start_ns)
+    if is_run and isinstance(plant, CompiledPlant):
+        plant.compile()
     byte_devices: dict[str, EmulatedDevice[bytes]] = {}
     image_devices: dict[str, EmulatedDevice[CameraImage]] = {}
     for name, settings in devices.items():

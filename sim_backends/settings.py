@@ -5,7 +5,7 @@ from typing import Annotated, TypeAlias
 from pydantic import Field
 
 from drivers.settings import Settings
-from sim_backends.devices.can_wheels import CanNodeSettings
+from sim_backends.devices.can_wheels_settings import CanNodeSettings
 from sim_backends.devices.canopen_wheels import CanopenWheelsEmulatorSettings
 from sim_backends.devices.nmea_compass import CompassEmulatorSettings
 from sim_backends.devices.nmea_gnss import GnssEmulatorSettings

@@ -9,7 +9,7 @@ import typer
 
 from docs.generate.__main__ import PAGES, write_pages
 from rover_hil.app.app import app
-from rover_hil.console.options import DefaultGroup
+from rover_hil.app.lazy_group import LazyGroup
 
 REFERENCE = Path(__file__).parents[1] / "docs" / "reference"
 
@@ -35,8 +35,8 @@ def test_every_command_that_a_page_or_a_message_names_exists_with_its_options() 
             place = program
             while words and hasattr(place, "commands") and words[0] in place.commands:
                 place = place.commands[words.pop(0)]
-            if isinstance(place, DefaultGroup):
-                place = place.commands[place.default]
+            if isinstance(place, LazyGroup) and place.has_default:
+                place = place.commands[place.completed(["MODEL"])[0]]
             options = {"--help", *(option for parameter in place.params for option in parameter.opts)}
             named = {word.partition("=")[0].rstrip(".,:;)") for word in words if word.startswith("--")}
             count += 1

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from drivers.can_wheels.mapping_file import read_dbc
 from drivers.errors import RoverHilError
-from rover_hil.app.import_contents import add_truth_findings
 from rover_hil.datasets.csv_table import read_csv
 from rover_hil.datasets.log import read_drive
+from rover_hil.importing.files import add_truth_findings
 from rover_hil.importing.oddities import NOT_SHOWN
 from rover_hil.importing.table.columns import read_columns, rover_of
 from rover_hil.importing.table.to_log import write_table_as_log

@@ -1,4 +1,4 @@
-"""Whether `rover-hil tune --logs` finds noise set on purpose, and is better on logs that it did not use.
+"""Whether `rover-hil tune logs` finds noise set on purpose, and is better on logs that it did not use.
 
     python -m benchmarks.tuning.from_logs [--trials 64] [--seeds 0 1] [--logs 6] [--processes 2]
 
@@ -63,7 +63,7 @@ def main() -> int:
         folder = Path(temporary)
         path = folder / "noisy.toml"
         path.write_text(
-            resources.files("rover_hil.app.sample").joinpath("noisy.toml").read_text("utf-8"), "utf-8"
+            resources.files("rover_hil.sample").joinpath("noisy.toml").read_text("utf-8"), "utf-8"
         )
         config = load_config(str(path))
         train, held_out = split(record(folder, config, arguments.logs))

@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol
 
 from controllers.estimation.ground_settings import GroundMotionSettings
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.measurement_model import Measured
 from controllers.estimation.pose_fixes import WayBack
 from controllers.ground_motion.motion import GroundMotion
 from drivers.clock import nanoseconds, seconds
@@ -270,7 +271,7 @@ class GroundTravel:
         variance = sum(pair.motion.turn_sd_rad for pair in pairs) ** 2
         nis = residual_rad**2 / variance if variance > 0.0 else math.inf
         yield Innovation(
-            name=f"{camera} turn",
+            measured=Measured(camera, "turn"),
             residual=residual_rad,
             variance=variance,
             nis=nis,
@@ -337,4 +338,6 @@ def _between(before: WayBack, now: WayBack) -> tuple[complex, float]:
 def contradicting(camera: str, pair: GroundPair) -> Innovation:
     """Return the innovation of a pair that contradicts the wheels: it corrects nothing."""
     residual_m = abs(pair.ground_m - pair.rolled_m)
-    return Innovation(name=f"{camera} forward", residual=residual_m, variance=None, nis=None, accepted=False)
+    return Innovation(
+        measured=Measured(camera, "forward"), residual=residual_m, variance=None, nis=None, accepted=False
+    )

@@ -13,7 +13,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.estimation.measurement_model import MeasurementModel
+from controllers.estimation.measurement_model import Measured, MeasurementModel
 from controllers.matrices import is_positive_definite, product
 from controllers.motion.planar import wrap_angle
 from drivers.record import record
@@ -26,18 +26,23 @@ class Innovation:
     """Innovation of one measurement.
 
     Attributes:
-        name: Name of the measurement.
+        measured: What was measured.
         residual: Measured minus expected; None when the measurement was not a finite number.
         variance: Expected variance of the residual; None likewise.
         nis: Residual squared over variance (normalised innovation squared); None likewise.
         accepted: False when the measurement was rejected and the estimate left unchanged.
     """
 
-    name: str
+    measured: Measured
     residual: float | None
     variance: float | None
     nis: float | None
     accepted: bool
+
+    @property
+    def name(self) -> str:
+        """Name of the measurement."""
+        return str(self.measured)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -144,44 +149,44 @@ class GuardedFilter:
         self._begin_step(transition)
         return True
 
-    def correct(self, model: MeasurementModel, measured: Sequence[float]) -> tuple[Innovation, ...]:
+    def correct(self, model: MeasurementModel, readings: Sequence[float]) -> tuple[Innovation, ...]:
         """Correct the estimate by what a model measures; shape (k,)."""
         expected = model.predict(self._x)
         residuals = [
             wrap_angle(reading - value) if index in model.angles else reading - value
-            for index, (reading, value) in enumerate(zip(measured, expected.value.tolist(), strict=True))
+            for index, (reading, value) in enumerate(zip(readings, expected.value.tolist(), strict=True))
         ]
         if len(residuals) == 1:
-            (name,), variance = model.names, expected.variance.item(0)
-            return (self.update(name, residuals[0], expected.row[0], variance),)
+            (measured,), variance = model.names, expected.variance.item(0)
+            return (self.update(measured, residuals[0], expected.row[0], variance),)
         return self.update_together(model.names, np.array(residuals), expected.row, expected.variance)
 
-    def update(self, name: str, residual: float, row: Array, variance: float) -> Innovation:
+    def update(self, measured: Measured, residual: float, row: Array, variance: float) -> Innovation:
         """Correct the estimate by a scalar measurement.
 
         Args:
-            name: Name of the measurement, for the report.
+            measured: What is measured, for the report.
             residual: Measured minus expected at the present estimate; wrapped by the caller for an angle.
             row: Jacobian of the expected measurement, one number per state.
             variance: Variance of the measurement's own error, greater than zero.
         """
         step = self._corrected(self._x, self._p, residual, row, variance)
         if step is None:
-            return Innovation(name=name, residual=None, variance=None, nis=None, accepted=False)
+            return Innovation(measured=measured, residual=None, variance=None, nis=None, accepted=False)
         state, covariance, total = step
         nis = residual * residual / total
         accepted = nis <= self._gate and self._take(state, covariance)
         self._is_corrected |= accepted
         self._end_step()
-        return Innovation(name=name, residual=residual, variance=total, nis=nis, accepted=accepted)
+        return Innovation(measured=measured, residual=residual, variance=total, nis=nis, accepted=accepted)
 
     def update_together(
-        self, names: Sequence[str], residuals: Array, rows: Array, variances: Array
+        self, measured: Sequence[Measured], residuals: Array, rows: Array, variances: Array
     ) -> tuple[Innovation, ...]:
         """Correct the estimate by measurements that are accepted or rejected together.
 
         Args:
-            names: Names of the measurements, for the report.
+            measured: What is measured, for the report.
             residuals: As for `update`, shape (n,).
             rows: Jacobians, shape (n, number of states).
             variances: Of the measurements' own errors, shape (n,).
@@ -198,25 +203,25 @@ class GuardedFilter:
             step = self._corrected(state, covariance, remaining, row, variance)
             if alone is None or step is None:
                 return tuple(
-                    Innovation(name=name, residual=None, variance=None, nis=None, accepted=False)
-                    for name in names
+                    Innovation(measured=each, residual=None, variance=None, nis=None, accepted=False)
+                    for each in measured
                 )
             state, covariance, total = step
             nis += remaining * remaining / total
             totals.append(alone[2])
-        gate = float(chi2.ppf(self._gate_probability, len(names)))
+        gate = float(chi2.ppf(self._gate_probability, len(measured)))
         accepted = nis <= gate and self._take(state, covariance)
         self._is_corrected |= accepted
         self._end_step()
         return tuple(
             Innovation(
-                name=name,
+                measured=each,
                 residual=residual,
                 variance=total,
                 nis=residual * residual / total,
                 accepted=accepted,
             )
-            for name, residual, total in zip(names, residuals.tolist(), totals, strict=True)
+            for each, residual, total in zip(measured, residuals.tolist(), totals, strict=True)
         )
 
     def assign(self, index: int, value: float) -> None:

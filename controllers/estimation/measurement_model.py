@@ -8,6 +8,22 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+class Measured(NamedTuple):
+    """What is measured.
+
+    Attributes:
+        device: By which device.
+        quantity: Which of its quantities; empty for its only one.
+    """
+
+    device: str
+    quantity: str = ""
+
+    def __str__(self) -> str:
+        """Return its name, as in logs and reports."""
+        return f"{self.device} {self.quantity}" if self.quantity else self.device
+
+
 class Expected(NamedTuple):
     """What a sensor is expected to read; k numbers, n states.
 
@@ -26,13 +42,13 @@ class MeasurementModel(Protocol):
     """A measurement of k numbers that are accepted or rejected together.
 
     Attributes:
-        names: Of the numbers, for the report.
+        names: What the numbers are, for the report.
         angles: Which of them are angles: their residuals are wrapped.
     """
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Of the numbers."""
+    def names(self) -> tuple[Measured, ...]:
+        """What the numbers are."""
         ...
 
     @property

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from controllers.estimation.fix_frames import FixFrames
 from controllers.estimation.guarded_filter import FilterStep, GuardedFilter, Innovation
-from controllers.estimation.measurement_model import MeasurementModel
+from controllers.estimation.measurement_model import Measured, MeasurementModel
 from controllers.estimation.measurements.ground_travel import GroundTravel
 from controllers.estimation.measurements.gyro_at_rest import GyroAtRest
 from controllers.estimation.measurements.heading import HeadingModel
@@ -149,7 +149,7 @@ class PoseFilter:
         """Correct by a heading; `turned_since_rad` is the turn of the rover since it was measured."""
         source = (device, reference)
         model = HeadingModel(
-            name=f"{device} {reference}",
+            source=Measured(device, reference),
             offset_index=self._layout.offsets[source],
             deviation_index=self._layout.deviations.get(source),
             turned_since_rad=turned_since_rad,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.measurement_model import Measured
 from controllers.motion.planar import Pose, move, wrap_angle
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds
 from drivers.record import record
@@ -161,22 +162,28 @@ class FixQueue:
         )
 
 
-DISPLACED, TURNED = " displaced", " turned"
-"""Ends of the names of the innovations of a fix that was taken although it contradicted the estimate."""
+DISPLACED, TURNED = "displaced", "turned"
+"""Quantities of the innovations of a fix that was taken although it contradicted the estimate."""
 
 
 def displaced(fix: PoseFixSample, distance_m: float, turned_rad: float) -> tuple[Innovation, Innovation]:
     """Return by how much a fix contradicted the estimate that was then widened to take it."""
     device = fix.device
     return (
-        Innovation(name=f"{device}{DISPLACED}", residual=distance_m, variance=None, nis=None, accepted=True),
-        Innovation(name=f"{device}{TURNED}", residual=turned_rad, variance=None, nis=None, accepted=True),
+        Innovation(
+            measured=Measured(device, DISPLACED), residual=distance_m, variance=None, nis=None, accepted=True
+        ),
+        Innovation(
+            measured=Measured(device, TURNED), residual=turned_rad, variance=None, nis=None, accepted=True
+        ),
     )
 
 
 def late(fix: PoseFixSample) -> Innovation:
     """Return the innovation of a fix that is too old to be compared."""
-    return Innovation(name=f"{fix.device} too late", residual=None, variance=None, nis=None, accepted=False)
+    return Innovation(
+        measured=Measured(fix.device, "too late"), residual=None, variance=None, nis=None, accepted=False
+    )
 
 
 def _between(before: _Mark, after: _Mark, t_ns: int) -> _Mark:

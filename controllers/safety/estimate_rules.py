@@ -134,12 +134,12 @@ class DisplacedFixRule(StopRule):
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Return a reason for each fix of this cycle that is displaced by too much."""
         for innovation in cycle.innovations:
-            for end, (limit, unit) in self._limits.items():
-                if innovation.name.endswith(end) and (innovation.residual or 0.0) > limit:
-                    device = innovation.name.removesuffix(end)
-                    text = f"{device}: fixes{end} by {innovation.residual:.2f} {unit} against the estimate"
-                    cause = "rover carried, device moved, or wheels slipped more than [filter] expects"
-                    yield StopReason(f"{device} displaced", f"{text}: {cause}")
+            device, quantity = innovation.measured
+            limit, unit = self._limits.get(quantity, (math.inf, ""))
+            if (innovation.residual or 0.0) > limit:
+                text = f"{device}: fixes {quantity} by {innovation.residual:.2f} {unit} against the estimate"
+                cause = "rover carried, device moved, or wheels slipped more than [filter] expects"
+                yield StopReason(f"{device} displaced", f"{text}: {cause}")
 
 
 class MotionRule(StopRule):

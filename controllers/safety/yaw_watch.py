@@ -1,6 +1,7 @@
 """What pose fixes or a camera say of the yaw while gyro and wheels exclude each other."""
 
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.measurement_model import Measured
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity
 from drivers.clock import nanoseconds
@@ -25,8 +26,8 @@ class YawWatch:
     """
 
     def __init__(self, roles: DeviceRoles) -> None:
-        self._fixes = {f"{device} yaw" for device in roles.fixes}
-        self._turn = f"{roles.camera} turn"
+        self._fixes = {Measured(device, "yaw") for device in roles.fixes}
+        self._turn = Measured(str(roles.camera), "turn")
         self._agrees = False
         self._turn_rejections = 0
         self._said_ns: int | None = None
@@ -35,9 +36,9 @@ class YawWatch:
     def take(self, cycle: Cycle) -> None:
         """Take the fixes of a cycle; one that says neither ends the watch."""
         for innovation in cycle.innovations:
-            if innovation.name == self._turn:
+            if innovation.measured == self._turn:
                 self._take_turn(innovation.accepted, cycle.now_ns)
-            elif innovation.name in self._fixes:
+            elif innovation.measured in self._fixes:
                 said = _said(innovation, cycle.doubted_rad)
                 self._agrees, self._said_ns = bool(said), None if said is None else cycle.now_ns
 

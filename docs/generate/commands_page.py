@@ -93,7 +93,7 @@ def _split(hint: Any) -> tuple[Any, ArgumentInfo | OptionInfo]:
 
 def _spelling(name: str, info: ArgumentInfo | OptionInfo) -> str:
     if isinstance(info, ArgumentInfo):
-        return name.upper()
+        return (info.metavar or name).upper()
     # Typer takes the first spelling in an annotation for a default value.
     spellings = [text for text in (info.default, *(info.param_decls or ())) if isinstance(text, str)]
     return ", ".join(spellings) or f"--{name.replace('_', '-')}"

@@ -24,10 +24,10 @@ from drivers.settings import Settings
 LONGEST_MESSAGE = 8
 
 
-def find_mistakes(where: str, mapping: CanWheelsMapping, database: Database) -> list[str]:
-    """Return what is wrong, a line for each mistake; `where` begins each."""
-    mistakes = list(_find_wrong_names(where, "", mapping, database))
-    return mistakes or list(_find_wrong_messages(where, mapping, database))
+def find_mistakes(mapping: CanWheelsMapping, database: Database) -> list[str]:
+    """Return what is wrong, a line for each mistake; the key in the mapping file begins each."""
+    mistakes = list(_find_wrong_names("", mapping, database))
+    return mistakes or list(_find_wrong_messages(mapping, database))
 
 
 def close_match(name: str, known: Iterable[str]) -> str:
@@ -36,25 +36,25 @@ def close_match(name: str, known: Iterable[str]) -> str:
     return f"; did you mean '{close[0]}'?" if close else ""
 
 
-def _find_wrong_names(where: str, key: str, value: object, database: Database) -> Iterator[str]:
+def _find_wrong_names(key: str, value: object, database: Database) -> Iterator[str]:
     """Yield what is wrong with the names below `value`; `key` is their place in the mapping file."""
     if isinstance(value, NamesSignals):
         for message_name, signal_name, held in value.names():
             try:
-                message = _find_message(f"{where}{key}", database, message_name)
+                message = _find_message(key, database, message_name)
                 if signal_name is not None:
-                    signal = _find_signal(f"{where}{key}", message, signal_name)
-                    _check_signal(f"{where}{key}", message, signal)
-                    _check_fit(f"{where}{key}", value, signal, held)
-                    _check_page(f"{where}{key}", value, message, signal)
+                    signal = _find_signal(key, message, signal_name)
+                    _check_signal(key, message, signal)
+                    _check_fit(key, value, signal, held)
+                    _check_page(key, value, message, signal)
             except ConfigError as error:
                 yield str(error)
     if isinstance(value, Settings):
         for name in type(value).model_fields:
-            yield from _find_wrong_names(where, f"{key}.{name}".lstrip("."), getattr(value, name), database)
+            yield from _find_wrong_names(f"{key}.{name}".lstrip("."), getattr(value, name), database)
     elif isinstance(value, tuple):
         for index, part in enumerate(value):
-            yield from _find_wrong_names(where, f"{key}.{index}", part, database)
+            yield from _find_wrong_names(f"{key}.{index}", part, database)
 
 
 def _find_message(where: str, database: Database, name: str) -> Message:
@@ -153,7 +153,7 @@ def _check_page(where: str, part: NamesSignals, message: Message, signal: Signal
         )
 
 
-def _find_wrong_messages(where: str, mapping: CanWheelsMapping, database: Database) -> Iterator[str]:
+def _find_wrong_messages(mapping: CanWheelsMapping, database: Database) -> Iterator[str]:
     """Yield what is wrong with the messages as a whole, once all names have been found."""
     used: dict[str, set[str]] = {}
     for part in _parts(mapping):
@@ -167,18 +167,18 @@ def _find_wrong_messages(where: str, mapping: CanWheelsMapping, database: Databa
     for name, signals in used.items():
         message = database.get_message_by_name(name)
         if name in sent and message.is_multiplexed():
-            yield f"{where}dbc: message '{name}' is multiplexed; such messages are read, but never sent"
+            yield f"dbc: message '{name}' is multiplexed; such messages are read, but never sent"
             continue
         written = {signal.name for signal in message.signals} if name in sent else set()
-        yield from _find_overlaps(where, message, signals | written)
+        yield from _find_overlaps(message, signals | written)
         other = by_number.setdefault((message.frame_id, message.is_extended_frame), name)
         if other != name:
-            yield f"{where}dbc: messages '{other}' and '{name}' have one identifier; correct the DBC file"
+            yield f"dbc: messages '{other}' and '{name}' have one identifier; correct the DBC file"
     power = mapping.power
     if power is not None and power.current is not None:
         message = database.get_message_by_name(power.voltage.message)
         if choices_of(message, power.voltage.signal) != choices_of(message, power.current.signal):
-            yield f"{where}power: voltage and current are never in one frame; leave the current out"
+            yield "power: voltage and current are never in one frame; leave the current out"
 
 
 def _parts(value: object) -> Iterator[NamesSignals]:
@@ -192,7 +192,7 @@ def _parts(value: object) -> Iterator[NamesSignals]:
             yield from _parts(part)
 
 
-def _find_overlaps(where: str, message: Message, names: Iterable[str]) -> Iterator[str]:
+def _find_overlaps(message: Message, names: Iterable[str]) -> Iterator[str]:
     """Yield each signal in use of which some bits belong to another signal in the same frame as well."""
     used = set(names)
     for name in names:
@@ -201,7 +201,7 @@ def _find_overlaps(where: str, message: Message, names: Iterable[str]) -> Iterat
         is_used = one.name in used or other.name in used
         if is_used and bits_of(one) & bits_of(other) and _can_meet(message, one, other):
             yield (
-                f"{where}dbc: signals '{one.name}' and '{other.name}' of message '{message.name}' overlap; "
+                f"dbc: signals '{one.name}' and '{other.name}' of message '{message.name}' overlap; "
                 "remove from the DBC file the one that you do not use"
             )
 

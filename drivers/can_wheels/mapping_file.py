@@ -2,7 +2,7 @@
 
 import logging
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -34,6 +34,7 @@ logging.getLogger("cantools").addHandler(logging.NullHandler())
 SHIPPED_FOLDER = Path(__file__).parent
 MOST_BITS = 512
 MOST_SIGNAL_BITS = 64
+_OF_A_WHEEL = re.compile(r"wheel\.(\d+)\.(\w+)")
 _BITS = re.compile(r"(\d+)\s*\|\s*(\d+)\s*@")
 """First bit and number of bits of a signal."""
 _TURNS = re.compile(
@@ -176,12 +177,12 @@ def load_mapping(name_or_path: str) -> BusDescription:
     try:
         mapping = CanWheelsMapping.model_validate(_fill_in(path, table))
     except ValidationError as error:
-        raise ConfigError(_describe(path, error)) from error
+        raise ConfigError(_report(path, table, _describe(error))) from error
     dbc_paths = tuple(path.parent / name for name in mapping.dbc)
     database = _load_databases(path, dbc_paths)
-    mistakes = find_mistakes(f"{path}: ", mapping, database)
+    mistakes = find_mistakes(mapping, database)
     if mistakes:
-        raise ConfigError("\n".join(mistakes))
+        raise ConfigError(_report(path, table, mistakes))
     return BusDescription(path, dbc_paths, mapping, database)
 
 
@@ -258,7 +259,7 @@ def _with_node(value: object, node: str) -> object:
     return value
 
 
-def _describe(path: Path, error: ValidationError) -> str:
+def _describe(error: ValidationError) -> list[str]:
     lines = []
     for detail in direct_mistakes(error.errors()):
         key = ".".join(str(part) for part in detail["loc"]) or "the file"
@@ -267,7 +268,24 @@ def _describe(path: Path, error: ValidationError) -> str:
             text = "unknown key; correct or remove it"
         elif detail["type"] == "missing":
             text = "this key is missing; add it"
-        lines.append(f"{path}: {key}: {text}")
+        lines.append(f"{key}: {text}")
+    return lines
+
+
+def _report(path: Path, table: Mapping[str, object], mistakes: Sequence[str]) -> str:
+    """Return a line per mistake; one under [every_wheel] once, for the first wheel that has it."""
+    shared, wheels = table.get("every_wheel"), table.get("wheel")
+    lines: list[str] = []
+    first_wheels: dict[str, str] = {}
+    for mistake in mistakes:
+        found = _OF_A_WHEEL.match(mistake)
+        if found is not None and isinstance(shared, dict) and isinstance(wheels, list):
+            wheel, key = found.groups()
+            if key in shared and key not in wheels[int(wheel)]:
+                if first_wheels.setdefault(key, wheel) == wheel:
+                    lines.append(f"{path}: every_wheel.{mistake[found.start(2) :]}")
+                continue
+        lines.append(f"{path}: {mistake}")
     return "\n".join(lines)
 
 

@@ -10,6 +10,7 @@ from pydantic_core import ErrorDetails
 
 from drivers.errors import ConfigError
 from drivers.settings import Settings, direct_mistakes
+from rover_hil.config.moved_keys import fix_of, new_value
 
 MOST_MISTAKES = 100
 _REPRESENTATION = reprlib.Repr()
@@ -115,11 +116,19 @@ def _explain(detail: ErrorDetails, table: Mapping[str, object]) -> str:
     if kind == "missing":
         return "this key is missing; add it"
     if kind == "extra_forbidden":
+        moved = fix_of(_toml_path(detail, table))
+        if moved:
+            return moved
         close = _closest_key(detail, table)
         fix = f"did you mean {close}?" if close else "it does not belong here, remove it"
         return f"unknown key; {fix}"
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         tag = detail.get("ctx", {}).get("discriminator", "'type'")
+        renamed = new_value(
+            [*_toml_path(detail, table), tag.strip("'")], detail.get("ctx", {}).get("tag", "")
+        )
+        if renamed:
+            return f"{tag} is called '{renamed}' now"
         expected = detail.get("ctx", {}).get("expected_tags", "")
         return f"{tag} must be one of {expected}" if expected else f"the key {tag} is missing; add it"
     message = detail["msg"]

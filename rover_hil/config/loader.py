@@ -1,6 +1,5 @@
 """Reads a configuration, and the files that become part of it."""
 
-import sys
 from difflib import get_close_matches
 from importlib import resources
 from importlib.abc import Traversable
@@ -10,12 +9,12 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from controllers.ground_motion.rig import RigFile
-from controllers.settings import OLD_SCOMP_KEY
 from drivers.errors import ConfigError
 from drivers.files import is_file, parse_json, parse_toml, read_text
 from drivers.registry import AnyDeviceSettings
 from drivers.settings import read_toml
 from rover_hil.config.error_text import describe_mistakes, join_lines, validated
+from rover_hil.config.moved_keys import rename_sections
 from rover_hil.config.schema import SCHEMA_RULES, Config, Draft, Rule, find_conflicts
 
 SHIPPED = resources.files("rover_hil.config") / "shipped"
@@ -45,7 +44,7 @@ def load_config(name_or_path: str, rules: tuple[Rule, ...] = ()) -> Config:
             key and fix.
     """
     table = read_config_table(name_or_path)
-    _rename_old_sections(table)
+    rename_sections(table)
     if name_or_path not in shipped_configs():
         _find_beside(table, Path(name_or_path).parent)
     _simulate_the_same_wheels(table)
@@ -145,14 +144,6 @@ def _load_table(what: str, shipped: Traversable, name_or_path: str) -> Table:
     if not isinstance(table, dict):
         raise ConfigError(f"{what} {name_or_path} must hold an object with keys")
     return table
-
-
-def _rename_old_sections(table: Table) -> None:
-    """Accept sections under the names of the version before, with a note to the user."""
-    if OLD_SCOMP_KEY in table and "scomp" not in table:
-        note = f"[{OLD_SCOMP_KEY}] is now called [scomp]: rename it, the next version knows the new name only"
-        print(note, file=sys.stderr)  # noqa: T201 - a note to the user
-        table["scomp"] = table.pop(OLD_SCOMP_KEY)
 
 
 def _simulate_the_same_wheels(table: Table) -> None:

@@ -102,7 +102,7 @@ class LogObjectiveSettings(Settings):
 
 
 class LogTuneSettings(Settings):
-    """What `tune --logs` may change, and what it minimises.
+    """What `tune logs` may change, and what it minimises.
 
     Attributes:
         parameters: Ranges by dotted key, of [filter], [slip] and [scomp], e.g. "filter.heading_noise_rad".

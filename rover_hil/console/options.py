@@ -22,11 +22,24 @@ def _shipped_configs(incomplete: str) -> list[str]:
 ConfigArgument = Annotated[
     str,
     typer.Argument(
+        metavar="config",
         help="A TOML file, or a shipped configuration: `robotino`, `robotino-camera`, `el-dorado`, "
         "`el-dorado-camera`, `el-dorado-crab`.",
         autocompletion=_shipped_configs,
     ),
 ]
+LogArgument = Annotated[
+    Path,
+    typer.Argument(metavar="log", help="A log written by `run` or `import`, or the folder of a run."),
+]
+DriveArgument = Annotated[
+    Path, typer.Argument(help="A log written by `run`, or a CSV file; see docs/reference/scomp_files.md.")
+]
+PlantModelOption = Annotated[
+    Path | None,
+    typer.Option("--model", help="Give the simulated Robotino the effects in this model.toml of `gap`."),
+]
+VirtualOption = Annotated[bool, typer.Option("--virtual", help="Drive the simulated rover.")]
 DriveOption = Annotated[
     bool, typer.Option("--drive", help="Drive the real rover without a question; needed without a terminal.")
 ]
@@ -62,21 +75,6 @@ class Group(TyperGroup):
             exit_interrupted()
 
 
-class DefaultGroup(Group):
-    """A group whose first command may be left out; it takes all arguments that begin with no command."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Return the arguments, with the first command where none is named."""
-        if args and args[0] not in (*self.commands, "--help"):
-            args = [self.default, *args]
-        return super().parse_args(ctx, args)
-
-    @property
-    def default(self) -> str:
-        """Name of the command that may be left out."""
-        return next(iter(self.commands))
-
-
 def check_inputs(*paths: Path) -> None:
     """Check that files or folders to be read exist.
 
@@ -98,9 +96,9 @@ def out_option(words: str) -> Any:
     return typer.Option("--out", "-o", help=words)
 
 
-def number_option(words: str, unit: str, lower: float, upper: float) -> Any:
+def number_option(words: str, unit: str, lower: float, upper: float, *spelling: str) -> Any:
     """Return an option for a finite number within `lower` to `upper`, both included."""
-    return typer.Option(help=words, callback=_within(unit, lower, upper))
+    return typer.Option(*spelling, help=words, callback=_within(unit, lower, upper))
 
 
 def _within(

@@ -1,6 +1,5 @@
 """The options that calibrations share, each declared once, and the decorator that gives them to a command."""
 
-import sys
 from collections.abc import Callable
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -8,7 +7,14 @@ from typing import Annotated, Any
 
 import typer
 
-from rover_hil.console.options import ConfigArgument, DriveOption, ForceOption, JsonOption, out_option
+from rover_hil.console.options import (
+    ConfigArgument,
+    DriveOption,
+    ForceOption,
+    JsonOption,
+    VirtualOption,
+    out_option,
+)
 from rover_hil.ready.procedure import Procedure, Request, run
 
 DeviceOption = Annotated[str | None, typer.Option(help="The sensor, where there are several.")]
@@ -26,7 +32,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
         Annotated[Path | None, typer.Option(help="Use this log of a drive instead of driving.")],
         None,
     ),
-    "virtual": (Annotated[bool, typer.Option("--virtual", help="Drive the simulated rover.")], False),
+    "virtual": (VirtualOption, False),
     "drive": (DriveOption, False),
     "by_hand": (
         Annotated[
@@ -51,7 +57,7 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
 """Annotation and default of each, in the order of the help."""
 
 
-def command(*shared: str) -> Callable[[Callable[..., Procedure[Any, Any]]], Callable[..., None]]:
+def command(*shared: str) -> Callable[[Callable[..., Procedure[Any, Any]]], Callable[..., int]]:
     """Return the decorator of a function that makes a procedure from the options that are its own.
 
     The command has these, the `shared` ones, --json and --force. Its own option may replace a shared one of
@@ -61,17 +67,17 @@ def command(*shared: str) -> Callable[[Callable[..., Procedure[Any, Any]]], Call
         shared: Names in `OPTIONS`.
     """
 
-    def decorate(function: Callable[..., Procedure[Any, Any]]) -> Callable[..., None]:
+    def decorate(function: Callable[..., Procedure[Any, Any]]) -> Callable[..., int]:
         own = signature(function).parameters
         names = [name for name in OPTIONS if name in (*shared, "as_json", "force") and name not in own]
 
-        def run_command(**options: Any) -> None:
+        def run_command(**options: Any) -> int:
             if "config" in options:
                 options["source"] = options.pop("config")
             wanted = (*names, "source", "out")
             request = {name: value for name, value in options.items() if name in wanted}
             procedure = function(**{name: options[name] for name in own})
-            sys.exit(run(procedure, Request(**request)))
+            return run(procedure, Request(**request))
 
         parameters = {
             **{name: parameter.replace(kind=Parameter.KEYWORD_ONLY) for name, parameter in own.items()},

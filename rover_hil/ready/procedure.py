@@ -117,7 +117,7 @@ class Results(NamedTuple):
 
 
 class Procedure(ABC, Generic[Record, Result]):
-    """A calibration: its drives, its fit and its pictures.
+    """A procedure whose result is its page: its drives, its fit and its pictures.
 
     Attributes:
         logs: Logs of earlier drives that an option of its own has named.
@@ -125,7 +125,6 @@ class Procedure(ABC, Generic[Record, Result]):
         takes_log: The source may be a log instead of a configuration.
         is_connected: Real drives are connected with other programs, for pose fixes.
         checks: Of the configuration, beside that a simulated drive has a simulation.
-        has_file: The result is a file; else it is the page.
         good: Grade of a page without a problem.
         page_word: What the page is called.
         room_fix: What to do where the drives need more room.
@@ -136,7 +135,6 @@ class Procedure(ABC, Generic[Record, Result]):
     takes_log: ClassVar[bool] = True
     is_connected: ClassVar[bool] = False
     checks: ClassVar[Sequence[Rule]] = ROVER_CHECKS
-    has_file: ClassVar[bool] = True
     good: ClassVar[str] = "plain"
     page_word: ClassVar[str] = "picture"
     room_fix: ClassVar[str] = "choose another place"
@@ -219,13 +217,17 @@ class Procedure(ABC, Generic[Record, Result]):
     def figures(self, record: Record, result: Result) -> Sequence[Drawing]:
         """Return the pictures of the page."""
 
-    def write(self, record: Record, result: Result) -> str:
-        """Return the text of the file."""
-        raise NotImplementedError
-
     def entries(self, record: Record, result: Result, out: Path | None) -> Sequence[Entry]:
         """Return where the configuration takes the result."""
         return ()
+
+
+class FileProcedure(Procedure[Record, Result]):
+    """A procedure whose result is a file, beside the page."""
+
+    @abstractmethod
+    def write(self, record: Record, result: Result) -> str:
+        """Return the text of the file."""
 
 
 def run(procedure: Procedure[Record, Result], request: Request) -> int:
@@ -261,7 +263,7 @@ def run(procedure: Procedure[Record, Result], request: Request) -> int:
     edited = _edited(source, entries) if request.enter and entries else None
     if results.page is not None:
         write_file(results.page, _page(procedure, record, result, facts))
-    if results.out is not None and procedure.has_file and not result.problem:
+    if results.out is not None and isinstance(procedure, FileProcedure) and not result.problem:
         write_file(results.out, procedure.write(record, result))
     if edited is not None:
         write_file(Path(source), edited)
@@ -354,7 +356,7 @@ def _print(
         console.print(f"{name}: {value}")
     if results.page is not None:
         console.print(f"{procedure.page_word}: {results.page}")
-    if results.out is not None and procedure.has_file:
+    if results.out is not None and isinstance(procedure, FileProcedure):
         console.print(f"not written: {problem}" if problem else f"written to {results.out}{done}")
 
 

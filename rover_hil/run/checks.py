@@ -6,7 +6,6 @@ from pathlib import Path
 
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import WheelsRoverSettings
-from drivers.can_wheels.mapping_file import load_mapping
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.device_settings import DriveSettings
 from drivers.driver import SteeringCodec
@@ -69,6 +68,8 @@ def _find_unmeasured_conflict(draft: Draft) -> Iterator[str]:
     without: frozenset[int] = frozenset()
     if isinstance(device, CanWheelsSettings):
         try:
+            from drivers.can_wheels.mapping_file import load_mapping  # what reads DBC files loads slowly
+
             wheels = load_mapping(device.mapping).mapping.wheel
         except ConfigError:
             return  # reported with the data files

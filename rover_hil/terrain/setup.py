@@ -3,12 +3,13 @@
 import json
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Annotated, NamedTuple, TypeVar
 
 from rich.progress import Progress
 
 from drivers.errors import ConfigError
 from drivers.files import read_text
+from rover_hil.console.options import out_option
 from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.terminal import Terminal, progress_columns
 from rover_hil.terrain.soil_files import load_terrain_soil
@@ -18,6 +19,7 @@ from sim_backends.terramechanics.soil.library import SoilSettings, load_wheel, p
 from sim_backends.terramechanics.soil.numpy_kernel import numpy_kernel
 from sim_backends.terramechanics.soil.wheel_contact import Kernel
 
+ReportOption = Annotated[Path | None, out_option("Also write report.html and CSV into this folder.")]
 PAPER_ROVER = "paper_001"
 REPORT_NAME = "report.html"
 COMPILE_FROM = 100

@@ -21,7 +21,7 @@ MISSING_LOGS = (
 )
 MISSING_TUNE = (
     "tune: the configuration marks nothing as tunable on the simulated rover: add [tune.parameters], see "
-    "docs/how-to/bench_tuning.md; or give --logs, which needs [tune.logs]"
+    "docs/how-to/bench_tuning.md; or use `tune logs`, which needs [tune.logs]"
 )
 
 UNITS = {

@@ -10,11 +10,10 @@ after their watchdog has expired (an ODrive also requires that its errors are cl
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from heapq import heapify, heapreplace
-from typing import Annotated, Literal, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from cantools.database.can import Message
-from pydantic import Field
 
 from drivers.can_frame import EXTENDED_FLAG, CanFrame, can_frame_bits, pack_can_frame, unpack_can_frame
 from drivers.can_wheels.layout import Choice, choices_of
@@ -25,7 +24,7 @@ from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.can_wheels.signals import Scale, raw_value
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
-from drivers.settings import Settings
+from sim_backends.devices.can_wheels_settings import CanNodeSettings
 from sim_backends.world.line import NEVER_NS, Line
 from sim_backends.world.plant import Plant, SteeredPlant, Truth
 from sim_backends.world.sensor_errors import standard_normals
@@ -35,34 +34,6 @@ RawSignal: TypeAlias = Callable[[Truth], float]
 """Returns the raw value of a signal for a given truth."""
 _Page: TypeAlias = tuple[tuple[str, int], ...]
 """Multiplexers and their values."""
-
-
-class CanNodeSettings(Settings):
-    """Rates, errors and watchdog of the drives; rounding to the resolution of the signals is added.
-
-    Attributes:
-        wheel_rate_hz: Messages about wheels, of each kind, per second; spread evenly over the period.
-        status_rate_hz: All other messages per second, of each kind.
-        encoder_ticks_per_revolution: Encoder counts per turn of the motor, where the mapping's unit is not
-            ticks.
-        speed_noise_rad_s: Standard deviation of each reported speed, at the wheel.
-        current_noise_a: Standard deviation of each motor current.
-        current_step_a: Resolution of the drive's current measurement; 0 for none.
-        voltage_noise_v: Standard deviation of each supply voltage.
-        yaw_rate_noise_rad_s: Standard deviation of each yaw rate, where the mapping has one.
-        watchdog_s: A wheel stops when it gets no set-point for this long.
-    """
-
-    type: Literal["can_wheels"] = "can_wheels"
-    wheel_rate_hz: Annotated[float, Field(gt=0, le=1000)] = 100.0
-    status_rate_hz: Annotated[float, Field(gt=0, le=100)] = 10.0
-    encoder_ticks_per_revolution: Annotated[float, Field(gt=0, le=1e8)] = 8192.0
-    speed_noise_rad_s: Annotated[float, Field(ge=0, le=10)] = 0.02
-    current_noise_a: Annotated[float, Field(ge=0, le=10)] = 0.02
-    current_step_a: Annotated[float, Field(ge=0, le=10)] = 0.008
-    voltage_noise_v: Annotated[float, Field(ge=0, le=10)] = 0.02
-    yaw_rate_noise_rad_s: Annotated[float, Field(ge=0, le=1)] = 0.002
-    watchdog_s: Annotated[float, Field(gt=0, le=60)] = 0.2
 
 
 class _Outbox:

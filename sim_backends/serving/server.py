@@ -9,7 +9,6 @@ from drivers.device_settings import CanDeviceSettings
 from drivers.errors import ConfigError
 from drivers.link import CameraImage, PayloadT
 from drivers.registry import AnyDeviceSettings
-from sim_backends.serving.can_bus_port import CanBusPort
 from sim_backends.serving.frame_port import FramePort
 from sim_backends.serving.port import Port
 from sim_backends.serving.pty_port import PtyPort
@@ -152,4 +151,6 @@ def find_unservable(settings: Mapping[str, AnyDeviceSettings]) -> Iterator[str]:
 
 
 def _can_port(bus: CanDeviceSettings) -> Port[bytes]:
+    from sim_backends.serving.can_bus_port import CanBusPort  # python-can loads slowly
+
     return SlcanPort(bus.channel) if bus.interface == "slcan" else CanBusPort(bus.interface, bus.channel)

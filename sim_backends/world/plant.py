@@ -56,6 +56,15 @@ class Plant(Protocol):
 
 
 @runtime_checkable
+class CompiledPlant(Plant, Protocol):
+    """A simulated rover whose equations are compiled or loaded, which takes up to seconds."""
+
+    def compile(self) -> None:
+        """Do it now; the first step does it otherwise."""
+        ...
+
+
+@runtime_checkable
 class SteeredPlant(Plant, Protocol):
     """A simulated rover that also follows steering set-points."""
 

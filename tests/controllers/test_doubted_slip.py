@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers.estimation.measurement_model import Expected
+from controllers.estimation.measurement_model import Expected, Measured
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.slip_states import SlipEstimate
@@ -120,7 +120,7 @@ def test_a_wrong_gyro_makes_the_slip_that_was_learnt_as_uncertain_as_at_the_star
     class FirstState:
         """A measurement of the slip angle's residual."""
 
-        names, angles = ("trace",), ()
+        names, angles = (Measured("trace"),), ()
 
         def predict(self, state: np.ndarray) -> Expected:
             return Expected(state[block][:1], np.eye(len(state))[block][:1], np.array([1e-9]))

@@ -10,6 +10,7 @@ from scipy.stats import chi2
 
 from controllers.control_loop import ControlLoop
 from controllers.estimation.guarded_filter import Array, Innovation
+from controllers.estimation.measurement_model import Measured
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.pose_filter import PoseFilter
@@ -92,7 +93,7 @@ def test_the_slopes_are_those_of_the_expected_fix(monkeypatch: pytest.MonkeyPatc
 
     def note(names: object, residuals: Array, rows: Array, variances: object) -> tuple[Innovation, ...]:
         asked.append((residuals, rows))
-        return (Innovation(name="", residual=None, variance=None, nis=None, accepted=True),)
+        return (Innovation(measured=Measured(""), residual=None, variance=None, nis=None, accepted=True),)
 
     monkeypatch.setattr(pose_filter._filter, "update_together", note)
     state, step = pose_filter._filter.state, 1e-6

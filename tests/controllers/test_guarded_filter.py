@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.stats import chi2
 
 from controllers.estimation.guarded_filter import GuardedFilter
+from controllers.estimation.measurement_model import Measured
 
 NOTHING = np.zeros((2, 2))
 SAME = np.eye(2)
@@ -27,7 +28,7 @@ def memory(guarded: GuardedFilter) -> tuple[list[float], list[list[float]]]:
 
 def test_an_update_gives_the_textbook_answer() -> None:
     guarded = make()
-    innovation = guarded.update("level", 3.0, SECOND, 4.0)
+    innovation = guarded.update(Measured("level"), 3.0, SECOND, 4.0)
     assert guarded.state == pytest.approx([0.0, 1.5])
     assert np.array(guarded.covariance) == pytest.approx(np.diag([1.0, 2.0]))
     assert innovation.name == "level"
@@ -47,7 +48,7 @@ def test_a_prediction_takes_the_given_state_and_spreads_the_covariance() -> None
 def test_an_angle_goes_the_short_way_round() -> None:
     guarded = make(angles=(0,))
     guarded.predict(0.0, [3.1, 0.0], SAME, NOTHING)
-    guarded.update("heading", 0.3, FIRST, 1.0)
+    guarded.update(Measured("heading"), 0.3, FIRST, 1.0)
     assert guarded.state[0] == pytest.approx(3.25 - math.tau)
     guarded.predict(0.0, [4.0, 4.0], SAME, NOTHING)
     assert guarded.state == pytest.approx([4.0 - math.tau, 4.0])
@@ -57,9 +58,9 @@ def test_an_angle_goes_the_short_way_round() -> None:
 def test_the_gate_is_the_chi_square_quantile(gate: float) -> None:
     edge = math.sqrt(float(chi2.ppf(gate, 1)) * 2.0)
     inside, outside = make(gate=gate), make(gate=gate)
-    assert inside.update("level", 0.999 * edge, FIRST, 1.0).accepted
+    assert inside.update(Measured("level"), 0.999 * edge, FIRST, 1.0).accepted
     before = memory(outside)
-    innovation = outside.update("level", 1.001 * edge, FIRST, 1.0)
+    innovation = outside.update(Measured("level"), 1.001 * edge, FIRST, 1.0)
     assert not innovation.accepted
     assert innovation.residual == 1.001 * edge
     assert memory(outside) == before
@@ -83,7 +84,7 @@ def test_an_unusable_measurement_is_reported_and_changes_nothing(
 ) -> None:
     guarded = make()
     before = memory(guarded)
-    innovation = guarded.update("level", residual, row, variance)
+    innovation = guarded.update(Measured("level"), residual, row, variance)
     assert not innovation.accepted
     assert innovation.nis is None
     assert memory(guarded) == before
@@ -108,7 +109,7 @@ def test_an_unusable_prediction_changes_nothing(
     before = memory(guarded)
     assert not guarded.predict(dt_s, state, transition, noise)
     assert memory(guarded) == before
-    assert guarded.update("level", 0.1, FIRST, 1.0).accepted
+    assert guarded.update(Measured("level"), 0.1, FIRST, 1.0).accepted
 
 
 def test_an_indefinite_covariance_is_lifted_without_drowning_the_small_variance() -> None:
@@ -117,7 +118,7 @@ def test_an_indefinite_covariance_is_lifted_without_drowning_the_small_variance(
     covariance = np.array(guarded.covariance)
     np.linalg.cholesky(covariance + np.diag([1e-18, 1e-6]))
     assert covariance[0, 0] < 1e-5
-    assert guarded.update("level", 0.0, FIRST, 1.0).accepted
+    assert guarded.update(Measured("level"), 0.0, FIRST, 1.0).accepted
 
 
 small = st.floats(-1.0, 1.0)
@@ -136,7 +137,7 @@ def test_the_covariance_stays_symmetric_and_positive(
         transition = np.eye(4)
         transition[0, 2], transition[1, 2], transition[2, 3] = a, b, c
         assert guarded.predict(0.1, guarded.state, transition, np.diag([noise, 0.0, noise * 1e-9, 0.0]))
-        guarded.update("level", a, np.array([0.0, b, 1.0, c]), variance)
+        guarded.update(Measured("level"), a, np.array([0.0, b, 1.0, c]), variance)
         covariance = np.array(guarded.covariance)
         assert (covariance == covariance.T).all()
         scale = np.sqrt(np.diag(covariance))
@@ -173,10 +174,10 @@ def test_an_update_is_filterpys(count: int) -> None:
         residuals = 0.3 * generator.standard_normal(count)
         if count == 1:
             innovations: tuple[Any, ...] = (
-                guarded.update("one", residuals.item(), rows[0], variances.item()),
+                guarded.update(Measured("one"), residuals.item(), rows[0], variances.item()),
             )
         else:
-            innovations = guarded.update_together(["one"] * count, residuals, rows, variances)
+            innovations = guarded.update_together([Measured("one")] * count, residuals, rows, variances)
         expected = rows @ peer.x.ravel()
         peer.update(
             (residuals + expected).reshape(-1, 1),
@@ -196,8 +197,12 @@ def test_measurements_together_are_gated_by_their_common_nis() -> None:
     totals = rows @ np.diag([1.0, 4.0]) @ rows.T + np.diag(variances)
     direction = np.array([0.3, -0.4])
     edge = math.sqrt(float(chi2.ppf(0.95, 2)) / float(direction @ np.linalg.solve(totals, direction)))
-    outside = guarded.update_together(["x", "y"], 1.001 * edge * direction, rows, variances)
+    outside = guarded.update_together(
+        [Measured("x"), Measured("y")], 1.001 * edge * direction, rows, variances
+    )
     assert not any(innovation.accepted for innovation in outside)
     assert guarded.state == [0.0, 0.0]
-    inside = guarded.update_together(["x", "y"], 0.999 * edge * direction, rows, variances)
+    inside = guarded.update_together(
+        [Measured("x"), Measured("y")], 0.999 * edge * direction, rows, variances
+    )
     assert all(innovation.accepted for innovation in inside)

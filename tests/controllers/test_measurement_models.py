@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from controllers.estimation.guarded_filter import GuardedFilter
-from controllers.estimation.measurement_model import MeasurementModel
+from controllers.estimation.measurement_model import Measured, MeasurementModel
 from controllers.estimation.measurements.ground_travel import GroundTravel
 from controllers.estimation.measurements.gyro_at_rest import GyroAtRest
 from controllers.estimation.measurements.heading import HeadingModel
@@ -73,10 +73,10 @@ def trace() -> TraceAngle:
 
 MODELS: dict[str, MeasurementModel] = {
     "heading": HeadingModel(
-        name="compass", offset_index=4, deviation_index=None, turned_since_rad=0.1, sd_rad=0.05
+        source=Measured("compass"), offset_index=4, deviation_index=None, turned_since_rad=0.1, sd_rad=0.05
     ),
     "heading with deviation": HeadingModel(
-        name="compass", offset_index=4, deviation_index=5, turned_since_rad=0.1, sd_rad=0.05
+        source=Measured("compass"), offset_index=4, deviation_index=5, turned_since_rad=0.1, sd_rad=0.05
     ),
     "gyro at rest": GyroAtRest(device="imu", sd_rad_s=0.01),
     "fix": PoseFix(fix=fix(0.02), way_back=WAY_BACK, origin_index=5),

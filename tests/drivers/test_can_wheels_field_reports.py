@@ -103,12 +103,12 @@ COMMAND = """BO_ 300 C: 8 A
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("(1,0)", "(0,0)", "wheel.0.position: signal 'Pos' of message 'W0' has factor 0 and offset 0"),
-        ("(1,0)", "(1e999,0)", "wheel.0.position: signal 'Pos' of message 'W0' has factor inf"),
+        ("(1,0)", "(0,0)", "every_wheel.position: signal 'Pos' of message 'W0' has factor 0 and offset 0"),
+        ("(1,0)", "(1e999,0)", "every_wheel.position: signal 'Pos' of message 'W0' has factor inf"),
         ("Speed : 32", "Speed : 31", "signals 'Pos' and 'Speed' of message 'W0' overlap"),
-        ("Speed : 32|16@1-", "Pos : 32|16@1-", "wheel.0.position: message 'W0' has 2 signals 'Pos'"),
-        ("Speed : 32", "Speed : 56", "wheel.0.speed: signal 'Speed' of message 'W0' lies outside"),
-        ("W1", "W0", "wheel.0.position: the DBC file has 2 messages 'W0'"),
+        ("Speed : 32|16@1-", "Pos : 32|16@1-", "every_wheel.position: message 'W0' has 2 signals 'Pos'"),
+        ("Speed : 32", "Speed : 56", "every_wheel.speed: signal 'Speed' of message 'W0' lies outside"),
+        ("W1", "W0", "every_wheel.position: the DBC file has 2 messages 'W0'"),
         ("BO_ 257", "BO_ 256", "messages 'W0' and 'W1' have one identifier"),
         ("W0: 8", "W0: 16", "message 'W0' is 16 bytes long"),
         ("S1 : 16", "S1 : 15", "signals 'S0' and 'S1' of message 'C' overlap"),
@@ -211,7 +211,7 @@ def test_multiplexers_of_which_the_file_does_not_say_what_they_choose_are_refuse
     assert old in NESTED
     dbc = NESTED.replace(old, new)
     with pytest.raises(
-        ConfigError, match=r"wheel\.\d\.position: the DBC file does not say which multiplexer"
+        ConfigError, match=r"every_wheel\.position: the DBC file does not say which multiplexer"
     ):
         load_mapping(write(tmp_path, dbc, PAGED.splitlines()[0] + "\n"))
 
@@ -283,7 +283,7 @@ def test_a_drive_may_rest_before_the_first_set_point_and_after_the_stop(tmp_path
 
 
 def test_values_of_a_state_must_fit_into_its_signal(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"wheel\.0\.state: signal 'Mode' cannot hold 300"):
+    with pytest.raises(ConfigError, match=r"every_wheel\.state: signal 'Mode' cannot hold 300"):
         load_mapping(write(tmp_path, STATE, STATED.replace("[3, 7]", "[300]"), ONE))
 
 
@@ -441,7 +441,7 @@ def test_a_signal_with_such_a_name_that_never_changes_counts_nothing(tmp_path: P
 def test_a_count_of_turns_that_does_not_fit_is_refused(
     tmp_path: Path, dbc: str, every_wheel: str, told: str
 ) -> None:
-    with pytest.raises(ConfigError, match=r"wheel\.0\.position") as caught:
+    with pytest.raises(ConfigError, match=r"every_wheel\.position") as caught:
         load_mapping(write(tmp_path, dbc, every_wheel, ONE))
     assert told in str(caught.value)
 

@@ -92,19 +92,27 @@ SETPOINT = 'setpoint = { message = "Wheel{node}_Setpoint", signal = "Speed", uni
 TICKS = 'position = { message = "Wheel0_State", signal = "Position", unit = "ticks" }'
 
 WRONG = [
-    (SPEED, SPEED.replace("State", "Stat"), "wheel.0.speed: .*'Wheel0_Stat'; did you mean 'Wheel0_State'"),
-    (SPEED, SPEED.replace('"Speed"', '"Sped"'), "wheel.0.speed: .*'Sped'; did you mean 'Speed'"),
-    (SPEED, SPEED.replace("rad/s", "mph"), "wheel.0.speed.unit: .*'rpm'"),
-    (SPEED, SPEED.replace("rad/s", "km/h"), "wheel.0.speed: give radius_m"),
-    (SPEED, SPEED.replace("speed", "current"), "wheel.0.current.unit: .*'mA'"),
-    (SPEED, TICKS, "wheel.0.position: give ticks_per_revolution"),
+    (
+        SPEED,
+        SPEED.replace("State", "Stat"),
+        "every_wheel.speed: .*'Wheel0_Stat'; did you mean 'Wheel0_State'",
+    ),
+    (SPEED, SPEED.replace('"Speed"', '"Sped"'), "every_wheel.speed: .*'Sped'; did you mean 'Speed'"),
+    (SPEED, SPEED.replace("rad/s", "mph"), "every_wheel.speed.unit: .*'rpm'"),
+    (SPEED, SPEED.replace("rad/s", "km/h"), "every_wheel.speed: give radius_m"),
+    (SPEED, SPEED.replace("speed", "current"), "every_wheel.current.unit: .*'mA'"),
+    (SPEED, TICKS, "every_wheel.position: give ticks_per_revolution"),
     (SPEED, "", "wheel.0: the wheel has neither position nor speed"),
     (
         SETPOINT,
         SETPOINT.replace(" }", ", fixed = { Enable = 1 } }"),
-        "wheel.0.setpoint: .*no signal 'Enable'",
+        "every_wheel.setpoint: .*no signal 'Enable'",
     ),
-    (SETPOINT, SETPOINT.replace(" }", ", fixed = { Counter = 16 } }"), "wheel.0.setpoint: .*cannot hold 16"),
+    (
+        SETPOINT,
+        SETPOINT.replace(" }", ", fixed = { Counter = 16 } }"),
+        "every_wheel.setpoint: .*cannot hold 16",
+    ),
     ("node = 0", "", "wheel: give one"),
     ("node = 0", "node = 0\ngear_ratio = 0", "wheel.0.gear_ratio: .*greater than 0"),
     ("node = 0", "node = 0\nsign = 2", "wheel.0.sign: "),
@@ -146,10 +154,13 @@ def test_wrong_mapping_is_refused_with_file_key_and_fix(
 @pytest.mark.parametrize(
     ("changes", "keys"),
     [
-        ((('"rad/s"', '"mph"'), ("node = 0", "node = 0\ngear = 2")), ("wheel.0.speed.unit", "wheel.0.gear")),
+        (
+            (('"rad/s"', '"mph"'), ("node = 0", "node = 0\ngear = 2")),
+            ("every_wheel.speed.unit", "wheel.0.gear"),
+        ),
         (
             (("_State", "_Stat"), ("_Setpoint", "_Setpont")),
-            ("wheel.0.speed", "wheel.0.s"),
+            ("every_wheel.speed", "every_wheel.setpoint"),
         ),
     ],
 )
@@ -211,3 +222,12 @@ def test_slcan_adapter_must_know_the_bit_rate() -> None:
         CanWheelsSettings(interface="socketcan", channel="x", bit_rate=300_000, mapping="m").bit_rate
         == 300_000
     )
+
+
+def test_a_mistake_of_every_wheel_is_told_once_and_that_of_a_wheel_under_it(tmp_path: Path) -> None:
+    own = 'speed = { message = "Wheel1_State", signal = "Sped", unit = "rad/s" }'
+    text = f"{MINIMAL.replace('_State', '_Stat')}\n[[wheel]]\nnode = 1\n{own}\n[[wheel]]\nnode = 2\n"
+    with pytest.raises(ConfigError) as caught:
+        load_mapping(write_mapping(tmp_path, text))
+    keys = [line.split(": ")[1] for line in str(caught.value).splitlines()]
+    assert keys == ["every_wheel.speed", "wheel.1.speed"]

@@ -22,9 +22,9 @@ import numpy as np
 import pytest
 
 from drivers.clock import nanoseconds, seconds
-from rover_hil.app import run
 from rover_hil.app.program import main
 from rover_hil.config import Config
+from rover_hil.drive import run
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.run.replay import replay

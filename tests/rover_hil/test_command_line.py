@@ -12,7 +12,7 @@ import pytest
 
 from drivers.can_wheels.mapping_file import SHIPPED_FOLDER
 from drivers.clock import SystemClock, nanoseconds
-from rover_hil.app.app import _spread
+from rover_hil.app.arguments import spread, understood
 from rover_hil.recording.reader import LogReader
 from tests.rover_hil.command import Command, assert_one_sentence
 
@@ -140,7 +140,7 @@ def test_a_log_that_cannot_be_written_is_one_sentence(command: Command) -> None:
 
 
 @pytest.mark.parametrize(
-    ("typed", "understood"),
+    ("typed", "repeated"),
     [
         ("a b --test c d --json", "a b --test c --test d --json"),
         ("a --test c --test d", "a --test c --test d"),
@@ -149,8 +149,15 @@ def test_a_log_that_cannot_be_written_is_one_sentence(command: Command) -> None:
         ("a --test", "a --test"),
     ],
 )
-def test_one_option_may_take_several_values(typed: str, understood: str) -> None:
-    assert _spread(typed.split(), ("--test",)) == understood.split()
+def test_one_option_may_take_several_values(typed: str, repeated: str) -> None:
+    assert spread(typed.split()) == repeated.split()
+
+
+def test_an_old_spelling_of_a_tuning_by_logs_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    typed = "tune --study a my.toml --logs b.mcap c.mcap --held-out d.mcap --trials 3"
+    meant = "tune logs --study a my.toml --held-out d.mcap --trials 3 b.mcap c.mcap"
+    assert understood(typed.split()) == meant.split()
+    assert "is now `tune logs CONFIG LOG...`" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("chosen", "used"), [(None, "1"), ("3", "3")])

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from rover_hil.config import Config, load_config
-from rover_hil.report.compare import compare_runs, render_comparison
+from rover_hil.report.compare.comparison import compare_runs, render_comparison
 from rover_hil.run.driving import run_virtual
 from tests.rover_hil.command import Command, assert_one_sentence
 

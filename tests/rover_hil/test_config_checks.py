@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigError
-from rover_hil.app.doctor import examine
-from rover_hil.app.run import run_rover
-from rover_hil.app.simulate import simulate
-from rover_hil.app.tune import tune
 from rover_hil.config import load_config, read_config_text
+from rover_hil.drive.run import run_rover
+from rover_hil.drive.simulate import simulate
+from rover_hil.ready.doctor import examine
 from rover_hil.run.checks import ROVER_CHECKS
+from rover_hil.tune.command import tune
 from tests.rover_hil.tune.tuning import SHIPPED_TUNE
 
 Edits = tuple[tuple[str, str], ...]

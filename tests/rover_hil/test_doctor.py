@@ -20,10 +20,10 @@ from drivers.nmea import encode_sentence
 from drivers.robotino_board.codec import REQUEST_SIZE, BoardReply, build_reply, parse_request
 from drivers.witmotion.codec import encode_rate
 from rover_hil import terminal as printing
-from rover_hil.app.doctor import examine, is_ready, print_findings
 from rover_hil.config import Config
 from rover_hil.doctor.examination import examine_computer, examine_rover
 from rover_hil.doctor.finding import Finding, Level, SystemPaths, problem
+from rover_hil.ready.doctor import examine, is_ready, print_findings
 
 LISTEN_S = 0.4
 HDM = encode_sentence("HCHDM,12.0,M")

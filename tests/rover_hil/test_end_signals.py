@@ -161,7 +161,7 @@ def test_ignored_signals_stay_ignored() -> None:
         (("run", "robotino", "--virtual", "--out", "a"), "pydantic"),
         (("run", "robotino", "--virtual", "--out", "a"), "controllers.control_loop"),
         (("run", "robotino", "--virtual", "--out", "a"), "scipy.linalg.lapack"),
-        (("compare", "a", "b"), "rover_hil.app.compare"),
+        (("compare", "a", "b"), "rover_hil.report.compare.command"),
         (("calibrate", "wheels", "robotino", "--virtual", "--out", "a"), "rover_hil.ready.wheels.fit"),
     ],
 )

@@ -12,9 +12,10 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from benchmarks.program.how_tos import blocks_of
-from rover_hil.app.app import _spread, app
-from rover_hil.app.sample.catalogue import SAMPLES
-from rover_hil.console.options import DefaultGroup
+from rover_hil.app.app import app
+from rover_hil.app.arguments import spread
+from rover_hil.app.lazy_group import LazyGroup
+from rover_hil.sample.catalogue import SAMPLES
 from tests.rover_hil.command import Command, assert_one_sentence
 
 ROOT = Path(__file__).parents[2]
@@ -37,7 +38,7 @@ NEEDS_NOTHING = {
 OF_A_ROVER = {
     "init",
     "commission",
-    "tune",
+    "tune gains",
     "calibrate imu",
     "calibrate mounting",
     "calibrate motors",
@@ -81,15 +82,14 @@ EXAMPLES = sorted({line for text in TEXTS for line in examples_of(text)})
 
 @pytest.mark.parametrize("line", EXAMPLES)
 def test_every_example_parses(line: str) -> None:
-    arguments = _spread(shlex.split(line, comments=True)[1:], ("--test", "--logs", "--held-out"))
+    arguments = spread(shlex.split(line, comments=True)[1:])
     item: Any = get_command(app)
     if arguments and arguments[0] == "--install-completion":
         return  # to parse it is to install it
     while isinstance(item, TyperGroup) and arguments:
-        if isinstance(item, DefaultGroup) and arguments[0] not in item.commands:
-            item = item.commands[item.default]
-        else:
-            item = item.commands[arguments.pop(0)]
+        if isinstance(item, LazyGroup):
+            arguments = item.completed(arguments)
+        item = item.commands[arguments.pop(0)]
     if arguments:  # a bare name of a command is no call
         item.make_context("rover-hil", arguments)
 

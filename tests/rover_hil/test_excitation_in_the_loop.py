@@ -11,8 +11,8 @@ from controllers.safety import Mode
 from controllers.safety.reasons import Cycle
 from controllers.safety.stall_monitor import StallMonitor
 from drivers.errors import LogError
-from rover_hil.app.replay import refuse_old_excitation
 from rover_hil.config import Config, load_config
+from rover_hil.drive.replay import refuse_old_excitation
 
 RIM_RAD_S = 0.2 * 0.15 / 0.04
 """Swing of each wheel: a fifth of the travel."""

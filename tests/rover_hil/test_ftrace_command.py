@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import rover_hil.app.ftrace as command
+import rover_hil.ftrace.command as command
 from drivers.camera.images import read_image
 from drivers.errors import ConfigError
 from rover_hil.app.app import app
-from rover_hil.app.ftrace import trace_angles
+from rover_hil.ftrace.command import trace_angles
 from rover_hil.ftrace.run import HEADER, FrameAngle, estimate
 from tests.rover_hil.ftrace_files import FRAMES, read_rows, write_drive, write_video
 

@@ -8,9 +8,9 @@ import pytest
 
 from controllers.ground_motion.rig import RigFile
 from drivers.errors import ConfigError, LogError
-from rover_hil.app.ftrace import trace_angles
 from rover_hil.config import load_config
 from rover_hil.datasets.log import read_drive
+from rover_hil.ftrace.command import trace_angles
 from rover_hil.ftrace.log_frames import LogFrames
 from rover_hil.run.driving import run_virtual
 from tests.rover_hil.conftest import EL_DORADO_S

@@ -370,7 +370,7 @@ def test_many_groups_take_time_in_proportion(tmp_path: Path) -> None:
 
 
 def test_a_message_is_short_and_has_no_control_characters() -> None:
-    from rover_hil.app.error_message import readable
+    from rover_hil.console.error_message import readable
 
     text = readable("first\x1b[31m\n" + "x" * 10_000 + "\n" + "line\n" * 1000)
     assert text.count("\n") == 10
@@ -381,7 +381,7 @@ def test_a_message_is_short_and_has_no_control_characters() -> None:
 
 
 def test_a_name_that_no_file_can_have_is_one_sentence() -> None:
-    from rover_hil.app.error_message import check_name_lengths
+    from rover_hil.console.error_message import check_name_lengths
 
     check_name_lengths(["scomp", "folder/" * 100 + "a.csv"])
     for argument in ("n" * 256, "folder/" * 600):

@@ -24,13 +24,13 @@ from drivers.link import Received
 from drivers.nmea import encode_sentence
 from drivers.registry import AnyDeviceSettings
 from drivers.serial_link import SerialLink
-from rover_hil.app import init
-from rover_hil.app.init import POSITIONS
 from rover_hil.config import load_config
 from rover_hil.console.ask import ask_choice
 from rover_hil.datasets.log import read_drive
 from rover_hil.doctor.finding import SystemPaths
+from rover_hil.ready.set_up import command as init
 from rover_hil.ready.set_up import probing, turning
+from rover_hil.ready.set_up.command import POSITIONS
 from rover_hil.ready.set_up.config_text import Answers, config_text
 from rover_hil.ready.set_up.drives import (
     canopen_nodes,
@@ -42,7 +42,7 @@ from rover_hil.ready.set_up.drives import (
 )
 from rover_hil.ready.set_up.places import find_places
 from rover_hil.ready.set_up.probing import max_age_s
-from rover_hil.ready.set_up.simulated_rover import simulation_table
+from rover_hil.ready.set_up.simulated_rover import RoverTable, simulation_table
 from rover_hil.terminal import Terminal
 from sim_backends.build import build_world
 from tests.rover_hil.command import PROGRAM, Command, assert_one_sentence
@@ -132,7 +132,9 @@ def test_a_rover_with_its_own_dbc_file_gets_a_valid_configuration(
 def test_without_a_drive_nothing_is_written(
     command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("rover_hil.app.init.SystemPaths", lambda: SystemPaths(tmp_path, tmp_path, tmp_path))
+    monkeypatch.setattr(
+        "rover_hil.ready.set_up.command.SystemPaths", lambda: SystemPaths(tmp_path, tmp_path, tmp_path)
+    )
     assert command("init", "rover.toml") == 1
     assert "no drive was recognised" in command.error
     assert list(tmp_path.iterdir()) == []
@@ -143,7 +145,9 @@ def test_without_a_drive_nothing_is_written(
 def test_a_file_that_is_no_dbc_file_is_refused_and_one_without_a_bus_is_not_used(
     command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("rover_hil.app.init.SystemPaths", lambda: SystemPaths(tmp_path, tmp_path, tmp_path))
+    monkeypatch.setattr(
+        "rover_hil.ready.set_up.command.SystemPaths", lambda: SystemPaths(tmp_path, tmp_path, tmp_path)
+    )
     for text in ("hello\n", ""):
         (tmp_path / "mine.dbc").write_text(text)
         assert command("init", "rover.toml", "--dbc", "mine.dbc") == 2
@@ -156,7 +160,7 @@ def test_a_file_that_is_no_dbc_file_is_refused_and_one_without_a_bus_is_not_used
 def test_where_the_configuration_cannot_be_written_nothing_is_asked(
     command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("rover_hil.app.init._look", None)
+    monkeypatch.setattr("rover_hil.ready.set_up.command._look", None)
     (tmp_path / "taken.toml").write_text("mine")
     for out, words in (
         ("taken.toml", "choose another OUT"),
@@ -517,9 +521,9 @@ def test_nothing_found_on_a_busy_machine_says_so(
     command: Command, monkeypatch: pytest.MonkeyPatch, words: str
 ) -> None:
     places = SimpleNamespace(serial=["/dev/ttyUSB7"], can=[], cameras=[])
-    monkeypatch.setattr("rover_hil.app.init.find_places", lambda system, ports: places)
-    monkeypatch.setattr("rover_hil.app.init.probe_serial", lambda port, clock, step: "silent")
-    monkeypatch.setattr("rover_hil.app.init.busy_words", lambda clock: words)
+    monkeypatch.setattr("rover_hil.ready.set_up.command.find_places", lambda system, ports: places)
+    monkeypatch.setattr("rover_hil.ready.set_up.command.probe_serial", lambda port, clock, step: "silent")
+    monkeypatch.setattr("rover_hil.ready.set_up.command.busy_words", lambda clock: words)
     assert command("init", "rover.toml") == 1
     assert ("too busy" in command.error) is bool(words)
     assert "/dev/ttyUSB7: silent" in command.error
@@ -565,7 +569,7 @@ def test_a_can_log_that_is_none_and_options_of_devices_are_refused(command: Comm
 
 
 STEERING = {"low_deg": -45.0, "high_deg": 45.0, "rate_deg_s": 30.0}
-ROVERS: dict[str, dict[str, object]] = {
+ROVERS: dict[str, RoverTable] = {
     "omni3": {"kinematics": "omni3", "wheel_radius_m": 0.04, "base_radius_m": 0.125},
     "skid_steer_4": {"kinematics": "skid_steer_4", "wheel_radius_m": 0.1, "track_m": 0.5},
     "steered_4": {

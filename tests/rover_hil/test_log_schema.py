@@ -12,6 +12,7 @@ from controllers.control_loop import StepOutput
 from controllers.estimation.dead_reckoning import DeadReckoned
 from controllers.estimation.ground_travel import GroundReport
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.measurement_model import Measured
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
 from controllers.estimation.wheel_contradiction import ContradictionReport
 from controllers.ftrace.reading import TraceReading
@@ -60,8 +61,8 @@ OUTPUT = StepOutput(
     odometry=Pose(x_m=1.1, y_m=2.2, yaw_rad=0.3),
     odometry_rebases=1,
     innovations=(
-        Innovation(name="compass", residual=0.1, variance=0.2, nis=0.05, accepted=True),
-        Innovation(name="late", residual=None, variance=None, nis=None, accepted=False),
+        Innovation(measured=Measured("compass"), residual=0.1, variance=0.2, nis=0.05, accepted=True),
+        Innovation(measured=Measured("late"), residual=None, variance=None, nis=None, accepted=False),
     ),
     command=WheelCommand(t_ns=7, expires_ns=9, speed_rad_s=(1.0, 2.0), steering_rad=(0.1, 0.0)),
     limit=Limit.ACCELERATION,

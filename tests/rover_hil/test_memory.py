@@ -10,13 +10,14 @@ import pytest
 
 from controllers.control_loop import StepOutput
 from drivers.files import MEGABYTE
-from rover_hil.app import memory, run
-from rover_hil.app.memory import (
+from rover_hil.console import memory
+from rover_hil.console.memory import (
     ShortOfMemoryError,
     prepare_linear_algebra,
     require_loading_memory,
     sentence_of,
 )
+from rover_hil.drive import run
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.writer import LogWriter
 from tests.rover_hil.command import Command, assert_one_sentence

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-import rover_hil.app.gap.find as gap_command
-import rover_hil.app.run as run_command
+import rover_hil.drive.run as run_command
+import rover_hil.gap.command.find as gap_command
 from drivers.errors import ConfigError
 from rover_hil.pages.atomic_write import unfinished, write_file, write_files
 from rover_hil.recording.watchdog_note import note_path

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_hil.app.sample import catalogue
-from rover_hil.app.sample.catalogue import SAMPLES, Sample
 from rover_hil.datasets.log import read_drive
 from rover_hil.importing.robotino_csv import read_run
+from rover_hil.sample import catalogue
+from rover_hil.sample.catalogue import SAMPLES, Sample
 from tests.rover_hil.command import Command, assert_one_sentence
 
 MM_PER_PX = 1.84
@@ -46,7 +46,7 @@ def test_a_sample_joins_a_folder_that_exists(
         (folder / "runs" / "first").mkdir(parents=True)
 
     one = Sample("a folder", ("runs/first",), make)
-    monkeypatch.setattr("rover_hil.app.sample.command.SAMPLES", {"runs": one})
+    monkeypatch.setattr("rover_hil.sample.command.SAMPLES", {"runs": one})
     (tmp_path / "runs" / "mine").mkdir(parents=True)
     assert command("sample", "runs") == 0
     assert sorted(item.name for item in (tmp_path / "runs").iterdir()) == ["first", "mine"]
@@ -61,7 +61,7 @@ def test_a_sample_that_fails_leaves_nothing(
         raise OSError("disk full")
 
     samples = {**SAMPLES, "rover": Sample("a failure", ("half",), fail)}
-    monkeypatch.setattr("rover_hil.app.sample.command.SAMPLES", samples)
+    monkeypatch.setattr("rover_hil.sample.command.SAMPLES", samples)
     assert catalogue.SAMPLES is SAMPLES
     with pytest.raises(OSError, match="disk full"):
         command("sample", "rover")

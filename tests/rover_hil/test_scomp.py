@@ -12,11 +12,11 @@ from typer.testing import CliRunner
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import ConfigError, LogError, ModelError
 from rover_hil.app.app import app
-from rover_hil.app.identify.scomp import identify_scomp
-from rover_hil.app.scomp import run_scomp
+from rover_hil.identify.scomp.command import identify_scomp
 from rover_hil.identify.scomp.pictures import model_pictures
 from rover_hil.pages.atomic_write import write_file
 from rover_hil.scomp.columns import drive_of
+from rover_hil.scomp.command import run_scomp
 from rover_hil.scomp.drive import Drive
 from rover_hil.scomp.files import COLUMNS, parameters_text, read_drive, read_parameters
 from rover_hil.scomp.read_csv import read_truth

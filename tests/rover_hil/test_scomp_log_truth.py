@@ -12,11 +12,11 @@ import pytest
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import ConfigError, LogError
 from drivers.samples import AttitudeSample, PoseFixSample, RateSample, Sample, WheelSample
-from rover_hil.app.identify.scomp import identify_scomp
-from rover_hil.app.scomp import run_scomp
 from rover_hil.config import Config, load_config
+from rover_hil.identify.scomp.command import identify_scomp
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
+from rover_hil.scomp.command import run_scomp
 from rover_hil.scomp.files import parameters_text, read_drive
 from rover_hil.scomp.odometry import estimate_track
 from rover_hil.scomp.read_log import log_truth

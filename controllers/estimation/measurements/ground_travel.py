@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.estimation.measurement_model import Array, Expected
+from controllers.estimation.measurement_model import Array, Expected, Measured
 from controllers.estimation.measurements.pose_fix import pose_then
 from controllers.estimation.pose_fixes import WayBack
 from controllers.estimation.state_layout import SCALE, YAW, X, Y
@@ -37,10 +37,10 @@ class GroundTravel:
     has_turn: bool
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> tuple[Measured, ...]:
         """Of the travel, and of the turn where it is used."""
         parts = ("forward", "left", "turn") if self.has_turn else ("forward", "left")
-        return tuple(f"{self.device} {part}" for part in parts)
+        return tuple(Measured(self.device, part) for part in parts)
 
     @property
     def angles(self) -> tuple[int, ...]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.estimation.measurement_model import Array, Expected
+from controllers.estimation.measurement_model import Array, Expected, Measured
 from controllers.estimation.state_layout import BIAS
 
 
@@ -25,9 +25,9 @@ class GyroAtRest:
     sd_rad_s: float
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> tuple[Measured, ...]:
         """Of the rate."""
-        return (f"{self.device} standstill",)
+        return (Measured(self.device, "standstill"),)
 
     @property
     def angles(self) -> tuple[int, ...]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.estimation.measurement_model import Array, Expected
+from controllers.estimation.measurement_model import Array, Expected, Measured
 from controllers.estimation.state_layout import HARMONICS, YAW
 
 
@@ -21,23 +21,23 @@ class HeadingModel:
     Correction, 1979). The offset holds at the yaw of the start.
 
     Attributes:
-        name: Device and reference.
+        source: Device and reference.
         offset_index: State of the offset.
         deviation_index: First of the states of a, b, c, e; None without.
         turned_since_rad: t.
         sd_rad: Standard deviation of a reading.
     """
 
-    name: str
+    source: Measured
     offset_index: int
     deviation_index: int | None
     turned_since_rad: float
     sd_rad: float
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> tuple[Measured, ...]:
         """Of the heading."""
-        return (self.name,)
+        return (self.source,)
 
     @property
     def angles(self) -> tuple[int, ...]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.estimation.measurement_model import Array, Expected
+from controllers.estimation.measurement_model import Array, Expected, Measured
 from controllers.estimation.pose_fixes import WayBack
 from controllers.estimation.state_layout import YAW, X, Y
 from drivers.samples import UNKNOWN_YAW_STD_RAD, PoseFixSample
@@ -49,10 +49,10 @@ class PoseFix:
     origin_index: int
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> tuple[Measured, ...]:
         """Of the position, and of the yaw where it is measured."""
         parts = ("x", "y", "yaw") if has_yaw(self.fix) else ("x", "y")
-        return tuple(f"{self.fix.device} {part}" for part in parts)
+        return tuple(Measured(self.fix.device, part) for part in parts)
 
     @property
     def angles(self) -> tuple[int, ...]:

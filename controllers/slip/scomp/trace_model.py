@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.estimation.measurement_model import Array, Expected
+from controllers.estimation.measurement_model import Array, Expected, Measured
 from controllers.estimation.state_layout import BIAS
 from controllers.slip.scomp.motion_model import GAIN, RESIDUAL, TRACE_NOISE, TRACE_OFFSET, MotionModel, Tilt
 
@@ -40,9 +40,9 @@ class TraceAngle:
     variance_rad2: float
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> tuple[Measured, ...]:
         """Of the angle."""
-        return ("trace",)
+        return (Measured("trace"),)
 
     @property
     def angles(self) -> tuple[int, ...]:

@@ -17,7 +17,7 @@ from rover_hil.pages.picture import Drawing
 from rover_hil.ready.camera.figures import draw_coverage, draw_errors
 from rover_hil.ready.camera.fit import Board, Calibration, GroundTarget, fit_camera, rig_text
 from rover_hil.ready.options import command
-from rover_hil.ready.procedure import Entry, Facts, Procedure, Request
+from rover_hil.ready.procedure import Entry, Facts, FileProcedure, Request
 
 LARGEST_RMS_PX = 1.0
 
@@ -85,7 +85,7 @@ class CameraRig:
 
 
 @dataclass
-class CameraCalibration(Procedure[Calibration, CameraRig]):
+class CameraCalibration(FileProcedure[Calibration, CameraRig]):
     """Lens and pose of a camera.
 
     Attributes:

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 
 from controllers.control_loop import StepOutput
 from controllers.motion.settings import WaypointsMission
@@ -16,6 +18,15 @@ from drivers.errors import ConfigError, LogError
 from rover_hil.config import Config
 from rover_hil.console.ask import ask, ask_number
 from rover_hil.console.key_presses import enter_was_pressed
+from rover_hil.console.options import (
+    ConfigArgument,
+    DriveOption,
+    ForceOption,
+    JsonOption,
+    VirtualOption,
+    number_option,
+    out_option,
+)
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.log import read_drive
 from rover_hil.datasets.marks import COLUMNS, Marks, marks_beside, marks_file, marks_text, read_marks
@@ -84,34 +95,42 @@ class Plan:
 
 
 def commission(
-    source: str,
+    source: ConfigArgument,
     *,
-    plan: Plan,
-    virtual: bool,
-    drive: bool,
-    again: bool,
-    enter: bool,
-    out: Path,
-    as_json: bool,
-    force: bool,
+    out: Annotated[Path, out_option("Folder for logs, marks and report.")] = Path("commissioning"),
+    virtual: VirtualOption = False,
+    drive: DriveOption = False,
+    side_m: Annotated[
+        float, number_option("Side of the squares, length of the line, m.", "m", 0.4, 20.0, "--side")
+    ] = 1.0,
+    laps: Annotated[int, number_option("Squares in each sense.", "squares", 1, 20)] = 3,
+    tape_sd_m: Annotated[
+        float,
+        number_option(
+            "Accuracy of a measured position, standard deviation, m.", "m", 0.0005, 0.5, "--tape-sd"
+        ),
+    ] = 0.005,
+    again: Annotated[
+        bool, typer.Option("--again", help="Drive nothing: use the logs and marks in the folder.")
+    ] = False,
+    enter: Annotated[
+        bool,
+        typer.Option("--enter", help="Allow the yaw excitation in the configuration, where it has passed."),
+    ] = False,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
 ) -> int:
-    """Drive, ask for the measured marks, and write the report; returns the exit code: 1 if it did not pass.
+    """Find out what odometry, slip estimator and covariance are worth on a ground, without a camera.
 
-    Args:
-        source: The configuration.
-        plan: What is driven.
-        virtual: Drive the simulated rover; its true pose plays the tape measure.
-        drive: Drive the real one without a question.
-        again: Drive nothing: use the logs and marks that are in the folder.
-        enter: Enter `excite_real_rover` into the configuration where the excitation has passed.
-        out: Folder for logs, marks and report.
-        as_json: Print JSON instead of text.
-        force: Replace earlier files.
+    The rover drives a line and closed squares in both senses, and stops at marks that you measure by hand.
+    After each drive the command asks for them. Exit code 1: the slip estimator did not pass; the report says
+    why.
 
-    Raises:
-        ConfigError: The configuration cannot be used, or a file exists.
-        LogError: A log or a file of marks is missing or damaged.
+    Example: `rover-hil commission robotino --virtual`
+
+    Data: your rover, chalk and a tape measure; docs/how-to/commission_a_rover.md.
     """
+    plan = Plan(side_m=side_m, laps=laps, tape_sd_m=tape_sd_m)
     logs = [out / f"{name}{LOG_SUFFIX}" for name in plan.names()] if again else []
     logs = [log for log in logs if log.is_file()]
     if again and drive:
@@ -141,7 +160,6 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
     """
 
     is_connected = True
-    has_file = False
     good = "good"
     page_word = "report"
     takes_log = False

@@ -23,7 +23,7 @@ from rover_hil.ready.compass.fit import CompassFit, fit_compass
 from rover_hil.ready.compass.parameters import COMPASS_FIT
 from rover_hil.ready.compass.record import CompassRecord, compass_of, read_record
 from rover_hil.ready.options import DeviceOption, OptionalOutOption, command
-from rover_hil.ready.procedure import Drive, Entry, Facts, Procedure, Request
+from rover_hil.ready.procedure import Drive, Entry, Facts, FileProcedure, Request
 from rover_hil.ready.turns import on_firm_floor, turning_config, with_frames
 
 SLOWEST_BY_HAND_S = 120.0
@@ -54,7 +54,7 @@ def calibrate(
 
 
 @dataclass
-class CompassCalibration(Procedure[CompassRecord, CompassFit]):
+class CompassCalibration(FileProcedure[CompassRecord, CompassFit]):
     """Hard and soft iron of a magnetometer, or the deviation of a compass.
 
     Attributes:
@@ -127,7 +127,7 @@ class CompassCalibration(Procedure[CompassRecord, CompassFit]):
     def title(self, record: CompassRecord, result: CompassFit) -> str:
         if result.problem:
             return f"Compass: not calibrated, {result.problem}"
-        return f"Calibration of '{record.device}'"
+        return f"FileProcedure of '{record.device}'"
 
     def facts(self, record: CompassRecord, result: CompassFit) -> Facts:
         facts = [

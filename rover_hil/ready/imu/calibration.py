@@ -18,7 +18,7 @@ from rover_hil.ready.imu.figures import draw_response
 from rover_hil.ready.imu.fit import ResponseFit, fit_response
 from rover_hil.ready.imu.turns import Turns, read_turns
 from rover_hil.ready.options import command
-from rover_hil.ready.procedure import Drive, Entry, Facts, Procedure, Request
+from rover_hil.ready.procedure import Drive, Entry, Facts, FileProcedure, Request
 from rover_hil.run.checks import RUN_CHECKS
 
 RATE_SHARE = 0.86
@@ -54,7 +54,7 @@ class GyroResult:
         return self.fit.problem
 
 
-class GyroCalibration(Procedure[Turns, GyroResult]):
+class GyroCalibration(FileProcedure[Turns, GyroResult]):
     """Gain, delay and bandwidth of the gyro of a rover with three omnidirectional wheels."""
 
     checks = RUN_CHECKS

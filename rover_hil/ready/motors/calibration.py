@@ -19,7 +19,7 @@ from rover_hil.ready.compass.record import compass_of
 from rover_hil.ready.motors.figures import draw_motor_errors, draw_motor_fields
 from rover_hil.ready.motors.fit import MotorDrive, MotorFieldFit, fit_motor_fields, read_motor_drive
 from rover_hil.ready.options import DeviceOption, OptionalOutOption, command
-from rover_hil.ready.procedure import Drive, Entry, Facts, Procedure, Request
+from rover_hil.ready.procedure import Drive, Entry, Facts, FileProcedure, Request
 from rover_hil.ready.turns import DEFAULT_SPEED_M_S, on_firm_floor, turning_config, with_frames, with_gains
 
 WAIT_S = 3.0
@@ -49,7 +49,7 @@ def calibrate(
 
 
 @dataclass
-class MotorCalibration(Procedure[MotorDrive, MotorFieldFit]):
+class MotorCalibration(FileProcedure[MotorDrive, MotorFieldFit]):
     """The field of each motor at a compass, per ampere of its current.
 
     Attributes:

@@ -29,7 +29,7 @@ from rover_hil.ready.procedure import (
     Drive,
     Entry,
     Facts,
-    Procedure,
+    FileProcedure,
     Request,
     comments,
 )
@@ -75,7 +75,7 @@ class MountingRecord:
 
 
 @dataclass
-class MountingCalibration(Procedure[MountingRecord, MountingFit]):
+class MountingCalibration(FileProcedure[MountingRecord, MountingFit]):
     """Mounting, scale and bias of an inertial sensor.
 
     Attributes:

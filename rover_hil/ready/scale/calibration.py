@@ -17,7 +17,7 @@ from rover_hil.console.options import number_option
 from rover_hil.datasets.toml_text import toml_text
 from rover_hil.pages.picture import Drawing
 from rover_hil.ready.options import command
-from rover_hil.ready.procedure import Drive, Entry, Facts, Procedure, Request, comments
+from rover_hil.ready.procedure import Drive, Entry, Facts, FileProcedure, Request, comments
 from rover_hil.ready.scale.figures import draw_scale
 from rover_hil.ready.scale.fit import ScaleFit, fit_scale
 from rover_hil.ready.scale.record import ScaleRecord, read_scale_record
@@ -54,7 +54,7 @@ def calibrate(
 
 
 @dataclass
-class ScaleCalibration(Procedure[Sequence[ScaleRecord], ScaleFit]):
+class ScaleCalibration(FileProcedure[Sequence[ScaleRecord], ScaleFit]):
     """Scale of a ground camera.
 
     Attributes:

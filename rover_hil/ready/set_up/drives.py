@@ -3,10 +3,12 @@
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import tomlkit
 from cantools.database.can import Message, Signal
 
 from drivers.can_frame import CanFrame, pack_can_frame
@@ -17,7 +19,6 @@ from drivers.driver import Rejection
 from drivers.errors import ConfigError
 from drivers.link import Received
 from drivers.samples import WheelSample
-from rover_hil.datasets.toml_text import toml_text
 
 HEARTBEAT, LAST_NODE = 0x700, 127
 HEARTBEAT_STATES = (0x00, 0x04, 0x05, 0x7F)
@@ -226,36 +227,29 @@ def write_mapping(path: Path, dbc: Path, guess: Guess, frames: Sequence[CanFrame
 
 def mapping_text(table: dict[str, Any], guess: Guess) -> str:
     """Return the text of a mapping; the signals as one line each."""
-    lines = ["# Made by `rover-hil init` from the names and units in the DBC file; check each line.", ""]
-    lines += [f'dbc = "{table["dbc"]}"', "", "[every_wheel]"]
-    lines += [toml_text(table["every_wheel"]).rstrip()] if table["every_wheel"] else []
-    lines += [f"{key} = {_inline(value)}" for key, value in guess.every_wheel.items()]
-    for wheel in table["wheel"]:
-        lines += ["", "[[wheel]]", toml_text(wheel).rstrip()]
-    for protection in table.get("protection", ()):
-        lines += ["", "[[protection]]", toml_text(protection).rstrip()]
-    return "\n".join(lines) + "\n"
+    signals = {}
+    for key, value in guess.every_wheel.items():
+        signals[key] = tomlkit.inline_table()
+        signals[key].update(value)
+    whole = {**table, "every_wheel": {**table["every_wheel"], **signals}}
+    head = "# Made by `rover-hil init` from the names and units in the DBC file; check each line.\n\n"
+    return head + tomlkit.dumps(whole)
 
 
 def reordered_text(
     text: str, order: Sequence[int], signs: Sequence[int], steering_signs: Sequence[int] = ()
 ) -> str:
     """Return a mapping with its wheels in another order; a sign of -1 reverses a wheel, or its steering."""
-    head, *parts = re.split(r"(?m)^\[\[wheel\]\][ \t]*(?:#.*)?\n", text)
-    *bodies, last = parts
-    cut = re.search(r"(?m)^\[", last)
-    tail = "" if cut is None else last[cut.start() :]
-    bodies.append(last if cut is None else last[: cut.start()])
-    wheels = []
-    for place, wheel in enumerate(order):
-        kept = bodies[wheel].strip()
+    document = tomlkit.parse(text)
+    tables: Any = document["wheel"]
+    wheels = [deepcopy(tables[wheel]) for wheel in order]
+    for place, wheel in enumerate(wheels):
         for key, values in (("sign", signs), ("steering_sign", steering_signs)):
-            was_reversed = re.search(rf"(?m)^{key}[ \t]*=[ \t]*-1", kept) is not None
-            kept = re.sub(rf"(?m)^{key}[ \t]*=.*\n?", "", kept).strip()
-            if was_reversed != (bool(values) and values[place] < 0):
-                kept += f"\n{key} = -1"
-        wheels.append(f"[[wheel]]\n{kept}\n")
-    return head + "\n".join(wheels) + (f"\n{tail}" if tail else "")
+            sign = wheel.pop(key, 1) * (values[place] if values else 1)
+            if sign < 0:
+                wheel[key] = -1
+        tables[place] = wheel
+    return document.as_string()
 
 
 def read_messages(dbc: Path) -> list[Message]:
@@ -367,7 +361,3 @@ def _decodes(path: Path, frames: Sequence[CanFrame]) -> bool:
     samples = sum(isinstance(each, WheelSample) for each in results)
     wrong = sum(isinstance(each, Rejection) and not each.reason.startswith("other") for each in results)
     return samples > 0 and wrong <= MOST_REJECTED * samples
-
-
-def _inline(table: dict[str, object]) -> str:
-    return "{ " + ", ".join(toml_text({key: value}).strip() for key, value in table.items()) + " }"

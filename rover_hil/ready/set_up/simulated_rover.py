@@ -1,7 +1,7 @@
 """The simulated rover of a new configuration: [simulation] by what is known of the real one."""
 
 import math
-from collections.abc import Mapping
+from typing import TypedDict
 
 BOARDS = frozenset({"robotino_board", "robotino3_board"})
 NO_LOAD_SHARE = 1.5
@@ -12,7 +12,28 @@ LOAD_SHARE = 0.2
 """The centre of mass is this share of the castor's distance behind the axle."""
 
 
-def simulation_table(rover: Mapping[str, object], drive: str, wheel_speed_rad_s: float) -> dict[str, object]:
+class WheelTable(TypedDict, total=False):
+    """A wheel of [[rover.wheels]]."""
+
+    x_m: float
+    y_m: float
+    radius_m: float
+    angle_deg: float
+    roller_deg: float
+    steering: dict[str, float]
+
+
+class RoverTable(TypedDict, total=False):
+    """The section [rover]."""
+
+    kinematics: str
+    wheel_radius_m: float
+    base_radius_m: float
+    track_m: float
+    wheels: list[WheelTable]
+
+
+def simulation_table(rover: RoverTable, drive: str, wheel_speed_rad_s: float) -> dict[str, object]:
     """Return the section [simulation] of a rover on a level floor.
 
     Mass, motors, castors and, of four wheels that do not steer, the distance of the axles are assumed.
@@ -27,7 +48,7 @@ def simulation_table(rover: Mapping[str, object], drive: str, wheel_speed_rad_s:
     plant: dict[str, object] = {"type": "wheels", "site": "floor_table", "mass_kg": 20.0}
     motor = {"stall_torque_nm": 10.0, "no_load_rad_s": NO_LOAD_SHARE * wheel_speed_rad_s}
     wheels = _wheels(rover)
-    half_track_m = max(abs(float(str(wheel["y_m"]))) for wheel in wheels)
+    half_track_m = max(abs(wheel["y_m"]) for wheel in wheels)
     if len(wheels) == 2:
         castor_m = 2.0 * CASTOR_SHARE * half_track_m
         plant["castors"] = [{"x_m": -castor_m, "y_m": 0.0}]
@@ -36,14 +57,13 @@ def simulation_table(rover: Mapping[str, object], drive: str, wheel_speed_rad_s:
     return {"seed": 1, "plant": plant}
 
 
-def _wheels(rover: Mapping[str, object]) -> list[dict[str, object]]:
+def _wheels(rover: RoverTable) -> list[WheelTable]:
     """Return the wheels of a section [rover] one by one."""
-    wheels = rover.get("wheels")
-    if isinstance(wheels, list):
-        return wheels
+    if "wheels" in rover:
+        return rover["wheels"]
     radius_m = rover["wheel_radius_m"]
     if rover["kinematics"] == "omni3":
-        base_m = float(str(rover["base_radius_m"]))
+        base_m = rover["base_radius_m"]
         return [
             {
                 "x_m": base_m * math.cos(math.radians(angle_deg)),
@@ -54,7 +74,7 @@ def _wheels(rover: Mapping[str, object]) -> list[dict[str, object]]:
             }
             for angle_deg in (60.0, 180.0, 300.0)
         ]
-    half_m = 0.5 * float(str(rover["track_m"]))
+    half_m = 0.5 * rover["track_m"]
     return [
         {"x_m": ahead * half_m, "y_m": left * half_m, "radius_m": radius_m}
         for ahead in (1, -1)

@@ -12,7 +12,7 @@ from rover_hil.console.options import out_option
 from rover_hil.datasets.toml_text import toml_text
 from rover_hil.pages.picture import Drawing
 from rover_hil.ready.options import command
-from rover_hil.ready.procedure import Facts, Procedure, Request
+from rover_hil.ready.procedure import Facts, FileProcedure, Request
 from rover_hil.ready.time.figures import draw_offsets
 from rover_hil.ready.time.fit import Offset, YawTrack, find_offsets, read_tracks
 
@@ -61,7 +61,7 @@ class Offsets:
 
 
 @dataclass
-class TimeCalibration(Procedure[Sequence[YawTrack], Offsets]):
+class TimeCalibration(FileProcedure[Sequence[YawTrack], Offsets]):
     """Offsets of all devices of a log against the first, the reference.
 
     Attributes:

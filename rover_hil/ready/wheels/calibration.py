@@ -20,7 +20,7 @@ from rover_hil.datasets.log import read_drive
 from rover_hil.datasets.toml_text import toml_text
 from rover_hil.pages.picture import Drawing
 from rover_hil.ready.options import command
-from rover_hil.ready.procedure import Drive, Entry, Facts, Procedure, Request, comments
+from rover_hil.ready.procedure import Drive, Entry, Facts, FileProcedure, Request, comments
 from rover_hil.ready.turns import DEFAULT_SPEED_M_S, turning_config
 from rover_hil.ready.wheels.figures import draw_factor
 from rover_hil.ready.wheels.fit import (
@@ -87,7 +87,7 @@ def calibrate(
 
 
 @dataclass
-class WheelsCalibration(Procedure[Sequence[Odometry], WheelsFit]):
+class WheelsCalibration(FileProcedure[Sequence[Odometry], WheelsFit]):
     """Radius and base of the wheels.
 
     Attributes:

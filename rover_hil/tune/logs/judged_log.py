@@ -105,7 +105,7 @@ def split(logs: Sequence[JudgedLog]) -> tuple[list[JudgedLog], list[JudgedLog]]:
     """
     if len(logs) < 2:
         raise ConfigError(
-            "--logs gives one log, but values that are tuned on a log must be judged on another: give more, "
+            "this is one log, but values that are tuned on a log must be judged on another: give more, "
             "or one with --held-out"
         )
     every = min(HELD_OUT_EVERY, len(logs))

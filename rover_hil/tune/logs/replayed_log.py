@@ -12,6 +12,7 @@ import numpy as np
 
 from controllers.control_loop import StepOutput
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.measurement_model import Measured
 from controllers.estimation.pose_fixes import DISPLACED, TURNED
 from drivers.clock import nanoseconds
 from drivers.errors import LogError
@@ -122,18 +123,19 @@ def _sort(
     kinds: defaultdict[str, list[float]] = defaultdict(list)
     fixes: defaultdict[str, list[tuple[Innovation, ...]]] = defaultdict(list)
     for output in outputs:
-        by_name = {innovation.name: innovation for innovation in output.innovations}
+        innovations = {innovation.measured: innovation for innovation in output.innovations}
         for device in judging:
-            ends = (DISPLACED, TURNED) if f"{device}{DISPLACED}" in by_name else tuple(f" {p}" for p in PARTS)
-            found = tuple(by_name[f"{device}{end}"] for end in ends if f"{device}{end}" in by_name)
-            if len(found) == len(ends) and all(one.residual is not None for one in found):
-                fixes[device].append(found)
-        kinds_of_judges = {f"{device} {part}" for device in judging for part in PARTS}
+            is_displaced = Measured(device, DISPLACED) in innovations
+            wanted = [Measured(device, part) for part in ((DISPLACED, TURNED) if is_displaced else PARTS)]
+            of_fix = tuple(innovations[each] for each in wanted if each in innovations)
+            if len(of_fix) == len(wanted) and all(each.residual is not None for each in of_fix):
+                fixes[device].append(of_fix)
+        of_judges = {Measured(device, part) for device in judging for part in PARTS}
         for innovation in output.innovations:
-            if innovation.residual is None or not innovation.variance or innovation.name in kinds_of_judges:
+            if innovation.residual is None or not innovation.variance or innovation.measured in of_judges:
                 continue
             kinds[innovation.name].append(innovation.residual / math.sqrt(innovation.variance))
-    return kinds, [found for device in fixes.values() for found in device[1:]]
+    return kinds, [of_fix for device in fixes.values() for of_fix in device[1:]]
 
 
 class _Errors(NamedTuple):

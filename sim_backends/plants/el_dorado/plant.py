@@ -1,7 +1,8 @@
 """The simulated El-Dorado: integrates the compiled equations of motion to the requested times."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -79,10 +80,18 @@ class ElDoradoPlant:
         self._now_ns = self._reached_ns = start_ns
         self._truth: Truth | None = None
         self._constants = (self._rover, self._drives, self._ground, self._table)
-        self._advance = specialised(advance, self._state, self._wheels, *self._constants, 1.0)
-        self._write_currents = specialised(
-            write_currents, self._state, self._wheels, self._drives, self._current_a
-        )
+
+    def compile(self) -> None:
+        """Load or compile what integrates; the first step does it otherwise."""
+        _ = self._advance, self._write_currents
+
+    @cached_property
+    def _advance(self) -> Callable[..., None]:
+        return specialised(advance, self._state, self._wheels, *self._constants, 1.0)
+
+    @cached_property
+    def _write_currents(self) -> Callable[..., None]:
+        return specialised(write_currents, self._state, self._wheels, self._drives, self._current_a)
 
     def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
         """Set the set-points of the inner speed loops: front left, front right, rear left, rear right."""

@@ -2,7 +2,8 @@
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from drivers.clock import nanoseconds, seconds
 from drivers.units import STANDARD_GRAVITY_M_S2
 from sim_backends.jit import specialised
-from sim_backends.plants.robotino.dynamics import Rover, State, advance, observe
+from sim_backends.plants.robotino.dynamics import Observed, Rover, State, advance, observe
 from sim_backends.plants.robotino.ground import rasterise
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.world.plant import Truth
@@ -51,13 +52,23 @@ class RobotinoPlant:
         self._t_ns = start_ns
         self._rover = make_rover(settings, seconds(self._step_ns))
         self._state = _initial_state(settings)
-        self._advance = specialised(advance, self._state, self._rover, self._ground, 1)
         self._encoder_zeros = rng.uniform(0.0, self._rover.tick_rad, 3)
-        self._observe = specialised(observe, self._state, self._rover, self._encoder_zeros, 0.0)
         self._state.angle_rad[:] = self._encoder_zeros
         self._ticks_per_rad_s = 1.0 / (self._rover.tick_rad * loop.rate_hz)
         self._commands: deque[_Command] = deque()
         self._truth: Truth | None = None
+
+    def compile(self) -> None:
+        """Load or compile what integrates; the first step does it otherwise."""
+        _ = self._advance, self._observe
+
+    @cached_property
+    def _advance(self) -> Callable[..., None]:
+        return specialised(advance, self._state, self._rover, self._ground, 1)
+
+    @cached_property
+    def _observe(self) -> Callable[..., Observed]:
+        return specialised(observe, self._state, self._rover, self._encoder_zeros, 0.0)
 
     def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
         """Set the set-points of the inner speed loops, one per wheel (60, 180, 300 degrees)."""

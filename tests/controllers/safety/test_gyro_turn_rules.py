@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.measurement_model import Measured
 from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety.gyro_turn_rules import GyroDifferenceRule, GyroFollowsRule, GyroTurnSettings
@@ -187,7 +188,11 @@ def test_while_fixes_agree_with_the_yaw_a_gyro_that_does_not_follow_is_a_suspici
 
     def fix(residual_rad: float) -> None:
         innovation = Innovation(
-            name="overhead yaw", residual=residual_rad, variance=1.0, nis=residual_rad**2, accepted=True
+            measured=Measured("overhead", "yaw"),
+            residual=residual_rad,
+            variance=1.0,
+            nis=residual_rad**2,
+            accepted=True,
         )
         list(rule.check(Cycle(now_ns=0, innovations=(innovation,))))
 

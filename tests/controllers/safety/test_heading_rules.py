@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.measurement_model import Measured
 from controllers.roles import DeviceRoles
 from controllers.safety.heading_rules import HeadingTurnRule, HeadingTurnSettings
 from controllers.safety.reasons import Cycle, Severity, StopReason
@@ -55,7 +56,7 @@ class Bench:
         if isinstance(sample, HeadingSample) and sample.device == "compass":
             self.innovations.append(
                 Innovation(
-                    name=NAME,
+                    measured=Measured("compass", HeadingReference.MAGNETIC),
                     residual=0.0,
                     variance=self.noise_rad**2,
                     nis=0.0,
@@ -314,7 +315,15 @@ def test_headings_that_the_filter_does_not_use_are_not_judged() -> None:
 def test_a_heading_without_a_number_says_nothing_about_the_noise() -> None:
     bench = Bench()
     settle(bench)
-    bench.innovations.append(Innovation(name=NAME, residual=None, variance=None, nis=None, accepted=False))
+    bench.innovations.append(
+        Innovation(
+            measured=Measured("compass", HeadingReference.MAGNETIC),
+            residual=None,
+            variance=None,
+            nis=None,
+            accepted=False,
+        )
+    )
     assert bench.check() == []
     # One such heading neither hides a wrong gyro nor begins a new comparison.
     assert bench.drive(6.0, constant(0.1), constant(-0.1)) is not None
@@ -425,7 +434,15 @@ def compared(
         while coming and coming[0][0] <= now_s + 1e-9:
             t_s, heading_rad = coming.pop(0)
             rule.observe(heading(heading_rad), nanoseconds(t_s))
-            innovations.append(Innovation(name=NAME, residual=0.0, variance=0.0, nis=0.0, accepted=True))
+            innovations.append(
+                Innovation(
+                    measured=Measured("compass", HeadingReference.MAGNETIC),
+                    residual=0.0,
+                    variance=0.0,
+                    nis=0.0,
+                    accepted=True,
+                )
+            )
         cycle = Cycle(now_ns=nanoseconds(now_s), innovations=tuple(innovations), gyro_bias_rad_s=bias(now_s))
         for reason in rule.check(cycle):
             return reason.text

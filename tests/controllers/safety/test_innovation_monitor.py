@@ -3,13 +3,16 @@
 import pytest
 
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.measurement_model import Measured
 from controllers.safety.innovation_monitor import InnovationMonitor, InnovationSettings
 from controllers.safety.reasons import Cycle, Severity, StopReason
 from drivers.clock import nanoseconds
 
 
 def innovation(name: str, *, accepted: bool, residual: float | None = 1.0) -> Innovation:
-    return Innovation(name=name, residual=residual, variance=1.0, nis=1.0, accepted=accepted)
+    return Innovation(
+        measured=Measured(*name.split(" ", 1)), residual=residual, variance=1.0, nis=1.0, accepted=accepted
+    )
 
 
 REJECTED = innovation("compass", accepted=False)

@@ -3,6 +3,7 @@
 import pytest
 
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.measurement_model import Measured
 from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety.gyro_turn_rules import GyroTurnSettings
@@ -95,7 +96,9 @@ def test_without_evidence_there_is_no_verdict() -> None:
 
 def test_while_fixes_agree_with_the_yaw_it_is_a_suspicion() -> None:
     rule = make_rule()
-    accepted = Innovation(name="overhead yaw", residual=0.0, variance=1.0, nis=0.0, accepted=True)
+    accepted = Innovation(
+        measured=Measured("overhead", "yaw"), residual=0.0, variance=1.0, nis=0.0, accepted=True
+    )
     assert list(rule.check(Cycle(now_ns=0, innovations=(accepted,)))) == []
     (reason,) = turn(rule, 0.0, 0.5, 0.0, 1)
     assert reason.severity is Severity.SUSPICION
@@ -104,7 +107,9 @@ def test_while_fixes_agree_with_the_yaw_it_is_a_suspicion() -> None:
 def test_where_fixes_contradict_the_yaw_the_gyro_is_dead() -> None:
     unproven = UnprovenTurn()
     rule = make_rule(unproven)
-    contradicting = Innovation(name="overhead yaw", residual=0.4, variance=0.01, nis=16.0, accepted=False)
+    contradicting = Innovation(
+        measured=Measured("overhead", "yaw"), residual=0.4, variance=0.01, nis=16.0, accepted=False
+    )
     assert list(rule.check(Cycle(now_ns=0, innovations=(contradicting,)))) == []
     was_dead = [unproven.is_dead]
     (reason,) = turn(rule, 0.0, 0.5, 0.0, 1)

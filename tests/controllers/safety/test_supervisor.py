@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.measurement_model import Measured
 from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
@@ -425,7 +426,7 @@ def test_distance_before_the_newest_stop_does_not_count() -> None:
 
 
 def test_distance_with_a_sign_of_the_cause_does_not_count() -> None:
-    rejected = Innovation(name="compass", residual=1.0, variance=1.0, nis=20.0, accepted=False)
+    rejected = Innovation(measured=Measured("compass"), residual=1.0, variance=1.0, nis=20.0, accepted=False)
     accepted = replace(rejected, accepted=True)
     watch = running()
     for attempt in range(3):

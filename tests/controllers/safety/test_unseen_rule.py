@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.measurement_model import Measured
 from controllers.roles import DeviceRoles
 from controllers.safety import SafetySupervisor
 from controllers.safety.estimate_rules import DisplacedFixRule, UnseenMotionRule, UnseenSettings
@@ -90,7 +91,9 @@ def test_the_path_on_which_the_yaw_became_wrong_is_told_once() -> None:
 
 
 def innovation(name: str, residual: float | None) -> Innovation:
-    return Innovation(name=name, residual=residual, variance=None, nis=None, accepted=True)
+    return Innovation(
+        measured=Measured(*name.split(" ", 1)), residual=residual, variance=None, nis=None, accepted=True
+    )
 
 
 def test_a_displaced_fix_that_was_taken_stops_beyond_the_limits_of_unseen_motion() -> None:

@@ -3,6 +3,7 @@
 import pytest
 
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.measurement_model import Measured
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity
 from controllers.safety.yaw_watch import YawWatch
@@ -13,7 +14,13 @@ ROLES = DeviceRoles(wheels="wheels", fixes=("overhead",), camera="rear", require
 
 def said(name: str, residual_rad: float, variance: float = 0.01, *, accepted: bool = True) -> Innovation:
     nis = residual_rad**2 / variance
-    return Innovation(name=name, residual=residual_rad, variance=variance, nis=nis, accepted=accepted)
+    return Innovation(
+        measured=Measured(*name.split(" ", 1)),
+        residual=residual_rad,
+        variance=variance,
+        nis=nis,
+        accepted=accepted,
+    )
 
 
 def watch(*innovations: Innovation, doubted_rad: float = 0.0) -> YawWatch:
@@ -29,7 +36,9 @@ def test_a_fix_watches_the_yaw_for_three_seconds() -> None:
 
 
 def test_without_a_yaw_nothing_watches() -> None:
-    unusable = Innovation(name="overhead yaw", residual=None, variance=None, nis=None, accepted=False)
+    unusable = Innovation(
+        measured=Measured("overhead", "yaw"), residual=None, variance=None, nis=None, accepted=False
+    )
     for watching in (watch(), watch(said("overhead x", 0.0), said("marks yaw", 0.0)), watch(unusable)):
         assert watching.severity(SECOND_NS) is Severity.DOUBT
 

@@ -11,7 +11,7 @@ import pytest
 
 from drivers.errors import ConfigError
 from rover_hil.app.app import main
-from rover_hil.app.gap.find import find_gap, named_model
+from rover_hil.gap.command.find import find_gap, named_model
 from rover_hil.gap.data.load import check_model, load_model, read_runs
 from rover_hil.gap.output.model_file import ExtendedModel, read_model_file
 from tests.nature.axis import Drive, measure_axis, some_axis, table

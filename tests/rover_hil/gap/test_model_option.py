@@ -9,8 +9,8 @@ import pytest
 
 from drivers.errors import ConfigError
 from rover_hil.app.app import main
-from rover_hil.app.extended_simulation import extend_simulation
 from rover_hil.config import load_config
+from rover_hil.drive.extended_simulation import extend_simulation
 from rover_hil.gap.output.model_file import ModelFile, Number, Provenance, model_file_text
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigError
-from rover_hil.app.gap.find import Shortening, check_effects, find_gap, named_model
 from rover_hil.console.steps import show_steps
+from rover_hil.gap.command.find import Shortening, check_effects, find_gap, named_model
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.gap_machines.small_machine import MODEL, small_runs, table_text
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigError, LogError
-from rover_hil.app.identify.motor import identify_motor
 from rover_hil.config import load_config
+from rover_hil.identify.motor.command import identify_motor
 from rover_hil.identify.motor.identify import find_logs, identify, read_records
 from rover_hil.identify.motor.log import read_log
 from rover_hil.identify.motor.report import MotorReport
@@ -45,11 +45,11 @@ def reports(free: Path) -> Sequence[MotorReport]:
 @pytest.fixture
 def fitted(reports: Sequence[MotorReport], monkeypatch: pytest.MonkeyPatch) -> None:
     """Fit the record of `free` once for all tests that only look at what is printed or written of it."""
-    monkeypatch.setattr("rover_hil.app.identify.motor.identify", lambda records, on_motor, calls: reports)
+    monkeypatch.setattr("rover_hil.identify.motor.command.identify", lambda records, on_motor, calls: reports)
 
 
 def run_json(capsys: pytest.CaptureFixture[str], *logs: Path) -> tuple[int, list[dict[str, Any]]]:
-    code = identify_motor(logs, out=None, as_json=True)
+    code = identify_motor([*logs], out=None, as_json=True)
     return code, json.loads(capsys.readouterr().out)["motors"]
 
 

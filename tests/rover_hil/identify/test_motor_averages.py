@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from drivers.errors import LogError
-from rover_hil.app.identify.motor import identify_motor
 from rover_hil.datasets.robotino_csv import COMMANDS, CURRENTS, ROBOTINO, SPEEDS
 from rover_hil.identify.motor.averages import read_drives, report_drives
+from rover_hil.identify.motor.command import identify_motor
 from rover_hil.identify.slip.run_data import to_wheels
 
 GAIN, DROOP = 0.98, 8.0
@@ -47,7 +47,7 @@ def write_averages(
 
 
 def run_json(capsys: pytest.CaptureFixture[str], *logs: Path) -> tuple[int, list[dict[str, Any]]]:
-    code = identify_motor(logs, out=None, as_json=True)
+    code = identify_motor([*logs], out=None, as_json=True)
     return code, json.loads(capsys.readouterr().out)["motors"]
 
 

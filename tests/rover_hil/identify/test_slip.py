@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from drivers.errors import ConfigError, LogError
-from rover_hil.app.identify.slip import identify_slip
+from rover_hil.identify.slip.command import identify_slip
 from rover_hil.identify.slip.map_file import read_slip_map
 from tests.rover_hil.identify.slip_runs import write_drive
 

@@ -9,7 +9,7 @@ import pytest
 from pydantic_core import to_json
 
 from drivers.errors import ConfigError
-from rover_hil.app.run import run_rover
+from rover_hil.drive.run import run_rover
 from rover_hil.report.write import write_report
 from tests.rover_hil.report.test_read_run import PERIOD_S, Drive, open_log, write_cycle, write_log
 

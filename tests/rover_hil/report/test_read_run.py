@@ -10,6 +10,7 @@ from mcap.reader import make_reader
 
 from controllers.control_loop import StepOutput
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.measurement_model import Measured
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
 from controllers.motion.limits import Limit
 from controllers.motion.planar import Pose
@@ -22,7 +23,7 @@ from drivers.samples import RateSample, SentCommand, WheelCommand, WheelSample
 from rover_hil.config import Config, load_config
 from rover_hil.importing.robotino_csv import read_run as read_csv
 from rover_hil.importing.to_log import observing_config, write_run_as_log
-from rover_hil.recording.schema import VIEW_LOG, EstimateRecord, PoseRecord, end_record
+from rover_hil.recording.schema import VIEW_LOG, EstimateRecord, PoseRecord, end_record, estimate_record
 from rover_hil.recording.watchdog_note import MOST_CHARACTERS, note_path, read_note
 from rover_hil.recording.writer import LogWriter
 from rover_hil.report.read_run import read_run
@@ -83,9 +84,11 @@ class Drive:
             yaw_source=YawSource.GYRO,
         )
         innovation = Innovation(
-            name="imu standstill", residual=0.01, variance=1e-4, nis=1.0, accepted=t_s > 0.1
+            measured=Measured("imu", "standstill"), residual=0.01, variance=1e-4, nis=1.0, accepted=t_s > 0.1
         )
-        late = Innovation(name="overhead too late", residual=None, variance=None, nis=None, accepted=False)
+        late = Innovation(
+            measured=Measured("overhead", "too late"), residual=None, variance=None, nis=None, accepted=False
+        )
         command = WheelCommand(t_ns=t_ns, expires_ns=t_ns + 1, speed_rad_s=(WHEEL_RAD_S,) * 3)
         return StepOutput(
             t_ns=t_ns,
@@ -156,7 +159,7 @@ def write_cycle(log: LogWriter, drive: Drive, t_s: float) -> None:
     ]
     stranger = WheelSample(device="arm", t_ns=t_ns - 1, wheel=0, position_rad=0.0)
     log.samples(t_ns, [*wheels, stranger, RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=0.01)])
-    log.write_json("/estimate", t_ns, drive.output(t_s))
+    log.write_json("/estimate", t_ns, estimate_record(drive.output(t_s)))
     log.write_json("/command", t_ns, SentCommand(t_ns=t_ns, speed_rad_s=(WHEEL_RAD_S,) * 3, delivered=True))
     if drive.has_truth:
         log.write_json("/truth", t_ns, drive.truth(t_s))

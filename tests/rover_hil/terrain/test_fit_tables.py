@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from drivers.errors import LogError
-from rover_hil.app.terrain.fit import fit
+from rover_hil.terrain.commands.fit import fit
 from rover_hil.terrain.fit_tables import (
     PLATE_COLUMNS,
     WHEEL_COLUMNS,
     read_plate_table,
     read_wheel_table,
 )
-from rover_hil.terrain.setup import Output
 from sim_backends.terramechanics.soil.any_angle_wheel import Motion, any_angle_at_load, load_any_angle_soil
 from sim_backends.terramechanics.soil.library import load_wheel
 
@@ -40,9 +39,8 @@ def test_plates_of_ones_own_test_bed_give_modulus_and_exponent(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write(tmp_path / "plates.csv", ("test", *PLATE_COLUMNS), plate_rows(5.0e6, 1.3))
-    output = Output(as_json=True, folder=None)
     assert (
-        fit(tmp_path, wheel_name="cmu_smooth", soil_name="cmu_sand", free="", plates_only=True, output=output)
+        fit(tmp_path, wheel_name="cmu_smooth", soil_name="cmu_sand", free="", plates_only=True, as_json=True)
         == 0
     )
     found = {row["name"]: row["value"] for row in json.loads(capsys.readouterr().out)["fitted"]}
@@ -96,14 +94,13 @@ def test_several_wheels_in_a_folder_are_told_apart_by_the_wheels_name(tmp_path: 
         (tmp_path / f"{name}_wheel_steady_state.csv").write_text("beta_deg\n0\n", "utf-8")
 
     def fit_wheel(wheel_name: str) -> None:
-        output = Output(as_json=True, folder=None)
         fit(
             tmp_path,
             wheel_name=wheel_name,
             soil_name="cmu_sand",
             free="slide_number",
             plates_only=False,
-            output=output,
+            as_json=True,
         )
 
     with pytest.raises(LogError, match=r"grousered_wheel_steady_state\.csv line 1 names no column"):

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigError
-from rover_hil.app import tune as command
-from rover_hil.app.tune import tune
 from rover_hil.config import load_config
+from rover_hil.tune import command
+from rover_hil.tune.command import tune
 from rover_hil.tune.objective import MissionRunner
 from tests.rover_hil.tune.tuning import MISSION, TUNE, FakeRuns, write_config
 
@@ -214,7 +214,7 @@ def test_a_study_is_a_name(
 
 def test_bad_input_leaves_nothing(run: Callable[..., int], tmp_path: Path) -> None:
     write_config(tmp_path, tune="")
-    with pytest.raises(ConfigError, match=r"add \[tune.parameters\].*--logs"):
+    with pytest.raises(ConfigError, match=r"add \[tune.parameters\].*`tune logs`"):
         run()
     assert [path.name for path in tmp_path.iterdir()] == ["rover.toml"]
 

@@ -77,7 +77,7 @@ def test_an_objective_names_something() -> None:
 
 
 def test_a_configuration_without_tune_mission_or_simulation_says_so(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"add \[tune.parameters\].*--logs"):
+    with pytest.raises(ConfigError, match=r"add \[tune.parameters\].*`tune logs`"):
         check_parameters(make_config(tmp_path, tune=""))
     with pytest.raises(ConfigError, match=r"add \[mission\]"):
         check_parameters(make_config(tmp_path, mission=""))

@@ -22,8 +22,8 @@ PARAMETERS = """
 
 def config_text(parameters: str = PARAMETERS) -> str:
     """Return the configuration of the sample `noise`, whose noise was guessed too large."""
-    text = resources.files("rover_hil.app.sample").joinpath("noisy.toml").read_text("utf-8")
-    return text.partition("# What `tune --logs`")[0] + parameters
+    text = resources.files("rover_hil.sample").joinpath("noisy.toml").read_text("utf-8")
+    return text.partition("# What `tune logs`")[0] + parameters
 
 
 def write_config(folder: Path, parameters: str = PARAMETERS) -> Path:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.measurement_model import Measured
 from drivers.errors import LogError
 from drivers.samples import PoseFixSample
 from rover_hil.config import Config, load_config
@@ -100,7 +101,7 @@ def test_withheld_fixes_judge_before_they_are_used(monkeypatch: pytest.MonkeyPat
     ) -> tuple[Innovation, ...]:
         return tuple(
             Innovation(
-                name=f"camera {end}",
+                measured=Measured("camera", end),
                 residual=value,
                 variance=None if nis is None else 0.01,
                 nis=nis,

@@ -1,4 +1,4 @@
-"""`rover-hil tune --logs` as a user meets it."""
+"""`rover-hil tune logs` as a user meets it."""
 
 import json
 import math
@@ -45,7 +45,7 @@ def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
         with ThreadPoolExecutor(1) as executor:
             yield executor
 
-    monkeypatch.setattr("rover_hil.app.tune_logs.open_executor", open_executor)
+    monkeypatch.setattr("rover_hil.tune.logs.command.open_executor", open_executor)
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def logs(recorded: Path, tmp_path: Path) -> list[str]:
 def test_the_true_noise_is_found_and_better_on_the_held_out_log(
     command: Command, logs: list[str], tmp_path: Path
 ) -> None:
-    assert command("tune", "rover.toml", "--logs", *logs, "--study", "noise", "--trials", "9") == 0, (
+    assert command("tune", "logs", "rover.toml", *logs, "--study", "noise", "--trials", "9") == 0, (
         command.error
     )
     assert "on 1 held-out log after 9 trials; better in 1 of 1" in command.out
@@ -78,7 +78,7 @@ def test_the_true_noise_is_found_and_better_on_the_held_out_log(
     assert load_config(str(folder / "tuned.toml")).filter.heading_noise_rad == found["after"]
     # The study goes on, and is not searched again.
     journal = (folder / "study.jsonl").read_bytes()
-    again = ("tune", "rover.toml", "--logs", "20.mcap", "21.mcap", "--held-out", "22.mcap")
+    again = ("tune", "logs", "rover.toml", "20.mcap", "21.mcap", "--held-out", "22.mcap")
     assert command(*again, "--study", "noise", "--trials", "9") == 0
     assert (folder / "study.jsonl").read_bytes() == journal
 
@@ -94,17 +94,19 @@ def test_one_trial_alone_is_compared_on_the_held_out_logs(
         return Evaluation(cost=cost, at_least=cost, refused="", runs=(), case_costs={}, terms={})
 
     monkeypatch.setattr("rover_hil.tune.logs.study.evaluate_logs", lambda *_: result(next(train_costs)))
-    monkeypatch.setattr("rover_hil.app.tune_logs.evaluate_logs", lambda *_: result(next(held_out_costs)))
+    monkeypatch.setattr("rover_hil.tune.logs.command.evaluate_logs", lambda *_: result(next(held_out_costs)))
     no_runs: list[ReplayedLog] = []
-    monkeypatch.setattr("rover_hil.app.tune_logs.replays_on", lambda *_: lambda *_: (run for run in no_runs))
-    assert command("tune", "rover.toml", "--logs", *logs, "--study", "noise", "--trials", "3") == 0
+    monkeypatch.setattr(
+        "rover_hil.tune.logs.command.replays_on", lambda *_: lambda *_: (run for run in no_runs)
+    )
+    assert command("tune", "logs", "rover.toml", *logs, "--study", "noise", "--trials", "3") == 0
     sentence = "Nothing better than the old values on 1 held-out log after 3 trials: they are kept, cost 5"
     assert command.out.splitlines()[0] == sentence
     assert list(held_out_costs) == [4.9]
 
 
 def test_a_study_of_other_logs_is_refused(command: Command, logs: list[str]) -> None:
-    arguments = ("tune", "rover.toml", "--study", "noise", "--trials", "1", "--logs")
+    arguments = ("tune", "logs", "rover.toml", "--study", "noise", "--trials", "1")
     assert command(*arguments, *logs) == 0
     assert command(*arguments, *reversed(logs)) == 2
     assert_one_sentence(command.error, "another configuration", "--study")
@@ -113,17 +115,16 @@ def test_a_study_of_other_logs_is_refused(command: Command, logs: list[str]) -> 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--logs", "20.mcap"), ("one log", "--held-out")),
-        (("--logs", "20.mcap", "20.mcap"), ("the same log",)),
-        (("--logs", "20.mcap", "--held-out", "20.mcap"), ("the same log",)),
-        (("--logs", "none.mcap", "20.mcap"), ("none.mcap", "No such file")),
-        (("--held-out", "20.mcap"), ("--logs",)),
+        (("20.mcap",), ("one log", "--held-out")),
+        (("20.mcap", "20.mcap"), ("the same log",)),
+        (("20.mcap", "--held-out", "20.mcap"), ("the same log",)),
+        (("none.mcap", "20.mcap"), ("none.mcap", "No such file")),
     ],
 )
 def test_bad_logs_are_one_sentence(
     command: Command, logs: list[str], tmp_path: Path, arguments: tuple[str, ...], words: tuple[str, ...]
 ) -> None:
-    assert command("tune", "rover.toml", "--study", "noise", *arguments) == 2
+    assert command("tune", "logs", "rover.toml", "--study", "noise", *arguments) == 2
     assert_one_sentence(command.error, *words)
     assert not (tmp_path / "tuning").exists()
 
@@ -152,12 +153,12 @@ def test_a_bad_configuration_is_one_sentence(
     text = path.read_text()
     assert change[0] in text
     path.write_text(text.replace(*change))
-    assert command("tune", "rover.toml", "--study", "noise", "--logs", *logs) == 2
+    assert command("tune", "logs", "rover.toml", "--study", "noise", *logs) == 2
     assert_one_sentence(command.error, *words)
 
 
 def test_a_log_of_the_shipped_robotino_is_of_another_rover(command: Command, logs: list[str]) -> None:
-    assert command("tune", "robotino", "--study", "noise", "--logs", *logs) == 2
+    assert command("tune", "logs", "robotino", "--study", "noise", *logs) == 2
     assert_one_sentence(command.error, "another rover", "rover.kinematics is 'wheels' there and 'omni3' here")
 
 
@@ -165,7 +166,7 @@ def test_a_log_without_truth_is_one_sentence_and_marks_make_up_for_it(
     command: Command, logs: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rover_hil.recording.schema.TRUTH", "/nothing")
-    assert command("tune", "rover.toml", "--study", "noise", "--logs", *logs) == 2
+    assert command("tune", "logs", "rover.toml", "--study", "noise", *logs) == 2
     assert_one_sentence(command.error, "20.mcap", "holds no true pose")
     for name in logs:
         marks = "t_s,x_m,y_m,yaw_deg,sigma_m\n0,2,1,90,0.003\n9.5,1.8,1.8,180,0.004\n"

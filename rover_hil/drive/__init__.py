@@ -1,0 +1,1 @@
+"""The commands that let a rover drive, and drive it again: `run`, `simulate`, `replay`."""

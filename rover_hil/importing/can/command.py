@@ -1,0 +1,164 @@
+"""`rover-hil import can`: logs of a CAN bus become logs of a rover, or are listed."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drivers.can_wheels.mapping_file import load_mapping, read_dbc
+from drivers.can_wheels.settings import CanWheelsSettings
+from drivers.errors import ConfigError
+from rover_hil.config import load_config
+from rover_hil.console.exit_codes import EXIT_OK
+from rover_hil.console.json_text import print_json
+from rover_hil.console.options import ForceOption, JsonOption, out_option
+from rover_hil.console.steps import show_steps
+from rover_hil.datasets.can_frames import CanFrames, read_can_log
+from rover_hil.importing.can.listing import ListedIdentifier, absence_of, list_frames, motion_kinds
+from rover_hil.importing.can.rover import rover_of_log
+from rover_hil.importing.can.to_log import write_can_as_log
+from rover_hil.importing.drive import Contents
+from rover_hil.importing.files import WriteDrive, import_files
+from rover_hil.terminal import Terminal
+
+
+def import_can_logs(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Logs of a CAN bus, one per drive: .log of candump, .asc, .blf, .trc, .csv, .mf4."
+        ),
+    ],
+    *,
+    config_name: Annotated[
+        str | None,
+        typer.Option(
+            "--config", help="Configuration of the rover; with --map its [rover] and [limits] are enough."
+        ),
+    ] = None,
+    mapping: Annotated[
+        Path | None,
+        typer.Option("--map", help="Mapping of the wheels: which signal is what."),
+    ] = None,
+    dbc: Annotated[
+        list[Path] | None, typer.Option(help="With --list: a DBC file; may be given several times.")
+    ] = None,
+    channel: Annotated[str | None, typer.Option(help="The bus to use, where a log holds several.")] = None,
+    list_only: Annotated[
+        bool, typer.Option("--list", help="Only print identifiers, rates and decoded signals.")
+    ] = False,
+    out: Annotated[
+        Path | None, out_option("The log to write; for several logs the folder of theirs.")
+    ] = None,
+    force: ForceOption = False,
+    as_json: JsonOption = False,
+) -> int:
+    """Turn logs of a CAN bus into logs of a rover; the drivers decode its frames, and replay bit for bit.
+
+    Example: `rover-hil import can drive.log --config el-dorado --out drive.mcap`
+
+    Data: `rover-hil sample can` writes such a log; for yours, docs/how-to/import_a_can_log.md shows mapping
+    and DBC file.
+    """
+    if list_only:
+        return _list_logs(logs, config_name, mapping, dbc or (), channel, as_json=as_json)
+    if config_name is None:
+        raise ConfigError("--config is missing: name the configuration of the rover, or use --list")
+    if out is None:
+        raise ConfigError("--out is missing: name the log to write, or use --list")
+
+    def make_write() -> WriteDrive:
+        config = rover_of_log(config_name, mapping)
+
+        def write(file: Path, part: Path) -> Iterator[Contents]:
+            return write_can_as_log(read_can_log(file, channel=channel), config, part)
+
+        return write
+
+    import_files(logs, out, make_write, what="frames", force=force, as_json=as_json)
+    return EXIT_OK
+
+
+def _list_logs(
+    files: Sequence[Path],
+    config_name: str | None,
+    mapping: Path | None,
+    dbc: Sequence[Path],
+    channel: str | None,
+    *,
+    as_json: bool,
+) -> int:
+    """Print what is in logs of a CAN bus; returns the exit code."""
+    paths = dict.fromkeys((*dbc, *_dbc_files(config_name, mapping)))
+    databases = [read_dbc(path) for path in paths]
+    listings: list[tuple[CanFrames, list[ListedIdentifier]]] = []
+    with show_steps(f"reading {files[0].name}") as step:
+        for file in files:
+            step(f"reading {file.name}")
+            frames = read_can_log(
+                file, channel=channel, on_frames=lambda count: step(f"{count} frames are read")
+            )
+            listings.append((frames, list_frames(frames, databases)))
+    if as_json:
+        print_json([_record(frames, listed) for frames, listed in listings])
+        return EXIT_OK
+    for frames, listed in listings:
+        _print(frames, listed, has_dbc=bool(databases))
+    return EXIT_OK
+
+
+def _dbc_files(config_name: str | None, mapping: Path | None) -> Iterator[Path]:
+    names = [] if mapping is None else [str(mapping)]
+    if config_name is not None and mapping is None:
+        devices = load_config(config_name).devices.values()
+        names = [device.mapping for device in devices if isinstance(device, CanWheelsSettings)]
+    for name in names:
+        yield from load_mapping(name).dbc_files
+
+
+def _duration_s(frames: CanFrames) -> float:
+    return float(frames.t_s[-1] - frames.t_s[0])
+
+
+def _record(frames: CanFrames, listed: Sequence[ListedIdentifier]) -> dict[str, object]:
+    kinds = motion_kinds(listed)
+    return {
+        "log": str(frames.path),
+        "frames": len(frames),
+        "duration_s": _duration_s(frames),
+        "left_out": frames.left_out,
+        "unread": frames.unread,
+        "motion": sorted(kinds),
+        "missing": absence_of(kinds),
+        "identifiers": listed,
+    }
+
+
+def _print(frames: CanFrames, listed: Sequence[ListedIdentifier], *, has_dbc: bool) -> None:
+    console = Terminal(soft_wrap=True)
+    for entry in listed:
+        names = ", ".join(dict.fromkeys(signal.message for signal in entry.signals))
+        rate = (
+            ""
+            if entry.rate_hz is None
+            else f", {entry.rate_hz:.4g} /s, longest gap {entry.longest_gap_s:.3g} s"
+        )
+        console.print(f"{entry.identifier}  {entry.frames} frames{rate}  {names}".rstrip())
+        for signal in entry.signals:
+            if signal.count:
+                kind = f"  {signal.kind}" if signal.kind else ""
+                span = f"{signal.least:.6g} to {signal.greatest:.6g} {signal.unit}".rstrip()
+                console.print(f"    {signal.signal}: {span}{kind}")
+                if signal.odd:
+                    console.print(f"        odd: {signal.odd}")
+    duration_s = _duration_s(frames)
+    console.print(f"{frames.path}: {len(frames)} frames of {len(listed)} identifiers in {duration_s:.3f} s")
+    if frames.left_out:
+        console.print(f"{frames.left_out} frames are no classic CAN frames")
+    if frames.unread:
+        console.print(f"{frames.unread} lines hold no frame")
+    if not has_dbc:
+        console.print("no DBC file: name one with --dbc to see signals")
+    elif missing := absence_of(motion_kinds(listed)):
+        console.print(f"{missing}, by names and units in the DBC file")

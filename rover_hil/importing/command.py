@@ -1,0 +1,43 @@
+"""`rover-hil import robotino`: a measured run becomes a log."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rover_hil.config import load_config
+from rover_hil.console.exit_codes import EXIT_OK
+from rover_hil.console.options import ForceOption, out_option
+from rover_hil.console.steps import show_progress
+from rover_hil.importing.robotino_csv import read_run
+from rover_hil.importing.to_log import observing_config, write_run_as_log
+from rover_hil.pages.atomic_write import check_file, unfinished
+from rover_hil.terminal import Terminal
+
+
+def import_run(
+    file: Annotated[Path, typer.Argument(help="A measured run, .csv or .csv.gz.")],
+    *,
+    out: Annotated[Path, out_option("The log to write.")],
+    millimetres_per_pixel: Annotated[
+        float, typer.Option(help="Scale of the overhead camera; the data set's own file states 1.84.")
+    ] = 1.84,
+    config_name: Annotated[str, typer.Option("--config", help="The rover it was measured on.")] = "robotino",
+    force: ForceOption = False,
+) -> int:
+    """Turn a measured Robotino run into a log, through the board's own byte frames.
+
+    Example: `rover-hil import robotino exp00.csv -o exp00.mcap`
+
+    Data: `rover-hil sample robotino` writes a simulated drive in this format; measured ones are in
+    github.com/BrOleg5/research-wheel-slippage, `datasets/one_surface_type/gray_surface`.
+    """
+    check_file(out, force=force)
+    config = observing_config(load_config(config_name))
+    run = read_run(file, millimetres_per_pixel)
+    with unfinished(out) as part, show_progress() as progress:
+        task = progress.add_task("importing", total=len(run.rows))
+        for count in write_run_as_log(run, config, part):
+            progress.update(task, completed=count)
+    Terminal().print(f"{len(run.rows)} rows at {millimetres_per_pixel:g} mm per pixel: {out}", soft_wrap=True)
+    return EXIT_OK

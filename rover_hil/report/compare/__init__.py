@@ -1,0 +1,1 @@
+"""`rover-hil compare`: runs side by side."""
