@@ -2,11 +2,13 @@
 
     python -m benchmarks.ftrace.ground_drives [--scenes bare_shadow,own_foliage] [--first-seed 100]
         [--seeds 1] [--frames 120] [--drives FOLDER]
+    python -m benchmarks.ftrace.ground_drives --folders ../shared/data/trace_drives/shadow_104 ...
 
 The renderer was written without knowledge of the estimator. Seeds from 100 are held out: nothing was tuned on
 them. Prints the figures of every scene type and of all together, and how often the trace was right for each
 range of the confidence. Definitions: docs/results/ftrace.md and `benchmarks/ftrace/scores.py`. With
-`--drives`, rendered drives are kept in that folder and used again. One seed of all scene types takes about
+`--drives`, rendered drives are kept in that folder and used again; with `--folders`, drives that are there
+are judged and nothing is rendered. One seed of all scene types takes about
 ten minutes on one core.
 """
 
@@ -38,6 +40,9 @@ FIRST_HELD_OUT_SEED = 100
 COLUMNS = {
     "missed_pct": "missed %",
     "longest_run": "run",
+    "long_missed_pct": "missed of 0.3 m, %",
+    "long_run": "run of these",
+    "within_pct": "within 2 sd, %",
     "misidentified_pct": "misident. %",
     "false_pct": "false %",
     "roc": "ROC",
@@ -99,14 +104,21 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=1, help="drives per scene type")
     parser.add_argument("--frames", type=int, default=120, help="frames of each drive")
     parser.add_argument("--drives", type=Path, help="folder in which rendered drives are kept")
+    parser.add_argument("--folders", type=Path, nargs="+", help="drives to judge in place of rendered ones")
     given = parser.parse_args()
     cv2.setNumThreads(1)
     sys.stdout.write(f"| scene | {' | '.join(COLUMNS.values())} | {' | '.join(OTHER_COLUMNS)} |\n")
     sys.stdout.write("|---" * (len(COLUMNS) + len(OTHER_COLUMNS) + 1) + "|\n")
     everything: Finders = {}
+    for folder in given.folders or ():
+        here = {finder: [judged] for finder, judged in drive(folder).items()}
+        _report(folder.name, here)
+        for finder, some in here.items():
+            everything.setdefault(finder, []).extend(some)
     with TemporaryDirectory() as temporary:
         kept = given.drives or Path(temporary)
-        for scene in (scene for scene in SCENES if scene in given.scenes.split(",")):
+        scenes = [] if given.folders else [scene for scene in SCENES if scene in given.scenes.split(",")]
+        for scene in scenes:
             parts: Finders = {}
             for seed in range(given.first_seed, given.first_seed + given.seeds):
                 folder = kept / f"{scene}_{seed}"
@@ -161,6 +173,9 @@ def _fused(rig: RigFile, images: Sequence[Image], telemetry: Sequence[TelemetryR
         detected=detected,
         tracked=np.r_[False, detected[:-1]],
         spent_ms=np.array(spent_ms),
+        theta_sd_deg=np.array(
+            [math.nan if a.theta_sd_rad is None else math.degrees(a.theta_sd_rad) for a in angles]
+        ),
     )
 
 
@@ -183,6 +198,7 @@ def _flow(rig: RigFile, images: Sequence[Image], telemetry: Sequence[TelemetryRo
         detected=np.isfinite(theta),
         tracked=np.ones(count, np.bool_),
         spent_ms=np.array(spent_ms),
+        theta_sd_deg=np.full(count, np.nan),
     )
 
 

@@ -98,6 +98,7 @@ def run(
         detected=detected,
         tracked=np.r_[False, detected[:-1]],
         spent_ms=np.array(spent_ms),
+        theta_sd_deg=np.degrees([_or_nan(angle.theta_sd_rad) for angle in angles]),
     )
     return found, angles
 
@@ -123,6 +124,7 @@ def run_peer(sequence: FrameSequence, images: Sequence[Image], peer: Peer) -> Fo
         detected=np.isfinite(theta),
         tracked=np.ones(count, np.bool_),
         spent_ms=np.array(spent_ms),
+        theta_sd_deg=np.full(count, np.nan),
     )
 
 

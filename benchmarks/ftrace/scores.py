@@ -12,6 +12,8 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 RIGHT_WITHIN_DEG = 5.0
+LONG_M = 0.3
+"""A trace of which this much is visible should not be missed."""
 LEAST_WRONG = 5
 """With fewer wrong angles than this the area under a curve says nothing."""
 
@@ -28,6 +30,7 @@ class Found:
         detected: The trace is said to be in this frame.
         tracked: The trace was known from the frame before.
         spent_ms: Time used, decoding excluded.
+        theta_sd_deg: Standard deviation of the angle as the finder tells it, NaN where it does not.
     """
 
     theta_deg: Floats
@@ -37,6 +40,7 @@ class Found:
     detected: Flags
     tracked: Flags
     spent_ms: Floats
+    theta_sd_deg: Floats
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +62,9 @@ class Judged:
         confidence: In it.
         tracked: The trace was known from the frame before.
         spent_ms: Time used.
+        long: At least 0.3 m of the trace is visible.
+        long_run: As `run`, of such frames alone.
+        within: 1 where the error is within two of the deviations told, 0 where it is not, NaN without one.
     """
 
     present: Flags
@@ -72,6 +79,9 @@ class Judged:
     confidence: Floats
     tracked: Flags
     spent_ms: Floats
+    long: Flags
+    long_run: Floats
+    within: Floats
 
 
 def judge(found: Found, truth: Sequence[FrameTruth], wheel_width_m: float) -> Judged:
@@ -83,6 +93,8 @@ def judge(found: Found, truth: Sequence[FrameTruth], wheel_width_m: float) -> Ju
     angle_off = np.fmin(np.abs(found.theta_deg - theta), np.abs(found.theta_deg - chord))
     place_off = np.fmin(np.abs(found.distance_m - line), np.abs(found.distance_m - chord_line))
     error = np.abs(found.theta_deg - theta)
+    long = present & (np.array([row.visible_m for row in truth]) >= LONG_M)
+    is_within = (error <= 2 * found.theta_sd_deg).astype(np.float64)
     return Judged(
         present=present,
         detected=found.detected,
@@ -96,6 +108,9 @@ def judge(found: Found, truth: Sequence[FrameTruth], wheel_width_m: float) -> Ju
         confidence=found.confidence,
         tracked=found.tracked,
         spent_ms=found.spent_ms,
+        long=long,
+        long_run=_runs(long & ~found.detected, long),
+        within=np.where(np.isfinite(error) & np.isfinite(found.theta_sd_deg), is_within, np.nan),
     )
 
 
@@ -120,6 +135,11 @@ def figures(judged: Judged) -> dict[str, float]:
         "frames": len(present),
         "missed_pct": 100 * float((present & ~judged.detected).sum()) / with_trace,
         "longest_run": float(judged.run.max()),
+        "long_missed_pct": 100
+        * float((judged.long & ~judged.detected).sum())
+        / max(int(judged.long.sum()), 1),
+        "long_run": float(judged.long_run.max()),
+        "within_pct": 100 * _mean(judged.within),
         "misidentified_pct": 100 * float(judged.misidentified.sum()) / with_trace,
         "false_pct": 100 * float((judged.detected & ~present).mean()),
         "hold_rms_deg": _rms(judged.hold_deg[present]),
@@ -163,6 +183,11 @@ def _runs(missed: Flags, present: Flags) -> Floats:
 def _rms(values: Floats) -> float:
     values = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+
+def _mean(values: Floats) -> float:
+    values = values[np.isfinite(values)]
+    return float(values.mean()) if len(values) else float("nan")
 
 
 def _median(values: Floats) -> float:

@@ -148,6 +148,8 @@ class TraceEstimator:
             return "trace"
         if reading.by_motion:
             return "flow"
+        if reading.is_unconfirmed:
+            return "held"
         return "held" if self._unmeasured <= self._parameters.most_misses else "none"
 
     def _frame(self, t_ns: int, image: Image, speed_m_s: float | None, rates: Rates | None) -> Frame:

@@ -43,6 +43,7 @@ class Reading:
         found: The trace is detected in this frame.
         theta_rad: Angle of the current velocity from the wheel's axis, or None where unknown.
         theta_sd_rad: Its standard deviation; None where unknown.
+        is_unconfirmed: The angle is that of what looks like a trace in the first frame, and may be a shadow.
         by_motion: The angle is measured by the motion of the ground, without the trace.
         offset_m: Place of the trace at the contact, left of it positive.
         confidence: 0..1, probability that the wheel's trace is in this frame and has this angle within 5 deg.
@@ -52,6 +53,7 @@ class Reading:
     found: bool
     theta_rad: float | None
     theta_sd_rad: float | None
+    is_unconfirmed: bool
     by_motion: bool
     offset_m: float
     confidence: float

@@ -18,7 +18,8 @@ class TraceReading:
             that `theta_rad` is right within 5 deg. It is also given where no trace is detected.
         source: Where the angle comes from. `trace`: the trace, with the motion of the ground; `flow`: the
             motion of the ground and the gyro alone, no trace is detected; `held`: neither, the direction is
-            predicted for a short while; `none`: there is none.
+            predicted for a short while, or in the first frame that of what looks like a trace; `none`: there
+            is none.
         theta_sd_rad: Standard deviation of `theta_rad`; None where unknown (`hough`, and without a source).
     """
 

@@ -51,6 +51,7 @@ class SeenTrace:
     looked_ns: list[int] = field(default_factory=list)
     rates: list[Rates | None] = field(default_factory=list)
     source: str = "trace"
+    sd_rad: float | None = 0.015
 
     def find(
         self, frame: FrameSample, wheel_speed_m_s: float, rates_rad_s: Rates | None
@@ -65,7 +66,7 @@ class SeenTrace:
             theta_rad=self.theta_rad,
             confidence=float(seen),
             source="none" if self.theta_rad is None else self.source,
-            theta_sd_rad=0.015,
+            theta_sd_rad=self.sd_rad,
         )
 
 
@@ -487,3 +488,22 @@ def test_no_stream_of_samples_makes_the_loop_raise(
 def test_three_omnidirectional_wheels_leave_no_such_trace() -> None:
     with pytest.raises(ValidationError, match="four wheels"):
         ControlSettings(rover=OMNI, limits=LIMITS, scomp=ScompSettings())
+
+
+def test_a_trace_weighs_as_its_own_deviation_says() -> None:
+    """A vague trace hardly turns the slip angle, a sure one does; one that tells nothing is as usual."""
+
+    def share(sd_rad: float | None) -> float:
+        bench = Bench(SeenTrace(math.radians(-9.0), sd_rad=sd_rad))
+        bench.run(1.0, rim_m_s=0.0)
+        bench.run(1.0)
+        report = bench.told.report()
+        assert report is not None
+        return math.degrees(report.slip_angle_rad) / -9.0
+
+    usual_rad = ScompSettings().parameters.trace.noise_rad
+    vague, usual, sure = (share(sd_rad) for sd_rad in (0.5, usual_rad, 0.005))
+    assert vague < 0.5 * usual
+    assert usual == share(None)
+    assert usual < sure
+    assert sure == pytest.approx(1.0, abs=0.1)

@@ -181,7 +181,7 @@ class RutFinder:
     def aside(
         self, sections: CrossSections, edges_m: Edges, signature: Floats, blocks: Mask, reach_m: float
     ) -> tuple[float, float]:
-        """Return how far left of a curve these blocks together match `signature` best, and by how much better.
+        """Return how far left of a curve these blocks match `signature` best, and by how much better.
 
         Args:
             sections: Answers.

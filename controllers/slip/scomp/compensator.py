@@ -300,8 +300,7 @@ class ScompCompensator:
         rate_sd_rad_s = SCOMP.motion.wheel_walk_rad_sqrt_s
         if is_gyro:
             rate_sd_rad_s = parameters.gyro.walk_rad_sqrt_s / math.sqrt(SCOMP.correction.rate_memory_s)
-        # The states hold the errors of a trace; a direction without one has its own.
-        sd_rad = 0.0 if reading.detected else reading.theta_sd_rad or 0.0
+        sd_rad, usual_sd_rad = reading.theta_sd_rad, parameters.trace.noise_rad
         model = TraceAngle(
             model=self._states.model,
             tilt=self._states.tilt,
@@ -310,7 +309,8 @@ class ScompCompensator:
             arm_s=arm_s,
             yaw_rate_rad_s=self._yaw_rate_rad_s,
             bias_slope_s=arm_s if is_gyro else 0.0,
-            variance_rad2=SCOMP.correction.trace_grain_rad**2 + sd_rad**2 + (arm_s * rate_sd_rad_s) ** 2,
+            noise_share=1.0 if sd_rad is None else sd_rad / usual_sd_rad,
+            variance_rad2=SCOMP.correction.trace_grain_rad**2 + (arm_s * rate_sd_rad_s) ** 2,
         )
         measured = (parameters.trace.sign * angle_rad,)
         (innovation,) = estimate.correct(model, measured)

@@ -1,0 +1,65 @@
+"""A drive of another author: after ground that takes no print the imprints of the wheels lie parted by 8 cm."""
+
+import csv
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from controllers.ftrace.estimator import TraceAngle, TraceEstimator
+from controllers.ground_motion.rig import RigFile
+from drivers.clock import nanoseconds
+from rover_hil.ftrace.telemetry import read_telemetry
+
+
+@pytest.fixture(scope="module")
+def folder(shared_data: Path) -> Path:
+    """Return the drive, or skip."""
+    folder = shared_data / "trace_drives/dropout_104"
+    if not folder.is_dir():
+        pytest.skip("trace drives not found in ../shared/data")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def angles(folder: Path) -> list[TraceAngle]:
+    rig = RigFile.model_validate_json((folder / "rig.json").read_text("utf-8"))
+    estimator = TraceEstimator(rig.geometry())
+    frames = sorted((folder / "frames").iterdir())
+    return [
+        estimator.step(
+            nanoseconds(row.t_s),
+            np.asarray(cv2.imread(str(frame), cv2.IMREAD_GRAYSCALE), np.uint8),
+            wheel_speed_m_s=row.wheel_speed_m_s,
+            rates_rad_s=row.rates_rad_s,
+        )
+        for frame, row in zip(frames, read_telemetry(folder / "telemetry.csv").values(), strict=True)
+    ]
+
+
+@pytest.fixture(scope="module")
+def truth_deg(folder: Path) -> list[float]:
+    with (folder / "truth.csv").open(encoding="utf-8", newline="") as file:
+        return [float(row["theta_t_deg"]) for row in csv.DictReader(file)]
+
+
+def test_a_trace_of_which_one_edge_lies_in_the_front_wheels_imprint_is_found(
+    angles: list[TraceAngle], truth_deg: list[float]
+) -> None:
+    parted = range(88, 98)
+
+    assert [angles[place].detected for place in parted] == [True] * len(parted)
+    assert max(abs(angles[place].theta_deg - truth_deg[place]) for place in parted) < 1.0
+    assert not any(angle.detected for angle in angles[17:66])
+
+
+def test_the_first_frame_gives_the_angle_of_what_looks_like_a_trace_but_does_not_believe_it(
+    angles: list[TraceAngle], truth_deg: list[float]
+) -> None:
+    first = angles[0]
+
+    assert (first.source, first.detected) == ("held", False)
+    assert first.theta_sd_rad is not None
+    assert first.theta_sd_rad > np.radians(2.0)
+    assert first.theta_deg == pytest.approx(truth_deg[0], abs=np.degrees(first.theta_sd_rad))
