@@ -11,6 +11,8 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import pytest
 from hypothesis import settings
 
+pytest_plugins = ["tests.processor_time"]
+
 settings.register_profile("any_machine", deadline=None)
 settings.load_profile("any_machine")
 
