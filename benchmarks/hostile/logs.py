@@ -18,6 +18,7 @@ from benchmarks.hostile.values import change_somewhere, raw_json
 from rover_hil.config import Config, load_config
 from rover_hil.recording.mcap_records import HEAD, MAGIC, MESSAGE_HEAD
 from rover_hil.recording.reader import LogReader
+from rover_hil.recording.schema import LOG_SCHEMA, VIEW
 from rover_hil.run.driving import run_virtual
 
 RUN_S = 1.6
@@ -67,8 +68,17 @@ def write_base_log(name: str, path: Path) -> Path:
 
 def read_parts(path: Path) -> LogParts:
     log = LogReader(path)
-    messages = tuple((message.topic, message.t_ns, message.data) for message in log.messages())
-    metadata = {"schema": "rover-hil-log/1", "start_ns": str(log.start_ns), "origin": log.origin}
+    messages = tuple(
+        (message.topic, message.t_ns, message.data)
+        for message in log.stored_messages()
+        if not message.topic.startswith(VIEW)
+    )
+    metadata = {
+        "schema": LOG_SCHEMA,
+        "start_ns": str(log.start_ns),
+        "origin": log.origin,
+        "wall_offset_ns": "0",
+    }
     return LogParts(metadata, dict(log.attachments), messages)
 
 
@@ -146,13 +156,7 @@ def named_logs(parts: LogParts, device: str) -> Iterator[Named]:
     yield from _heads(parts, device)
     yield from _chunks(parts)
     yield from _records(parts)
-    yield from _second_version(parts, device)
-    picture = {
-        "bitmap_of_a_gigapixel": bytes(8) + bitmap_head(32_000, 32_000) + bytes(1000),
-        "picture_bomb": bytes(8) + png_bomb(30_000),
-    }
-    for name, data in picture.items():
-        yield name, partial(_with_message, parts, "/raw/camera", data)
+    yield from _payloads(parts, device)
 
 
 def _with_message(parts: LogParts, topic: str, data: bytes) -> bytes:
@@ -236,9 +240,7 @@ def _chunks(parts: LogParts) -> Iterator[Named]:
         yield f"million_messages_{compression}", partial(_with_many_messages, parts, compression)
 
 
-def _second_version(parts: LogParts, device: str) -> Iterator[Named]:
-    metadata = {**parts.metadata, "schema": "rover-hil-log/2", "wall_offset_ns": "0"}
-    second = replace(parts, metadata=metadata)
+def _payloads(parts: LogParts, device: str) -> Iterator[Named]:
     item = b'{"device":"%s","kind":"received","t_ns":1,"hex":"%s"}'
     for name, data in {
         "no_hexadecimal": b'{"payloads":[' + item % (device.encode(), b"xx") + b"]}",
@@ -247,7 +249,7 @@ def _second_version(parts: LogParts, device: str) -> Iterator[Named]:
         "many": b'{"payloads":[' + b",".join([item % (device.encode(), b"00")] * 30_000) + b"]}",
         "deep": DEEP,
     }.items():
-        yield f"payloads_{name}", partial(_with_message, second, "/bytes", data)
+        yield f"payloads_{name}", partial(_with_message, parts, "/bytes", data)
     for name, picture in {"bomb": png_bomb(30_000), "black": png_bomb(8000), "nothing": b""}.items():
         record = {
             "timestamp": {"sec": 0, "nsec": 0},
@@ -257,12 +259,12 @@ def _second_version(parts: LogParts, device: str) -> Iterator[Named]:
             "t_capture_ns": None,
         }
         data = json.dumps(record).encode()
-        yield f"picture_2_{name}", partial(_with_message, second, "/camera/camera", data)
+        yield f"picture_{name}", partial(_with_message, parts, "/camera/camera", data)
         many = (("/camera/camera", parts.messages[-1][1], data),) * 60
-        more = replace(second, messages=second.messages + many)
-        yield f"pictures_2_{name}", partial(encode, more, "zstd")
+        more = replace(parts, messages=parts.messages + many)
+        yield f"pictures_{name}", partial(encode, more, "zstd")
     for offset in ("", "x", "-9", "9" * 30):
-        changed = replace(second, metadata={**metadata, "wall_offset_ns": offset})
+        changed = replace(parts, metadata={**parts.metadata, "wall_offset_ns": offset})
         yield f"offset_{offset[:2]}", partial(encode, changed)
 
 

@@ -25,7 +25,6 @@ from rover_hil.recording.schema import (
     CONFIG_ATTACHMENT,
     HEALTH,
     LINK,
-    LOG_SCHEMA_1,
     RAW,
     SAMPLES,
     SENT,
@@ -91,7 +90,7 @@ class LogWriter:
         }
         self._writer.add_metadata(
             "rover_hil",
-            {"schema": LOG_SCHEMA_1, "start_ns": str(start_ns), "origin": origin},
+            {"schema": "rover-hil-log/1", "start_ns": str(start_ns), "origin": origin},
         )
         for name, data in {CONFIG_ATTACHMENT: config_json, **attachments}.items():
             self._writer.add_attachment(0, self._wall_offset_ns + start_ns, name, "", data)

@@ -10,7 +10,6 @@ from typing import Any, Self
 
 from drivers.errors import ConfigError
 from rover_hil.recording.json_schema import topic_schema
-from rover_hil.recording.schema import RAW, SENT, UNSENT
 
 HOST = "127.0.0.1"
 BACKLOG = 512
@@ -68,12 +67,10 @@ class LiveServer:
         """Hand a record of a log to the viewers; returns at once.
 
         Args:
-            topic: Of the log. Topics of version 1 that hold bytes are left out.
+            topic: Of the log.
             time_ns: Since 1970.
             data: JSON.
         """
-        if topic.startswith((RAW, SENT, UNSENT)):
-            return
         channel = self._channels.get(topic)
         if channel is None:
             channel = self._channels[topic] = self._make_channel(topic)

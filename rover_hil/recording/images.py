@@ -58,7 +58,7 @@ def picture_record(device: str, time_ns: int, image: CameraImage) -> PictureReco
 
 
 def picture_payload(record: PictureRecord) -> bytes:
-    """Return the bytes that `decode_image` takes, as version 1 of the log has them: stamp and picture file.
+    """Return the bytes that `decode_image` takes, stamp and picture file.
 
     Raises:
         LogError: The record holds no picture in base64.

@@ -32,14 +32,12 @@ from rover_hil.recording.schema import (
     CONFIG_ATTACHMENT,
     HEALTH,
     LOG_SCHEMA,
-    LOG_SCHEMA_1,
     PICTURE_SHAPE,
     RAW,
     SENT,
     UNSENT,
     VIEW,
 )
-from rover_hil.recording.text import ExactTexts, Texts
 
 RecordT = TypeVar("RecordT")
 Place: TypeAlias = tuple[str | None, ...]
@@ -91,10 +89,9 @@ class LogReader:
         path: The file.
 
     Attributes:
-        wall_offset_ns: Wall-clock minus monotonic time; 0 in version 1, which does not hold it.
+        wall_offset_ns: Wall-clock minus monotonic time.
         made_with: What the log was made with, by the names in `recording.made_with.FACTS`; empty in older
             logs.
-        texts: How this version of the log writes what a replay computes again.
         is_complete: After `messages` has ended, whether the log was closed properly. A killed run's log
             is not, and holds everything up to its last flush.
         bytes_read: Position of `messages` in the file.
@@ -109,15 +106,13 @@ class LogReader:
         self.bytes_read = 0
         self.attachments: Mapping[str, bytes]
         self.attachments, metadata = self._read_header()
-        if metadata.get("schema") not in (LOG_SCHEMA, LOG_SCHEMA_1):
+        if metadata.get("schema") != LOG_SCHEMA:
             raise LogError(f"{path} is not a log of this software: metadata 'schema' is not {LOG_SCHEMA}")
-        self._is_first_version = metadata["schema"] == LOG_SCHEMA_1
         self.made_with = {name: metadata[name] for name in FACTS if name in metadata}
-        self.texts: type[Texts] = ExactTexts if self._is_first_version else Texts
         try:
             self.start_ns = int(metadata["start_ns"])
             self.origin = metadata["origin"]
-            self.wall_offset_ns = 0 if self._is_first_version else int(metadata["wall_offset_ns"])
+            self.wall_offset_ns = int(metadata["wall_offset_ns"])
             _check_time(self.start_ns)
             if abs(self.wall_offset_ns) > LAST_NS:
                 raise ValueError(f"{self.wall_offset_ns} ns is no offset")
@@ -154,16 +149,13 @@ class LogReader:
                 ) from error
 
     def messages(self) -> Iterator[LogMessage]:
-        """Yield every message in the order of writing, under the topics of version 1 of the log.
+        """Yield every message in the order of writing; payloads and pictures under topics of their device.
 
         What is there for viewers alone is left out.
 
         Raises:
             LogError: The file is damaged; messages before the damage have been yielded.
         """
-        if self._is_first_version:
-            yield from self.stored_messages()
-            return
         unpacked_pixels = 0
         for message in self.stored_messages():
             if message.topic == BYTES:

@@ -34,12 +34,10 @@ from drivers.samples import (
 )
 
 LOG_SCHEMA = "rover-hil-log/2"
-LOG_SCHEMA_1 = "rover-hil-log/1"
-"""Unchunked, one message for each payload on `RAW` and `SENT`; still read."""
 CONFIG_ATTACHMENT = "config.json"
 
 RAW, SENT, UNSENT, LINK = "/raw/", "/sent/", "/unsent/", "/link/"
-"""Followed by the name of a device. In version 2 a reader makes the first three from `BYTES` and `CAMERA`."""
+"""Followed by the name of a device. A reader makes the first three from `BYTES` and `CAMERA`."""
 BYTES = "/bytes"
 CAMERA = "/camera/"
 """Followed by the name of a device."""
@@ -371,13 +369,13 @@ class PictureRecord(TypedDict):
 
 
 class WatchdogRecord(TypedDict):
-    """When the watchdog stopped the drive, on `WATCHDOG`; version 1 wrote null."""
+    """When the watchdog stopped the drive, on `WATCHDOG`."""
 
     t_ns: int
 
 
 class HealthRecord(TypedDict):
-    """Facts of all devices, on `HEALTH`; version 1 wrote the list alone."""
+    """Facts of all devices, on `HEALTH`."""
 
     devices: list[Health]
 

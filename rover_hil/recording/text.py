@@ -23,9 +23,7 @@ from drivers.samples import FrameSample, Sample, SentCommand
 from rover_hil.recording.schema import (
     EstimateRecord,
     TruthRecord,
-    estimate_record,
     frame_record,
-    samples_record,
     set_point_record,
 )
 
@@ -96,30 +94,9 @@ def samples_text(samples: Sequence[Sample]) -> bytes:
     return _finite("{" + ",".join(lists) + "}")
 
 
-class Texts:
-    """How a version of the log writes what a replay computes again; `b""` where it writes nothing."""
-
-    samples = staticmethod(samples_text)
-    estimate = staticmethod(estimate_text)
-
-    @staticmethod
-    def command(sent: SentCommand) -> bytes:
-        """Return the record of the set-points sent, with all digits."""
-        return strict_json(set_point_record(sent))
-
-
-class ExactTexts(Texts):
-    """The same for version 1, which wrote all digits."""
-
-    @staticmethod
-    def samples(samples: Sequence[Sample]) -> bytes:
-        """Return samples grouped by kind."""
-        return to_json(samples_record(samples)) if samples else b""
-
-    @staticmethod
-    def estimate(output: StepOutput) -> bytes:
-        """Return the record of a cycle."""
-        return to_json(estimate_record(output))
+def command_text(sent: SentCommand) -> bytes:
+    """Return the record of the set-points sent, with all digits."""
+    return strict_json(set_point_record(sent))
 
 
 _NOT_FINITE = re.compile(r"(?<=[:,\[])(-?)(nan|inf)(?=[,\]}])")

@@ -32,7 +32,7 @@ from rover_hil.recording.schema import (
     SENT,
     EndRecord,
 )
-from rover_hil.recording.text import Texts
+from rover_hil.recording.text import command_text, estimate_text, samples_text
 from rover_hil.run.composition import build_replay_rig
 from rover_hil.run.executive import End, end_by_controller, end_by_time
 from rover_hil.run.recorded_cycles import DRIVEN, RecordedCycles
@@ -229,7 +229,6 @@ class _Comparer(_Replayer):
     def __init__(self, log: LogReader, config: Config) -> None:
         super().__init__(log, config)
         self.result = ReplayResult()
-        self._texts: type[Texts] = log.texts
         self._has_commanded = False
         self._findings = FindingList()
         self.result.findings = self._findings.found
@@ -241,13 +240,13 @@ class _Comparer(_Replayer):
         samples = [*rig.poll(), *self._fixes]
         output = self._output = rig.loop.step(t_ns, samples)
         self._findings.take(seconds(t_ns - self._log.start_ns), output.findings or ())
-        self._compare("samples", t_ns, self._texts.samples(samples))
-        self._compare("estimate", t_ns, self._texts.estimate(output))
+        self._compare("samples", t_ns, samples_text(samples))
+        self._compare("estimate", t_ns, estimate_text(output))
         command = self._expected.get("command")
         if command is not None:
             recorded_sent = self._prepare_drive(command.t_ns)
             rig.clock.sleep_until(command.t_ns)
-            self._compare("command", t_ns, self._texts.command(rig.drive.command(output.command)))
+            self._compare("command", t_ns, command_text(rig.drive.command(output.command)))
             self._compare_sent(t_ns, recorded_sent, "sent bytes")
             self._has_commanded = True
         elif self._log.origin in DRIVEN:

@@ -15,7 +15,6 @@ from rover_hil.recording.reader import LogMessage, LogReader
 from rover_hil.run.recorded_cycles import RecordedCycles
 from tests.rover_hil.command import Command
 from tests.rover_hil.test_hostile_files import Message, RealLog, real, replay_file
-from tests.rover_hil.test_log_1 import LOG as LOG_1
 
 __all__ = ["real"]
 
@@ -177,8 +176,9 @@ def test_a_replay_with_another_kernel_names_both_and_is_identical(real: RealLog,
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_an_old_log_is_said_to_name_no_version(command: Command) -> None:
-    command("replay", str(LOG_1))
+def test_an_old_log_is_said_to_name_no_version(real: RealLog, tmp_path: Path, command: Command) -> None:
+    metadata = {name: value for name, value in real.metadata.items() if name not in FACTS}
+    command("replay", str(real.write(tmp_path / "old.mcap", metadata=metadata)))
     assert command.out.startswith(
         "made with a rover-hil that did not note its version in a log, replayed with "
     )
@@ -193,3 +193,9 @@ def test_a_strangers_facts_reach_the_terminal_as_one_line_without_control_charac
     assert first.startswith("made with numpy ?[31m?[bold]?[31m")
     assert len(first) < 600
     assert last == "50 cycles replayed, every output identical"
+
+
+def test_a_log_of_version_1_is_refused(real: RealLog, tmp_path: Path) -> None:
+    metadata = {**real.metadata, "schema": "rover-hil-log/1"}
+    with pytest.raises(LogError, match="is not rover-hil-log/2"):
+        LogReader(real.write(tmp_path / "old.mcap", metadata=metadata))
