@@ -120,6 +120,7 @@ class ControlLoop:
         self._expiry_ns = nanoseconds(settings.safety.expiry_s)
         self._motion_age_ns = nanoseconds(roles.motion_age_s)
         self._effort = _make_effort(settings, kinematics, roles)
+        self._excites_beside = settings.slip is not None and settings.slip.excite_beside_ground
         scomp = settings.scomp
         self._steers_against_drift = scomp is not None and scomp.steer_against_drift
         is_crabbing = mission is not None and mission.heading == "crab"
@@ -199,6 +200,9 @@ class ControlLoop:
         # Without a mission somebody else drives: zero is then no command.
         commanded_rad_s = () if self._follower is None else self._commanded_rad_s
         innovations = self._estimator.advance(now_ns, commanded_rad_s, self._steering_rad)
+        if self._effort is not None:
+            for pair in self._estimator.ground_pairs:
+                self._effort.take_ground(pair)
         estimate = self._estimator.estimate(now_ns)
         if self._check is not None:
             is_wider = self._judge(self._check, self._cycle(now_ns, estimate, innovations))
@@ -347,7 +351,7 @@ class ControlLoop:
         excited = None if self._effort is None else self._effort.excited
         swing_rad_s = 0.0
         is_turning = self._maneuvers is not None and bool(self._maneuvers.turn.announcement)
-        if excited is not None and (self._estimator.is_measured or is_turning):
+        if excited is not None and (is_turning or (self._estimator.is_measured and not self._excites_beside)):
             excited.leave_out(seconds(now_ns))
         elif excited is not None:
             now_s = seconds(now_ns)

@@ -18,7 +18,8 @@ def go(force: FreeForce, force_n: float | None, length_m: float, turn_rad: float
 def test_a_force_of_none_or_more_than_twice_that_of_free_driving_is_odd(force_n: float, is_odd: bool) -> None:
     force = FreeForce(0.1)
     go(force, 10.0, 0.6)
-    assert (force.reason, force.far_m) == ("", pytest.approx(0.15))
+    assert force.reason == ""
+    assert force.far_m == pytest.approx(0.15)
     go(force, force_n, 0.3)
     assert bool(force.reason) is is_odd
     assert force.far_m == pytest.approx(0.45 if is_odd else 0.15)

@@ -10,7 +10,7 @@ from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.slip.effort.excited_slip import ExcitedSlip
 from controllers.slip.effort.gyro_response import GyroResponse
 from controllers.slip.effort.labelled_windows import LabelledReading, LabelledWindows
-from controllers.slip.effort.learned_bracket import LearnedBracket
+from controllers.slip.effort.learned_bracket import LearnedBracket, conditions_of
 from controllers.slip.effort.slip_bracket import DrivenTravel, SlipReading
 from controllers.slip.effort.slip_by_fixes import SlipAtForce
 from controllers.slip.effort.yaw_excitation import ExcitationResponse, ExcitationSettings
@@ -156,3 +156,31 @@ def test_the_excitation_reads_by_what_was_learned_and_says_where_it_does_not() -
     outside = learning.take(response, 0.3 + 0j, 10.0, None)
     assert outside.unsure == "speed outside of what was learned on the rover"
     assert outside == replace(plain.take(response, 0.3 + 0j, 10.0, None), unsure=outside.unsure)
+
+
+GYRO = GyroResponse(source="a log", identified_on="2026-11-28", delay_s=0.02, bandwidth_hz=10.0)
+
+
+@pytest.mark.parametrize(
+    ("excitation", "gyro", "is_used"),
+    [
+        (ExcitationSettings(), GYRO, True),
+        (ExcitationSettings(), GYRO.model_copy(update={"source": "another log", "delay_s": 0.0201}), True),
+        (ExcitationSettings(), GYRO.model_copy(update={"delay_s": 0.03}), False),
+        (ExcitationSettings(), None, False),
+        (ExcitationSettings(frequency_hz=3.0), GYRO, False),
+        (ExcitationSettings(mass_kg=15.0), GYRO, False),
+    ],
+)
+def test_what_was_learned_with_another_gyro_or_excitation_is_not_used_and_this_is_said(
+    excitation: ExcitationSettings, gyro: GyroResponse | None, is_used: bool
+) -> None:
+    learned = LEARNED.model_copy(update={"conditions": conditions_of(ExcitationSettings(), GYRO)})
+    reason = learned.other_conditions(conditions_of(excitation, gyro))
+    assert (reason == "") is is_used
+    if not is_used:
+        assert reason.startswith(
+            "learned reading not used: learned with excitation 2 Hz of 12, gyro gain 1.00, "
+        )
+        assert reason.endswith(": commission again")
+    assert LEARNED.other_conditions("anything") == ""

@@ -8,9 +8,11 @@ from typing import cast
 import numpy as np
 import pytest
 
-from benchmarks.safety.missions import with_fixes
+from benchmarks.gates.floors import configure_version, drive_config
+from benchmarks.safety.missions import ground_camera, with_fixes
 from controllers.slip.effort.labelled_windows import LabelledReading
 from controllers.slip.effort.learned_bracket import LearnedBracket
+from controllers.slip.effort.settings import SlipSettings
 from controllers.slip.effort.slip_bracket import DrivenTravel, SlipReading
 from rover_hil.config import load_config, read_config_text
 from rover_hil.datasets.marks import Marks
@@ -29,6 +31,7 @@ from rover_hil.ready.commission.procedure import Commissioning, Plan
 from rover_hil.ready.procedure import Request
 from rover_hil.run.driving import run_virtual
 
+SLIP = SlipSettings(maps=load_config("robotino").slip.maps)  # type: ignore[union-attr]
 SLIP_SD = 0.01
 
 
@@ -115,7 +118,7 @@ def test_a_commissioning_with_pose_fixes_writes_a_file_that_a_configuration_take
     found = {"line": labels(15, 0.8, 0.4), "square": labels(16, 0.8, 0.4)}
     monkeypatch.setattr(learning, "read_labels", lambda path: found[path.name])
     path = tmp_path / "learned_bracket.toml"
-    learned, words = learn_reading([Path("line"), Path("square")], path)
+    learned, words = learn_reading([Path("line"), Path("square")], path, SLIP)
     assert learned is not None
     assert (learned.windows, learned.source) == (31, str(tmp_path))
     assert "of the secant and" in words
@@ -130,39 +133,47 @@ def test_a_commissioning_with_pose_fixes_writes_a_file_that_a_configuration_take
     assert slip.learned_bracket is not None
     assert slip.learned_bracket.weights == pytest.approx(learned.weights, rel=1e-4)
     assert slip.learned_bracket.force_range_n == learned.force_range_n
+    assert slip.learned_bracket.conditions == "excitation 2 Hz of 12, gyro unknown"
 
 
 def test_too_few_labels_teach_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(learning, "read_labels", lambda _: labels(LEAST_LABELS - 1, 1.0, 0.5))
     path = tmp_path / "learned_bracket.toml"
-    learned, words = learn_reading([Path("line")], path)
+    learned, words = learn_reading([Path("line")], path, SLIP)
     assert learned is None
     assert words == (
-        "nothing: pose fixes have labelled 19 readings of the yaw excitation, 20 are needed: drive more laps"
+        "nothing: fixes or camera have labelled 19 readings of the yaw excitation, 20 are needed: drive more "
+        "laps"
     )
     assert not path.exists()
 
 
-@pytest.mark.parametrize("fixes_per_s", [None, 0.5])
-def test_only_with_pose_fixes_a_commissioning_learns(
-    fixes_per_s: float | None, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("shipped", "fixes_per_s", "learns"),
+    [("robotino", None, False), ("robotino", 0.5, True), ("robotino-camera", None, True)],
+)
+def test_only_with_fixes_or_ground_motion_a_commissioning_learns(
+    shipped: str, fixes_per_s: float | None, learns: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[Path] = []
 
-    def learn(logs: list[Path], path: Path) -> LearnedReading:
+    def learn(logs: list[Path], path: Path, slip: SlipSettings) -> LearnedReading:
         asked.append(path)
         return LearnedReading(None, "nothing")
 
     monkeypatch.setattr(procedure, "learn_reading", learn)
     monkeypatch.setattr(procedure, "find_worth", lambda _: None)
-    config = load_config("robotino")
+    config = load_config(shipped)
     commissioning = Commissioning("rover.toml", Plan(side_m=1.0, laps=1, tape_sd_m=0.005), ())
     commissioning.configure(
         Request(source="rover.toml"), config if fixes_per_s is None else with_fixes(config, fixes_per_s)
     )
     drive = ("line", cast(Poses, SimpleNamespace(path=Path("runs/line.mcap"))), cast(Marks, None))
     commissioning.fit([drive])
-    assert asked == ([] if fixes_per_s is None else [Path("runs/learned_bracket.toml")])
+    assert asked == ([Path("runs/learned_bracket.toml")] if learns else [])
+    (line, *_) = commissioning.drives(config)
+    assert line.config.slip is not None
+    assert line.config.slip.excite_beside_ground is (shipped == "robotino-camera")
 
 
 @pytest.mark.slow
@@ -178,3 +189,38 @@ def test_a_drive_with_fixes_labels_the_readings_of_the_excitation(tmp_path: Path
         assert 0.0 <= label.secant < 1.0
         assert label.speed_m_s == pytest.approx(0.15, abs=0.06)
         assert 0.0 < label.slip_sd < 0.05
+
+
+@pytest.mark.parametrize(("per_slip", "noise_rad", "expected"), [(0.4, 0.03, 0.4), (0.0, 0.05, 0.0)])
+def test_drift_is_learned_where_it_is_more_than_noise(
+    per_slip: float, noise_rad: float, expected: float
+) -> None:
+    rng = np.random.default_rng(5)
+    found = [
+        each._replace(drift_rad=per_slip * each.slip + noise_rad * float(rng.standard_normal()))
+        for each in labels(40, 0.8, 0.4)
+    ]
+    learned = learn_bracket(found, "here", "2026-11-28")
+    assert learned.drift_per_slip == pytest.approx(expected, abs=0.05 if expected else 0.0)
+    assert learned.drift_sd_rad == pytest.approx(noise_rad, rel=0.3)
+    few = [each._replace(drift_rad=None) for each in found[:-5]] + found[-5:]
+    assert learn_bracket(few, "here", "2026-11-28").drift_per_slip == 0.0
+
+
+@pytest.mark.slow
+def test_a_camera_that_measures_the_ground_labels_readings_of_the_excitation() -> None:
+    """Labels by the ground are near the slip that the reading gives; without the key there are none."""
+    config = configure_version("calibrated gyro", 7)
+    assert config.slip is not None
+    found = {}
+    for excites in (False, True):
+        slip = config.slip.model_copy(update={"excite_beside_ground": excites})
+        driven = drive_config(
+            config.model_copy(update={"slip": slip}), "bristle", 7, make_camera=ground_camera(7)
+        )[1]
+        reports = [moment.output.slip for moment in driven.moments]
+        found[excites] = [each.label for each in reports if each is not None and each.label is not None]
+    assert found[False] == []
+    errors = np.array([each.slip - each.secant - 0.5 * each.width for each in found[True]])
+    assert len(errors) >= 5
+    assert np.sqrt(np.mean(errors**2)) < 0.15

@@ -6,6 +6,7 @@ import operator
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from controllers.estimation.ground_travel import GroundPair
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.slip_states import SlipEstimate
 from controllers.motion.body_motion import BodyMotion
@@ -21,6 +22,7 @@ from controllers.slip.effort.motor_model import SIGN_UNKNOWN, EffortFlag, Effort
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.settings import YAW_PROBE, SlipSettings
 from controllers.slip.effort.slip_by_fixes import SlipByFixes
+from controllers.slip.effort.slip_by_ground import SlipByGround
 from controllers.slip.effort.slip_map import wheel_slip
 from controllers.slip.effort.slip_sharing import share_slip
 from controllers.slip.effort.stuck_wheels import StuckWheels
@@ -63,7 +65,7 @@ class SlipReport:
         drift_rad: Angle from the encoders' course to the true course, positive to the left.
         wheels: One after the other.
         rover: Slip of the rover, its uncertainty and where it comes from.
-        label: Reading of the yaw excitation that pose fixes have labelled since the last increment.
+        label: Reading of the yaw excitation that fixes or a camera have labelled since the last increment.
     """
 
     map: str
@@ -120,7 +122,7 @@ class EffortCompensator:
         )
         self._learns, self._fixes = settings.learn, roles.fixes
         self._fix_ns: int | None = None
-        self._by_fixes = SlipByFixes()
+        self._by_fixes, self._by_ground = SlipByFixes(), SlipByGround()
         self.free_force = FreeForce(rover.base_radius_m)
         self._windows = LabelledWindows(settings.excitation.window_s)
         self._device = roles.wheels
@@ -231,6 +233,12 @@ class EffortCompensator:
             self._gyro_ns = t_ns
         elif isinstance(sample, WheelSample) and sample.device == self._device:
             self._feed_wheel(sample, t_ns)
+
+    def take_ground(self, pair: GroundPair) -> None:
+        """Take a motion over the ground: it labels the readings of the excitation."""
+        found = self._by_ground.take(pair)
+        if found is not None:
+            self._windows.wait(found)
 
     def _feed_wheel(self, sample: WheelSample, t_ns: int) -> None:
         wheel, current_a = sample.wheel, sample.current_a
@@ -485,7 +493,7 @@ class EffortCompensator:
             return _WindowSlip((found.slip,) * self._kinematics.wheel_count, 0.0, found.reason)
         missing_rad_s = (1.0 - found.slip) * response.wheel_rate_rad_s - response.gyro_rate_rad_s
         slips = share_slip(self._kinematics, self._window_rad, found.slip, missing_rad_s * self._window_s)
-        return _WindowSlip(slips, 0.0, "")
+        return _WindowSlip(slips, self.excited.drift_rad, "")
 
     def _is_measured_by_fixes(self) -> bool:
         """Return whether the newest fix is recent."""

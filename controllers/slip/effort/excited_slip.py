@@ -8,7 +8,7 @@ from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.slip.effort.ground_knowledge import GYRO_WAS_WRONG, KnownSlip, SlipSource
 from controllers.slip.effort.gyro_in_place import GyroInPlace
 from controllers.slip.effort.gyro_response import GyroResponse
-from controllers.slip.effort.learned_bracket import LearnedBracket
+from controllers.slip.effort.learned_bracket import LearnedBracket, conditions_of
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.slip_bracket import (
     IDLE_WHEELS,
@@ -85,6 +85,7 @@ class ExcitedSlip:
         in_place: Judges scale and sign of the gyro before the rover travels; None where it is not to turn.
         lost_response: Why the rover may not get on: the body answered before and does not any more, or wheels
             turn with hardly any force. Empty where it does.
+        drift_rad: Angle from the course of the wheels to the true one, as learned; 0 without.
         reading: By the newest window, without what was learned, and its travel; None where it gave none.
         unanswered_m: Travel of the wheels since the begin of the last window in which the body answered.
     """
@@ -112,7 +113,9 @@ class ExcitedSlip:
         self.excitation = YawExcitation(settings, amplitude_rad_s, sensors)
         self.swing = SwingFilter(frequency_hz)
         self.in_place = GyroInPlace(rover.base_radius_m) if proves_gyro and travel_m_s is not None else None
-        self._gyro, self._learned, self._not_learned = gyro, learned, ""
+        self._gyro, self.drift_rad = gyro, 0.0
+        self._not_learned = "" if learned is None else learned.other_conditions(conditions_of(settings, gyro))
+        self._learned = None if self._not_learned else learned
         self.reading: tuple[SlipReading, DrivenTravel] | None = None
         self._lag_sd_rad = math.tau * frequency_hz * _lag_sd_s(gyro, frequency_hz, wheel_age_s)
         self._gain_sd = 0.0 if gyro is None else _gain_sd(gyro, frequency_hz)
@@ -191,8 +194,10 @@ class ExcitedSlip:
             found = found._replace(problem=found.problem or GYRO_WAS_WRONG)
             self._is_doubted = False
         self.reading = (found, travel)
+        self.drift_rad = 0.0
         if self._learned is not None:
             found, self._not_learned = self._learned.read(found, travel)
+            self.drift_rad = 0.0 if self._not_learned else self._learned.drift_per_slip * found.slip
         reason = found.problem
         self._valid_windows = 0 if reason else self._valid_windows + 1
         slip, sd, source = found.slip, found.sd, SlipSource.EXCITATION

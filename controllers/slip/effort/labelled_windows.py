@@ -1,4 +1,4 @@
-"""Windows of the excitation between two pose fixes, labelled with the slip that the fixes measure."""
+"""Windows of the excitation, labelled with the slip that pose fixes or a camera measure meanwhile."""
 
 from collections import deque
 from typing import NamedTuple
@@ -17,8 +17,9 @@ class LabelledReading(NamedTuple):
         width: From there to the bound by lag and force, as far as that counts; not negative.
         speed_m_s: By the wheels.
         force_n: Mean drive force along the travel; None where it is unknown in a window.
-        slip: By the fixes.
+        slip: By fixes or camera.
         slip_sd: Standard deviation of `slip`.
+        drift_rad: Angle from the course of the wheels to the true one, left positive; None where unknown.
     """
 
     secant: float
@@ -27,6 +28,7 @@ class LabelledReading(NamedTuple):
     force_n: float | None
     slip: float
     slip_sd: float
+    drift_rad: float | None = None
 
 
 class _Window(NamedTuple):
@@ -88,4 +90,5 @@ class LabelledWindows:
             force_n=mean(known_n) if len(known_n) == len(forces_n) else None,
             slip=found.slip,
             slip_sd=found.slip_sd,
+            drift_rad=found.drift_rad,
         )

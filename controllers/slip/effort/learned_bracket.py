@@ -13,7 +13,9 @@ from typing import Annotated, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
+from controllers.slip.effort.gyro_response import GyroResponse
 from controllers.slip.effort.slip_bracket import DrivenTravel, SlipReading, width_of
+from controllers.slip.effort.yaw_excitation import ExcitationSettings
 from drivers.settings import Settings
 
 MARGIN = 0.25
@@ -23,6 +25,18 @@ Deviation = Annotated[float, Field(ge=0.0, le=1.0)]
 Range = tuple[float, float]
 PLAIN, SMOOTH = 2, 7
 """Number of weights: of p and q alone, and with their changes."""
+
+
+def conditions_of(excitation: ExcitationSettings, gyro: GyroResponse | None) -> str:
+    """Return what a reading depends on beside the ground, in words: excitation, inertia and gyro."""
+    inertia = (excitation.yaw_inertia_kg_m2, excitation.body_radius_m)
+    known = ", ".join(f"{value:g}" for value in (excitation.mass_kg, *inertia) if value is not None)
+    words = f"excitation {excitation.frequency_hz:g} Hz of {known}"
+    if gyro is None:
+        return f"{words}, gyro unknown"
+    return (
+        f"{words}, gyro gain {gyro.gain:.2f}, delay {1e3 * gyro.delay_s:.0f} ms, {gyro.bandwidth_hz:.0f} Hz"
+    )
 
 
 class Driven(NamedTuple):
@@ -70,6 +84,9 @@ class LearnedBracket(Settings):
         width_range: Widths that were seen.
         speed_range_m_s: Speeds by the wheels that were driven.
         force_range_n: Drive forces; None where they were not known all the time.
+        conditions: Excitation and gyro that they were read with, see `conditions_of`; empty where not stated.
+        drift_per_slip: Angle from the course of the wheels to the true one over the slip, left positive, rad.
+        drift_sd_rad: Standard deviation of the drift about it.
     """
 
     source: str
@@ -82,6 +99,9 @@ class LearnedBracket(Settings):
     width_range: Range
     speed_range_m_s: Range
     force_range_n: Range | None = None
+    conditions: str = ""
+    drift_per_slip: Annotated[float, Field(ge=-1.5, le=1.5)] = 0.0
+    drift_sd_rad: Annotated[float, Field(ge=0.0, le=3.2)] = 0.0
 
     @model_validator(mode="after")
     def _check_sizes(self) -> Self:
@@ -111,6 +131,12 @@ class LearnedBracket(Settings):
             if seen is not None and value is not None and not _is_within(value, seen)
         ]
         return f"{' and '.join(outside)} outside of what was learned on the rover" if outside else ""
+
+    def other_conditions(self, now: str) -> str:
+        """Return that it was learned under other conditions than now; empty where it was not."""
+        if self.conditions in ("", now):
+            return ""
+        return f"learned reading not used: learned with {self.conditions}; now {now}: commission again"
 
     def read(self, found: SlipReading, travel: DrivenTravel) -> tuple[SlipReading, str]:
         """Return a reading by what was learned, and "", or the reading as it is, and why."""

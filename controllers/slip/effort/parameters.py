@@ -111,6 +111,7 @@ class FixParameters:
 
     greatest_sd: float = 0.04  # of the slip, by the noise of the fixes
     deviations: float = 3.0  # so many of the greatest beyond 0 to 1, one of the two fixes is an outlier
+    yaw_sd_rad: float = 0.05  # of a fix whose yaw shows the drift
     straightness: float = 0.97  # distance between the ends over distance travelled
     most_cycles: int = 1000  # that are remembered; a fix may be as old as this
     covered_share: float = 0.7  # of the travel between two fixes, by valid windows that they label

@@ -48,8 +48,9 @@ class SlipSettings(Settings):
             yaw excitation gives the least slip that a gyro late by 0 to 40 ms may show, with a larger
             standard deviation, and says so.
         learned_bracket: What `rover-hil commission` with pose fixes has learned of the reading of the yaw
-            excitation on this rover's ground: path of the file. Outside of what was driven then the reading
-            is that without it.
+            excitation on this rover's ground: path of the file. Outside of what was driven then, and with
+            another gyro or excitation, the reading is that without it.
+        excite_beside_ground: The excitation goes on while a camera measures the slip: so `commission` learns.
         unknown_ground: What is used where the drive force fits no known surface, or several that differ in
             slip. `encoders`: the last valid slip, which decays to zero. `map`: the map nevertheless, as in
             paper 003. Either way the slip is flagged as not valid. Not used by `yaw_probe`.
@@ -69,6 +70,7 @@ class SlipSettings(Settings):
     known_surfaces: tuple[str, ...] = ()
     gyro_response: GyroResponse | None = None
     learned_bracket: LearnedBracket | None = None
+    excite_beside_ground: bool = False
     unknown_ground: Literal["encoders", "map"] = "encoders"
     learn: bool = False
     excitation_rest_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0

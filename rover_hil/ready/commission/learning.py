@@ -12,8 +12,15 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.slip.effort.labelled_windows import LabelledReading
-from controllers.slip.effort.learned_bracket import PLAIN, SMOOTH, Driven, LearnedBracket
+from controllers.slip.effort.learned_bracket import (
+    PLAIN,
+    SMOOTH,
+    Driven,
+    LearnedBracket,
+    conditions_of,
+)
 from controllers.slip.effort.parameters import EFFORT
+from controllers.slip.effort.settings import SlipSettings
 from controllers.slip.effort.slip_bracket import DrivenTravel
 from drivers.clock import date_of, wall_time_ns
 from rover_hil.datasets.arrays import Array, rms
@@ -28,6 +35,11 @@ PRIOR_SD = np.array([1.0, 1.0, 0.5, 0.5, 0.5, 0.5, 0.5]) / math.sqrt(12.0)
 """Changes of p and q with response, speed and force are at most half as large as their own."""
 LEAST_SD = 0.02
 """Of a reading about what was learned: windows of the excitation are noisy."""
+DRIFT_PRIOR_SD = 0.5
+"""Of drift over slip, rad: a rover that slips wholly may go aside by half a radian."""
+GREATEST_DRIFT = 1.5
+SURE = 3.0
+"""A drift is one from so many of its standard deviations on: 1 in 370 is noise."""
 LEAST_LABELS = 20
 """Fewer teach nothing: with 5 labels the reading is as far off as by the prior."""
 LEAST_SMOOTH = 40
@@ -41,8 +53,8 @@ class LearnedReading(NamedTuple):
     words: str
 
 
-def learn_reading(logs: Sequence[Path], path: Path) -> LearnedReading:
-    """Learn the reading of the yaw excitation where pose fixes have measured the slip, into a file.
+def learn_reading(logs: Sequence[Path], path: Path, slip: SlipSettings) -> LearnedReading:
+    """Learn the reading of the yaw excitation where fixes or a camera have measured the slip, into a file.
 
     Raises:
         LogError: A log is damaged.
@@ -50,17 +62,23 @@ def learn_reading(logs: Sequence[Path], path: Path) -> LearnedReading:
     labels = [label for log in logs for label in read_labels(log)]
     if len(labels) < LEAST_LABELS:
         words = (
-            f"nothing: pose fixes have labelled {len(labels)} readings of the yaw excitation, {LEAST_LABELS} "
-            "are needed: drive more laps"
+            f"nothing: fixes or camera have labelled {len(labels)} readings of the yaw excitation, "
+            f"{LEAST_LABELS} are needed: drive more laps"
         )
         return LearnedReading(None, words)
-    learned = learn_bracket(labels, str(path.parent), date_of(wall_time_ns()).isoformat())
+    learned = learn_bracket(
+        labels,
+        str(path.parent),
+        date_of(wall_time_ns()).isoformat(),
+        conditions_of(slip.excitation, slip.gyro_response),
+    )
     write_file(path, toml_text(learned.model_dump(exclude_none=True), digits=5))
     before = rms(np.array([each.slip - each.secant - EFFORT.bracket.weight * each.width for each in labels]))
     secant_share, width_share, *others = learned.weights
+    drift = f"drift of {learned.drift_per_slip:+.2f} rad per slip, " if learned.drift_per_slip else ""
     changes = ", changing with response, speed and force" if others else ""
     words = (
-        f"{secant_share:.2f} of the secant and {width_share:.2f} of the width{changes}, from "
+        f"{secant_share:.2f} of the secant and {width_share:.2f} of the width{changes}, {drift}from "
         f"{learned.windows} readings, off one that was left out by {learned.residual_sd:.3f} (rms; "
         f"{before:.3f} with the fixes' noise by the formula); written to {path}; in the configuration: "
         f'[slip] learned_bracket = "{path}"'
@@ -69,7 +87,7 @@ def learn_reading(logs: Sequence[Path], path: Path) -> LearnedReading:
 
 
 def read_labels(path: Path) -> list[LabelledReading]:
-    """Return the readings of the yaw excitation in a log that its pose fixes have labelled.
+    """Return the readings of the yaw excitation in a log that its fixes or camera have labelled.
 
     Raises:
         LogError: The log is damaged.
@@ -80,13 +98,16 @@ def read_labels(path: Path) -> list[LabelledReading]:
     return [report.label for report in reports if report is not None and report.label is not None]
 
 
-def learn_bracket(labels: Sequence[LabelledReading], source: str, learned_on: str) -> LearnedBracket:
+def learn_bracket(
+    labels: Sequence[LabelledReading], source: str, learned_on: str, conditions: str = ""
+) -> LearnedBracket:
     """Return what labelled readings teach.
 
     Args:
         labels: At least `LEAST_LABELS`.
         source: Where they are from.
         learned_on: Day, as 2026-01-31.
+        conditions: Excitation and gyro; empty for any.
     """
     forces_n = [label.force_n for label in labels if label.force_n is not None]
     driven = Driven(
@@ -98,8 +119,12 @@ def learn_bracket(labels: Sequence[LabelledReading], source: str, learned_on: st
     found = _learn(labels, driven, PLAIN)
     if len(labels) >= LEAST_SMOOTH:
         found = min(found, _learn(labels, driven, SMOOTH), key=lambda each: each.residual_sd)
+    drift_per_slip, drift_sd_rad = _learn_drift(labels)
     return LearnedBracket(
         source=source,
+        conditions=conditions,
+        drift_per_slip=drift_per_slip,
+        drift_sd_rad=drift_sd_rad,
         learned_on=learned_on,
         windows=len(labels),
         weights=tuple(found.weights.tolist()),
@@ -110,6 +135,24 @@ def learn_bracket(labels: Sequence[LabelledReading], source: str, learned_on: st
         speed_range_m_s=driven.speed_m_s,
         force_range_n=driven.force_n,
     )
+
+
+def _learn_drift(labels: Sequence[LabelledReading]) -> tuple[float, float]:
+    """Return drift over slip, and the scatter of the drift about it; 0 where it is none but noise.
+
+    A regression through the origin, with the prior that there is none.
+    """
+    known = [(label.slip, label.drift_rad) for label in labels if label.drift_rad is not None]
+    if len(known) < LEAST_LABELS:
+        return 0.0, 0.0
+    slips, drifts_rad = np.array(known).T
+    squares = float(slips @ slips)
+    scatter_rad = float(rms(drifts_rad))
+    per_slip = float(slips @ drifts_rad) / (squares + scatter_rad**2 / DRIFT_PRIOR_SD**2)
+    left_rad = float(rms(drifts_rad - per_slip * slips))
+    if abs(per_slip) * math.sqrt(squares) <= SURE * left_rad:
+        return 0.0, scatter_rad
+    return float(np.clip(per_slip, -GREATEST_DRIFT, GREATEST_DRIFT)), left_rad
 
 
 class _Weights(NamedTuple):

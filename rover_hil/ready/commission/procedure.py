@@ -43,6 +43,8 @@ from rover_hil.recording.reader import LogReader
 
 PAGE_NAME = "commissioning.html"
 LEARNED_NAME = "learned_bracket.toml"
+EITHER_WAY = {"excite_real_rover": True, "excite_beside_ground": False}
+"""Keys of [slip] by which a commissioning may differ from what is entered."""
 LINE = "line"
 LINE_STOPS = 2
 WAIT_S = 4.0
@@ -191,6 +193,9 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
         return request.out
 
     def drives(self, config: Config) -> Sequence[Drive]:
+        if self._is_excited and config.slip is not None and config.ground_motion is not None:
+            slip = config.slip.model_copy(update={"excite_beside_ground": True})
+            config = config.model_copy(update={"slip": slip})
         speed_m_s = DEFAULT_SPEED_M_S if config.mission is None else config.mission.speed_m_s
         return [
             Drive(
@@ -242,10 +247,11 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
         return [_read(log, log.stem) for log in logs]
 
     def fit(self, record: Sequence[MeasuredDrive]) -> Worth:
-        """Return what the drives are worth; with pose fixes also learn how to read the slip."""
-        if self._is_excited and self._config is not None and self._config.fix_sources:
+        """Return what the drives are worth; with fixes or ground motion also learn how to read the slip."""
+        config = self._config
+        if self._is_excited and config is not None and config.slip is not None and _measures_slip(config):
             logs = [poses.path for _, poses, _ in record]
-            self._learned = learn_reading(logs, logs[0].parent / LEARNED_NAME)
+            self._learned = learn_reading(logs, logs[0].parent / LEARNED_NAME, config.slip)
         return find_worth(record)
 
     def title(self, record: Sequence[MeasuredDrive], result: Worth) -> str:
@@ -402,7 +408,7 @@ def _require_excited(config: Config, source: str, drives: Sequence[MeasuredDrive
             raise ConfigError(f"--enter: {poses.path} is of the simulated rover: commission the real one")
         with restore_config(LogReader(poses.path)) as driven:
             settings = [
-                (each.rover, each.slip and each.slip.model_copy(update={"excite_real_rover": True}))
+                (each.rover, each.slip and each.slip.model_copy(update=EITHER_WAY))
                 for each in (config, driven)
             ]
         if settings[0] != settings[1]:
@@ -410,6 +416,10 @@ def _require_excited(config: Config, source: str, drives: Sequence[MeasuredDrive
                 f"--enter: {poses.path} was driven with another [rover] or [slip] than that of {source}: "
                 "commission again without --again"
             )
+
+
+def _measures_slip(config: Config) -> bool:
+    return bool(config.fix_sources) or config.ground_motion is not None
 
 
 def _passed_words(doubts: Sequence[str]) -> str:
