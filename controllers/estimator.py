@@ -7,7 +7,9 @@ from dataclasses import replace
 from controllers.estimation.dead_reckoning import DeadReckoned, DeadReckoning
 from controllers.estimation.ground_travel import GroundPair, GroundReport, GroundTravel, contradicting
 from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.gyro import GyroIntegrator, GyroTurn
+from controllers.estimation.gyro import GyroIntegrator
+from controllers.estimation.measurements.listed import LISTED
+from controllers.estimation.measurements.reader import Situation
 from controllers.estimation.odometry import BodyIncrement, WheelOdometry
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pauses import SilenceWatch
@@ -18,8 +20,10 @@ from controllers.estimation.rest import Rest, RestWatch, Witness
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.stuck_encoder import StuckEncoders
 from controllers.estimation.transition import Turn
-from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
+from controllers.estimation.turn_evidence import TurnEvidence
+from controllers.estimation.turn_source import TurnSource
 from controllers.estimation.unseen_motion import UnseenMotion
+from controllers.estimation.waiting_samples import WaitingSamples
 from controllers.estimation.wheel_angle import WheelAngle
 from controllers.estimation.wheel_contradiction import WheelContradiction
 from controllers.motion.body_motion import BodyMotion
@@ -32,8 +36,6 @@ from drivers.clock import nanoseconds, seconds
 from drivers.samples import (
     AccelerationSample,
     FrameSample,
-    HeadingReference,
-    HeadingSample,
     LinkSample,
     PoseFixSample,
     RateSample,
@@ -62,7 +64,6 @@ class Estimator:
         steering: Steering angles of the wheels.
         contradiction: How far the wheels contradict each other.
         motion_ns: Time of the wheel positions that the pose is based on; None before the first motion.
-        evidence: Turn of the last cycle by gyro and by wheels; None where one of them did not measure it.
         is_still: Whether the wheels have been at rest for a while, as commanded, at the last `advance`.
         suspicion: Why the wheels may not measure the motion of the rover; empty without a contradiction.
         ground_pairs: Motions over the ground that the last cycle took.
@@ -131,23 +132,22 @@ class Estimator:
         }
         self._fixes = FixQueue(roles.fixes, has_camera=ground is not None)
         self._dead_reckoning = DeadReckoning() if roles.fixes else None
-        self._headings: list[tuple[HeadingSample, int]] = []
-        self._heading_ns: dict[tuple[str, HeadingReference], int] = {}
-        self._wheel_turn_rad = 0.0
-        self._wheel_turn = WheelTurn()
-        self._parts_rad = (0.0,) * kinematics.wheel_count
+        self._waiting = WaitingSamples(LISTED)
+        self._turns = TurnSource(self._gyro, kinematics.wheel_count)
         self._rolled_m = self._open_m = self._open_rad = 0.0
-        self._has_lost_motion = False
         self._compensated_m = (0.0, 0.0)
         self._driven_ns: int | None = None
         self._unseen = UnseenMotion(self._effects)
         self._undecided_rad2 = self._doubted_to_m = self.doubted_rad = 0.0
-        self.evidence: TurnEvidence | None = None
         self.is_still = False
         self._is_resting = False
-        self._yaw_source = YawSource.WHEELS
         self._bias_seen_ns: int | None = None
         self.motion_ns: int | None = None
+
+    @property
+    def evidence(self) -> TurnEvidence | None:
+        """Turn of the last cycle by gyro and by wheels; None where one of them did not measure it."""
+        return self._turns.evidence
 
     @property
     def pose_filter(self) -> PoseFilter:
@@ -166,18 +166,17 @@ class Estimator:
         if isinstance(sample, RateSample | AccelerationSample):
             if device == self._roles.gyro:
                 self._take_inertial(sample, t_ns)
-        elif isinstance(sample, HeadingSample | PoseFixSample | FrameSample):
+        elif isinstance(sample, PoseFixSample | FrameSample):
             self._take_reference(sample, t_ns)
         elif isinstance(sample, LinkSample) and device == self._roles.wheels:
             # After a break the codec counts turns from zero.
             self.odometry.rebase()
             for angle in self._angles:
                 angle.reset()
+        self._waiting.add(sample, t_ns)
 
-    def _take_reference(self, sample: HeadingSample | PoseFixSample | FrameSample, t_ns: int) -> None:
-        if isinstance(sample, HeadingSample):
-            self._take_heading(sample, t_ns)
-        elif isinstance(sample, PoseFixSample):
+    def _take_reference(self, sample: PoseFixSample | FrameSample, t_ns: int) -> None:
+        if isinstance(sample, PoseFixSample):
             self._fixes.add(sample, t_ns)
         elif self._ground is not None and sample.device == self._roles.camera:
             self._ground.add(sample, t_ns)
@@ -235,7 +234,7 @@ class Estimator:
         self.doubted_rad = math.sqrt(self._undecided_rad2)
         self._steer(now_ns, set_steering_rad)
         increment = self.odometry.take(self.steering.angles_rad)
-        self.evidence = None
+        self._turns.evidence = None
         self._is_commanded = bool(set_speed_rad_s)
         set_speed_rad_s = set_speed_rad_s or (0.0,) * len(self._effects)
         if any(set_speed_rad_s):
@@ -249,26 +248,17 @@ class Estimator:
         is_still = self._is_at_rest(rest)
         if increment is not None and self.odometry.t_ns is not None:
             self.motion_ns = self.odometry.t_ns
-            self._wheel_turn = self._wheel_turn.with_increment(
-                self._effects, increment.turned_rad, increment.duration_s
-            )
-            self._parts_rad = tuple(
-                part_rad + effect[2] * turned_rad
-                for part_rad, effect, turned_rad in zip(
-                    self._parts_rad, self._effects, increment.turned_rad, strict=True
-                )
-            )
+            self._turns.add(self._effects, increment)
             self._rolled_m += math.hypot(*greatest_motion(self._effects, increment.turned_rad)[:2])
-            step = self._move(increment, self._turn(increment, now_ns, is_still))
+            step = self._move(
+                increment, self._turns.take(now_ns, self._filter.gyro_bias_rad_s, is_still=is_still)
+            )
             self._fixes.move(self.motion_ns, step)
             if self._dead_reckoning is not None:
                 self._dead_reckoning.add(step, math.sqrt(self._filter.gyro_bias_rad2_s2))
             self._path_m += math.hypot(increment.x_m, increment.y_m)
             self._doubt_stuck_wheels(increment)
-        innovations = [
-            self._correct_heading(sample, t_ns) for sample, t_ns in self._headings if self._is_usable(t_ns)
-        ]
-        self._headings.clear()
+        innovations = self._correct_by_samples()
         innovations += self._follow_ground(now_ns)
         for fix, way_back in self._fixes.take():
             innovations += (late(fix),) if way_back is None else self._filter.correct_pose(fix, way_back)
@@ -322,14 +312,14 @@ class Estimator:
                 self._filter.widen(added_m, added_m, 0.0)
             elif pair is not None:
                 self._lost_m = 0.0
-                corrects_yaw = self._yaw_source is not YawSource.GYRO
+                corrects_yaw = self._turns.yaw_source is not YawSource.GYRO
                 innovations += self._filter.correct_ground(
                     camera, pair.motion, way_back, corrects_yaw=corrects_yaw
                 )
                 pairs.append(pair)
             if is_begin:
                 self._filter.mark_frame(way_back)
-        is_gyro = self._yaw_source is YawSource.GYRO or self._is_resting
+        is_gyro = self._turns.yaw_source is YawSource.GYRO or self._is_resting
         innovations += self._ground.compare_turns(camera, is_gyro=is_gyro)
         self.ground_pairs = tuple(pairs)
         self._is_measured = self._ground.is_valid(now_ns)
@@ -526,7 +516,9 @@ class Estimator:
         velocity_x_m_s, velocity_y_m_s, _ = self._body_velocity()
         yaw_rate_rad_s = self._yaw_rate_rad_s()
         xx, xy, x_yaw, yy, y_yaw, yaw_rad2 = self._filter.covariance
-        waiting_rad, waiting_rad2 = self._waiting_turn()
+        waiting_rad, waiting_rad2 = self._turns.waiting(
+            self._filter.gyro_bias_rad_s, is_resting=self._is_resting
+        )
         yaw_rad = wrap_angle(pose.yaw_rad + waiting_rad)
         yaw_rad2 += waiting_rad2
         age_s = 0.0 if self.motion_ns is None else seconds(now_ns - self.motion_ns)
@@ -537,7 +529,7 @@ class Estimator:
             xx, xy, yy = xx + along_m.real**2, xy + along_m.real * along_m.imag, yy + along_m.imag**2
         silent_m2, silent_rad2 = self._silent(age_s)
         xx, yy, yaw_rad2 = xx + silent_m2, yy + silent_m2, yaw_rad2 + silent_rad2
-        if self._yaw_source is YawSource.GYRO:
+        if self._turns.yaw_source is YawSource.GYRO:
             yaw_rad2 += (yaw_rate_rad_s * self._settings.gyro_delay_sd_s) ** 2
         return PoseEstimate(
             t_ns=now_ns if self.motion_ns is None else self.motion_ns,
@@ -549,7 +541,7 @@ class Estimator:
             yaw_rate_rad_s=yaw_rate_rad_s,
             gyro_bias_rad_s=self._filter.gyro_bias_rad_s,
             covariance=(xx, xy, x_yaw, yy, y_yaw, yaw_rad2),
-            yaw_source=self._yaw_source,
+            yaw_source=self._turns.yaw_source,
         )
 
     def _silent(self, age_s: float) -> tuple[float, float]:
@@ -565,17 +557,8 @@ class Estimator:
         """Return the pose without corrections; None without fixes, where the estimate does not jump."""
         if self._dead_reckoning is None:
             return None
-        return self._dead_reckoning.report(*self._waiting_turn())
-
-    def _waiting_turn(self) -> tuple[float, float]:
-        """Return the turn that waits for motion of the wheels or a reading of the gyro, and its variance."""
-        if self._is_resting or self._yaw_source is not YawSource.GYRO:
-            return 0.0, 0.0
-        angle_rad, covered_s, variance_rad2 = self._gyro.turn
-        if covered_s > 0.0:
-            return angle_rad - self._filter.gyro_bias_rad_s * covered_s, variance_rad2
-        error_rad = ESTIMATION.pose.gap_turn_error * self._wheel_turn.both_ways_rad
-        return self._wheel_turn_rad, error_rad**2 / 3.0
+        waiting = self._turns.waiting(self._filter.gyro_bias_rad_s, is_resting=self._is_resting)
+        return self._dead_reckoning.report(*waiting)
 
     @property
     def unseen_m(self) -> float:
@@ -591,7 +574,7 @@ class Estimator:
         """Widen the estimate when the wheels have a new base: what they did since the last one is unknown."""
         odometry = self.odometry
         if odometry.lost_s:
-            self._has_lost_motion = True
+            self._turns.has_lost_motion = True
             turn_unknown_s = max(0.0, odometry.lost_s - self._gyro.turn.covered_s)
             if turn_unknown_s <= self._roles.max_age_s(self._roles.gyro) and self._roles.gyro is not None:
                 turn_unknown_s = 0.0  # the readings to come reach back
@@ -636,57 +619,8 @@ class Estimator:
             self._widen((aside_m, aside_m, 0.0))
         return step
 
-    def _turn(self, increment: BodyIncrement, now_ns: int, is_still: bool) -> Turn:
-        """Choose the source of the turn.
-
-        While the gyro is fresh but has no new reading since the last increment, the wheels' turn is held
-        back: it is not lost if the gyro fails, and not counted twice if it has a reading. The turn in a gap
-        between the gyro's readings is that of the wheels. At standstill the wheels are used: the gyro would
-        only add its noise.
-        """
-        self._wheel_turn_rad += increment.turn_rad
-        by_gyro = self._gyro.take()
-        if not is_still and by_gyro.covered_s > 0.0:
-            return self._turn_by_gyro(by_gyro)
-        if not is_still and self._gyro.is_fresh(now_ns):
-            return Turn(angle_rad=0.0, source=YawSource.GYRO)
-        self._yaw_source = YawSource.WHEELS
-        turn = Turn(angle_rad=self._wheel_turn_rad, source=YawSource.WHEELS)
-        self._begin_turn()
-        return turn
-
-    def _turn_by_gyro(self, by_gyro: GyroTurn) -> Turn:
-        angle_rad, covered_s, unseen_rad2 = by_gyro
-        self._yaw_source = YawSource.GYRO
-        wheels, wheel_turn_rad, has_gap = self._wheel_turn, self._wheel_turn_rad, self._gyro.has_gap
-        parts_rad = self._parts_rad
-        has_lost_motion = self._has_lost_motion
-        self._begin_turn()
-        if has_gap:
-            gap_share = max(0.0, 1.0 - covered_s / wheels.duration_s)
-            by_wheels_rad = wheel_turn_rad * gap_share
-            return Turn(
-                angle_rad=angle_rad + by_wheels_rad,
-                source=YawSource.GYRO,
-                covered_s=covered_s,
-                by_wheels_rad=by_wheels_rad,
-                gap_error_rad=ESTIMATION.pose.gap_turn_error * wheels.both_ways_rad * gap_share,
-                unseen_rad2=unseen_rad2,
-            )
-        if not has_lost_motion:
-            bias_rad = self._filter.gyro_bias_rad_s * covered_s
-            self.evidence = TurnEvidence(gyro_rad=angle_rad - bias_rad, wheels=wheels, by_wheel_rad=parts_rad)
-        return Turn(angle_rad=angle_rad, source=YawSource.GYRO, covered_s=covered_s, unseen_rad2=unseen_rad2)
-
-    def _begin_turn(self) -> None:
-        self._wheel_turn_rad = 0.0
-        self._wheel_turn = WheelTurn()
-        self._parts_rad = (0.0,) * len(self._effects)
-        self._has_lost_motion = False
-        self._gyro.clear_gap()
-
     def _yaw_rate_rad_s(self) -> float:
-        if self._yaw_source is YawSource.GYRO:
+        if self._turns.yaw_source is YawSource.GYRO:
             return self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s
         return self._body_velocity()[2]
 
@@ -699,25 +633,23 @@ class Estimator:
             return rolled
         return self._slip.body_motion(self.odometry.wheel_speed_rad_s)
 
-    def _take_heading(self, sample: HeadingSample, t_ns: int) -> None:
-        source = (sample.device, sample.reference)
-        newest_ns = self._heading_ns.get(source)
-        if sample.device in self._roles.headings and (newest_ns is None or t_ns > newest_ns):
-            self._heading_ns[source] = t_ns
-            self._headings.append((sample, t_ns))
-
-    def _is_usable(self, heading_ns: int) -> bool:
-        """Return whether the motion is known recently enough to compare a heading with the yaw."""
-        if self.motion_ns is None:
-            return True
-        return heading_ns - self.motion_ns <= nanoseconds(self._roles.motion_age_s)
-
-    def _correct_heading(self, sample: HeadingSample, t_ns: int) -> Innovation:
-        age_s = 0.0 if self.motion_ns is None else seconds(self.motion_ns - t_ns)
-        lag_s = self._settings.heading_lag_s + age_s
-        return self._filter.correct_heading(
-            sample.device, sample.reference, sample.heading_rad, self._yaw_rate_rad_s() * lag_s
-        )
+    def _correct_by_samples(self) -> list[Innovation]:
+        """Correct by the samples that wait, if the motion is known recently enough to compare them."""
+        innovations: list[Innovation] = []
+        limit_ns = nanoseconds(self._roles.motion_age_s)
+        for reader, sample, t_ns in self._waiting.take():
+            if self.motion_ns is not None and t_ns - self.motion_ns > limit_ns:
+                continue
+            now = Situation(
+                settings=self._settings,
+                layout=self._filter.layout,
+                yaw_rate_rad_s=self._yaw_rate_rad_s(),
+                age_s=0.0 if self.motion_ns is None else seconds(self.motion_ns - t_ns),
+            )
+            measurement = reader.read(sample, now)
+            if measurement is not None:
+                innovations += self._filter.correct(*measurement)
+        return innovations
 
 
 def _added(now: float, before: float) -> float:

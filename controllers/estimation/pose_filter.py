@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 
 from controllers.estimation.fix_frames import FixFrames
 from controllers.estimation.guarded_filter import FilterStep, GuardedFilter, Innovation
-from controllers.estimation.measurement_model import Measured, MeasurementModel
+from controllers.estimation.measurement_model import MeasurementModel
 from controllers.estimation.measurements.ground_travel import GroundTravel
 from controllers.estimation.measurements.gyro_at_rest import GyroAtRest
-from controllers.estimation.measurements.heading import HeadingModel
 from controllers.estimation.measurements.pose_fix import pose_then
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.parameters import ESTIMATION
@@ -22,7 +21,7 @@ from controllers.estimation.state_layout import BIAS, SCALE, YAW, StateLayout, X
 from controllers.estimation.transition import MotionTransition, Turn
 from controllers.ground_motion.motion import GroundMotion
 from controllers.motion.planar import Pose
-from drivers.samples import HeadingReference, PoseFixSample
+from drivers.samples import PoseFixSample
 
 Array = NDArray[np.float64]
 
@@ -142,20 +141,6 @@ class PoseFilter:
             noise[:YAW, :YAW] += np.outer(column, column) * greatest_m**2 / 3.0
         noise[YAW, YAW] = yaw_rad**2 / 3.0
         self._filter.widen_by(noise)
-
-    def correct_heading(
-        self, device: str, reference: HeadingReference, heading_rad: float, turned_since_rad: float
-    ) -> Innovation:
-        """Correct by a heading; `turned_since_rad` is the turn of the rover since it was measured."""
-        source = (device, reference)
-        model = HeadingModel(
-            source=Measured(device, reference),
-            offset_index=self._layout.offsets[source],
-            deviation_index=self._layout.deviations.get(source),
-            turned_since_rad=turned_since_rad,
-            sd_rad=self._settings.heading_noise_rad,
-        )
-        return self._filter.correct(model, (heading_rad,))[0]
 
     def correct_bias(self, device: str, rate_rad_s: float) -> Innovation:
         """Correct by a gyro reading at standstill: it is the bias."""

@@ -189,7 +189,10 @@ class WheelAngle:
 
     def _turns_of_wrap(self, step_rad: float, expected_rad: float) -> int:
         """Return after how many turns the position may just have wrapped, signed; 0 for none."""
-        turns = round((expected_rad - step_rad) / TURN_RAD)
+        missing_rad = expected_rad - step_rad
+        if not math.isfinite(missing_rad):  # positions that no wheel has
+            return 0
+        turns = round(missing_rad / TURN_RAD)
         before = self._position
         if before is None or not 0 < abs(turns) <= MOST_TURNS:
             return 0

@@ -9,13 +9,16 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.measurements.heading import HeadingReader
+from controllers.estimation.measurements.reader import Situation
 from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
 from controllers.estimation.pose_filter import PoseFilter
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.transition import Turn
 from controllers.motion.planar import wrap_angle
-from drivers.samples import HeadingReference
+from drivers.samples import HeadingReference, HeadingSample
 from tests.cases import first_often
 
 SETTINGS = FilterSettings(
@@ -30,6 +33,18 @@ DT_S = 0.02
 STANDING = BodyIncrement(x_m=0.0, y_m=0.0, turn_rad=0.0, duration_s=DT_S)
 AHEAD = replace(STANDING, x_m=0.01)
 NO_TURN = Turn(angle_rad=0.0, source=YawSource.WHEELS)
+
+
+def correct_heading(
+    pose_filter: PoseFilter, reference: HeadingReference, heading_rad: float, turned_since_rad: float
+) -> Innovation:
+    """Correct by a heading of the compass; `turned_since_rad` is the turn since it was measured."""
+    # A second ago, at this yaw rate.
+    now = Situation(settings=SETTINGS, layout=pose_filter.layout, yaw_rate_rad_s=turned_since_rad, age_s=1.0)
+    sample = HeadingSample(device="compass", t_ns=0, heading_rad=heading_rad, reference=reference)
+    measurement = HeadingReader().read(sample, now)
+    assert measurement is not None
+    return pose_filter.correct(*measurement)[0]
 
 
 class NoisyDrive:
@@ -88,7 +103,7 @@ class NoisyDrive:
 
     def _hear_compass(self) -> None:
         heading_rad = self.yaw_rad + self.offset_rad + SETTINGS.heading_noise_rad * self.draw()
-        innovation = self.filter.correct_heading("compass", MAGNETIC, wrap_angle(heading_rad), 0.0)
+        innovation = correct_heading(self.filter, MAGNETIC, wrap_angle(heading_rad), 0.0)
         if innovation.nis is not None:
             self.heading_nis.append(innovation.nis)
 
@@ -126,20 +141,20 @@ def test_without_a_settling_phase_the_yaw_is_honest_too() -> None:
 def test_headings_at_rest_teach_the_offset_and_do_not_turn_the_rover() -> None:
     pose_filter = PoseFilter(SETTINGS, ("compass",))
     for heading_rad in (3.1, -3.1, 3.12, -3.12):
-        pose_filter.correct_heading("compass", MAGNETIC, heading_rad, 0.0)
+        correct_heading(pose_filter, MAGNETIC, heading_rad, 0.0)
     assert pose_filter.pose.yaw_rad == pytest.approx(0.0, abs=1e-6)
     pose_filter.predict(AHEAD, replace(NO_TURN, angle_rad=0.4))
-    innovation = pose_filter.correct_heading("compass", MAGNETIC, wrap_angle(math.pi + 0.4), 0.0)
+    innovation = correct_heading(pose_filter, MAGNETIC, wrap_angle(math.pi + 0.4), 0.0)
     assert innovation.residual == pytest.approx(0.0, abs=1e-3)
 
 
 def test_magnetic_and_true_headings_are_not_mixed() -> None:
     pose_filter = PoseFilter(SETTINGS, ("compass",))
     for _ in range(10):
-        pose_filter.correct_heading("compass", MAGNETIC, 1.0, 0.0)
-        pose_filter.correct_heading("compass", TRUE, 1.2, 0.0)
+        correct_heading(pose_filter, MAGNETIC, 1.0, 0.0)
+        correct_heading(pose_filter, TRUE, 1.2, 0.0)
     for reference, heading_rad in ((MAGNETIC, 1.0), (TRUE, 1.2)):
-        innovation = pose_filter.correct_heading("compass", reference, heading_rad, 0.0)
+        innovation = correct_heading(pose_filter, reference, heading_rad, 0.0)
         assert innovation.residual == pytest.approx(0.0, abs=1e-4)
         assert innovation.name == f"compass {reference.value}"
 
@@ -147,18 +162,18 @@ def test_magnetic_and_true_headings_are_not_mixed() -> None:
 def test_a_wild_heading_is_refused() -> None:
     pose_filter = PoseFilter(SETTINGS, ("compass",))
     for _ in range(10):
-        pose_filter.correct_heading("compass", MAGNETIC, 1.0, 0.0)
+        correct_heading(pose_filter, MAGNETIC, 1.0, 0.0)
     before = pose_filter.pose
-    assert not pose_filter.correct_heading("compass", MAGNETIC, 2.0, 0.0).accepted
-    assert not pose_filter.correct_heading("compass", MAGNETIC, math.nan, 0.0).accepted
+    assert not correct_heading(pose_filter, MAGNETIC, 2.0, 0.0).accepted
+    assert not correct_heading(pose_filter, MAGNETIC, math.nan, 0.0).accepted
     assert pose_filter.pose == before
 
 
 def test_a_late_heading_is_compared_with_the_yaw_of_its_time() -> None:
     pose_filter = PoseFilter(SETTINGS, ("compass",))
-    pose_filter.correct_heading("compass", MAGNETIC, 1.0, 0.0)
+    correct_heading(pose_filter, MAGNETIC, 1.0, 0.0)
     pose_filter.predict(STANDING, replace(NO_TURN, angle_rad=0.5))
-    innovation = pose_filter.correct_heading("compass", MAGNETIC, 1.3, 0.2)
+    innovation = correct_heading(pose_filter, MAGNETIC, 1.3, 0.2)
     assert innovation.residual == pytest.approx(0.0, abs=1e-3)
 
 
@@ -272,7 +287,7 @@ def test_the_deviation_of_a_compass_is_learned_and_does_not_bend_the_yaw() -> No
             )
             read = yaw + math.radians(1.5) * math.sin(2.0 * yaw + 1.0)
             noise = math.radians(0.3) * float(rng.standard_normal())
-            pose_filter.correct_heading("compass", HeadingReference.MAGNETIC, read + noise, 0.0)
+            correct_heading(pose_filter, HeadingReference.MAGNETIC, read + noise, 0.0)
             errors.append(wrap_angle(pose_filter.pose.yaw_rad - yaw))
         return math.degrees(float(np.sqrt(np.mean(np.square(errors[300:])))))
 

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from controllers.estimation.measurement_model import Array, Expected, Measured
+from controllers.estimation.measurements.reader import Measurement, Situation
 from controllers.estimation.state_layout import HARMONICS, YAW
+from drivers.samples import HeadingReference, HeadingSample, Sample
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,3 +62,28 @@ class HeadingModel:
             row[0, YAW] += float((slopes * state[block]).sum())
             row[0, block] = waves
         return Expected(np.array([value_rad]), row, np.array([self.sd_rad**2]))
+
+
+class HeadingReader:
+    """Reads headings: one per device and reference."""
+
+    def source(self, sample: Sample) -> tuple[str, HeadingReference] | None:
+        """Return device and reference."""
+        return (sample.device, sample.reference) if isinstance(sample, HeadingSample) else None
+
+    def read(self, sample: Sample, now: Situation) -> Measurement | None:
+        """Return a heading; None of a device whose offset is no state."""
+        if not isinstance(sample, HeadingSample):
+            return None
+        source = (sample.device, sample.reference)
+        offset_index = now.layout.offsets.get(source)
+        if offset_index is None:
+            return None
+        model = HeadingModel(
+            source=Measured(sample.device, sample.reference),
+            offset_index=offset_index,
+            deviation_index=now.layout.deviations.get(source),
+            turned_since_rad=now.yaw_rate_rad_s * (now.settings.heading_lag_s + now.age_s),
+            sd_rad=now.settings.heading_noise_rad,
+        )
+        return model, (sample.heading_rad,)

@@ -101,10 +101,8 @@ class ScompCompensator:
         self._finder = finder
         self._states = states or ScompStates(settings.parameters)
         self._yaw_rate_rad_s = 0.0
-        self._rejected_from_ns: int | None = None
-        self._accepted_ns: int | None = None
-        self._to_confirm_s = 0.0
-        self._skid_m_s = self._rim_m_s = 0.0
+        self._trust = _TraceTrust(settings.trace_age_s)
+        self._skidding = _Skidding(settings.parameters.rover.track_m)
         self._since_rate_s = 0.0
         self._is_backwards = False
         self._is_gyro_doubted = False
@@ -235,9 +233,9 @@ class ScompCompensator:
         self._since_rate_s = 0.0 if readings else self._since_rate_s + pending.duration_s
         if readings:
             rate_rad_s = sum(readings) / len(readings) - estimate.gyro_bias_rad_s
-            self._follow_skidding(pending, rate_rad_s)
+            self._skidding.follow(pending, rate_rad_s)
         elif self._since_rate_s > SCOMP.correction.rate_age_s:
-            self._follow_skidding(pending, 0.0)  # the whole turn of the wheels may be skidding
+            self._skidding.follow(pending, 0.0)  # the whole turn of the wheels may be skidding
         share = -math.expm1(-pending.duration_s / SCOMP.correction.rate_memory_s)
         self._yaw_rate_rad_s += share * (rate_rad_s - self._yaw_rate_rad_s)
         self._since_trace_s += pending.duration_s
@@ -316,39 +314,12 @@ class ScompCompensator:
         (innovation,) = estimate.correct(model, measured)
         residual = innovation.residual
         if innovation.accepted:
-            self._confirm(reading.t_ns)
-        elif residual is not None and self._is_rejected_for_long(reading.t_ns):
+            self._trust.accept(reading.t_ns)
+        elif residual is not None and self._trust.is_rejected_for_long(reading.t_ns):
             estimate.widen_slip(RESIDUAL, residual**2)
-            self._rejected_from_ns = None
-            self._to_confirm_s = SCOMP.correction.confirming_s
             (innovation,) = estimate.correct(model, measured)
-            self._accepted_ns = reading.t_ns
+            self._trust.begin_anew(reading.t_ns)
         return innovation
-
-    def _confirm(self, t_ns: int) -> None:
-        """Take an accepted trace: the time since the one before confirms, if none was rejected."""
-        if self._accepted_ns is not None and self._rejected_from_ns is None:
-            since_s = min(seconds(t_ns - self._accepted_ns), self._settings.trace_age_s)
-            self._to_confirm_s = max(0.0, self._to_confirm_s - since_s)
-        self._accepted_ns, self._rejected_from_ns = t_ns, None
-
-    def _is_rejected_for_long(self, t_ns: int) -> bool:
-        if self._rejected_from_ns is None:
-            self._rejected_from_ns = t_ns
-        return seconds(t_ns - self._rejected_from_ns) >= SCOMP.correction.trace_rejected_s
-
-    def _follow_skidding(self, pending: "_Pending", rate_rad_s: float) -> None:
-        """Follow the speed at which the wheels of a side skid, as the rover turns less than they do."""
-        share = -math.expm1(-pending.duration_s / SCOMP.correction.turn_memory_s)
-        missing_rad_s = pending.turn_rad / pending.duration_s - rate_rad_s
-        skid_m_s = 0.5 * self._settings.parameters.rover.track_m * abs(missing_rad_s)
-        self._skid_m_s += share * (skid_m_s - self._skid_m_s)
-        self._rim_m_s += share * (abs(pending.rim_m) / pending.duration_s - self._rim_m_s)
-
-    def _is_skidding(self) -> bool:
-        return self._skid_m_s > max(
-            SCOMP.correction.greatest_skid * self._rim_m_s, SCOMP.correction.slowest_m_s
-        )
 
     def _is_sure(self) -> bool:
         """Return whether slip and slip angle are right within the variances of their states."""
@@ -359,9 +330,9 @@ class ScompCompensator:
             return "no tilt"
         if self._is_backwards:
             return "backwards: outside the slip law"
-        if self._is_skidding():
+        if self._skidding.is_skidding:
             return "no gyro" if self._since_rate_s > SCOMP.correction.rate_age_s else "skidding in a turn"
-        if self._to_confirm_s > 0.0:
+        if self._trust.to_confirm_s > 0.0:
             return "slip angle taken from the trace anew"
         if self._finder is None or self._has_trace():
             return ""
@@ -394,6 +365,67 @@ class _Pending:
         self.y_m += increment.y_m
         self.turn_rad += increment.turn_rad
         self.steered_rad_s += mean_steering_rad(increment.steering_rad) * increment.duration_s
+
+
+class _TraceTrust:
+    """How long traces were rejected alone, and how long they confirm a slip angle taken from them anew.
+
+    Args:
+        greatest_gap_s: Longer times without a trace confirm nothing.
+
+    Attributes:
+        to_confirm_s: Time of accepted traces that is left.
+    """
+
+    def __init__(self, greatest_gap_s: float) -> None:
+        self._greatest_gap_s = greatest_gap_s
+        self._rejected_from_ns: int | None = None
+        self._accepted_ns: int | None = None
+        self.to_confirm_s = 0.0
+
+    def accept(self, t_ns: int) -> None:
+        """Take an accepted trace: the time since the one before confirms, if none was rejected."""
+        if self._accepted_ns is not None and self._rejected_from_ns is None:
+            since_s = seconds(t_ns - self._accepted_ns)
+            if since_s <= self._greatest_gap_s:
+                self.to_confirm_s = max(0.0, self.to_confirm_s - since_s)
+        self._accepted_ns, self._rejected_from_ns = t_ns, None
+
+    def is_rejected_for_long(self, t_ns: int) -> bool:
+        """Take a rejected trace; return whether they have been rejected for `trace_rejected_s`."""
+        if self._rejected_from_ns is None:
+            self._rejected_from_ns = t_ns
+        return seconds(t_ns - self._rejected_from_ns) >= SCOMP.correction.trace_rejected_s
+
+    def begin_anew(self, t_ns: int) -> None:
+        """Require traces that confirm what was taken from one."""
+        self._accepted_ns, self._rejected_from_ns = t_ns, None
+        self.to_confirm_s = SCOMP.correction.confirming_s
+
+
+class _Skidding:
+    """Speed at which the wheels of a side skid, as the rover turns less than they do.
+
+    Args:
+        track_m: Between left and right wheels.
+    """
+
+    def __init__(self, track_m: float) -> None:
+        self._track_m = track_m
+        self._skid_m_s = self._rim_m_s = 0.0
+
+    @property
+    def is_skidding(self) -> bool:
+        """Whether they skid by more than the slip law allows."""
+        least_m_s = max(SCOMP.correction.greatest_skid * self._rim_m_s, SCOMP.correction.slowest_m_s)
+        return self._skid_m_s > least_m_s
+
+    def follow(self, pending: _Pending, rate_rad_s: float) -> None:
+        """Take a motion of the wheels, and the yaw rate of the rover."""
+        share = -math.expm1(-pending.duration_s / SCOMP.correction.turn_memory_s)
+        missing_rad_s = pending.turn_rad / pending.duration_s - rate_rad_s
+        self._skid_m_s += share * (0.5 * self._track_m * abs(missing_rad_s) - self._skid_m_s)
+        self._rim_m_s += share * (abs(pending.rim_m) / pending.duration_s - self._rim_m_s)
 
 
 class _Tilt:
