@@ -293,6 +293,7 @@ class ControlLoop:
             unseen_m=self._estimator.unseen_m,
             unseen_rad=self._estimator.unseen_rad,
             doubted_rad=self._estimator.doubted_rad,
+            jumped_m=self._estimator.jumped_m,
             ground_pairs=self._estimator.ground_pairs,
             slip=self._valid_slip(),
             lost_response="" if excited is None else excited.lost_response,

@@ -525,7 +525,7 @@ class Estimator:
         toward = cmath.rect(1.0, yaw_rad)
         since_m = age_s * complex(velocity_x_m_s, velocity_y_m_s) * toward
         unsettled_m = 0j if self._slip is None else self._slip.unsettled_m * toward
-        for along_m in (since_m, unsettled_m):
+        for along_m in (since_m, unsettled_m, *self.jumped_m.values()):
             xx, xy, yy = xx + along_m.real**2, xy + along_m.real * along_m.imag, yy + along_m.imag**2
         silent_m2, silent_rad2 = self._silent(age_s)
         xx, yy, yaw_rad2 = xx + silent_m2, yy + silent_m2, yaw_rad2 + silent_rad2
@@ -559,6 +559,11 @@ class Estimator:
             return None
         waiting = self._turns.waiting(self._filter.gyro_bias_rad_s, is_resting=self._is_resting)
         return self._dead_reckoning.report(*waiting)
+
+    @property
+    def jumped_m(self) -> dict[str, complex]:
+        """By how much the places of each device have jumped, in the local frame; see `FixJumps`."""
+        return self._filter.jumped_m
 
     @property
     def unseen_m(self) -> float:

@@ -142,6 +142,8 @@ class PoseFixSample(Sample):
         t_capture_ns: Host monotonic time at which the rover was there, not later than `t_ns`.
         arm_x_m: Where on the rover the position was measured: ahead of its origin; an antenna without yaw.
         arm_y_m: To the left of its origin.
+        alone_std_m: As `position_std_m` of this fix alone, where that is larger because the errors of
+            successive fixes are alike; None where it is the same.
     """
 
     x_m: float
@@ -152,6 +154,7 @@ class PoseFixSample(Sample):
     t_capture_ns: int
     arm_x_m: float = 0.0
     arm_y_m: float = 0.0
+    alone_std_m: float | None = None
 
 
 @record(frozen=True, slots=True, kw_only=True)

@@ -2,16 +2,19 @@
 
     python -m benchmarks.datasets.planted_faults ../shared/data/vehicles [--only WORD] [--sound]
 
-Which of the 40 these data can show is decided before the import, by the numbers alone: turn and distance in
-windows of a second, by the kinematics of a textbook, are compared with the truth (or the gyro). A fault is
-visible where it changes them by more than three times what truth and wheels differ without it. `--sound`
+Which of the 40 these data can show is marked in `visible_faults.csv`, by somebody who had not seen the
+program. The numbers alone say it, too: turn and distance in windows of a second, by the kinematics of a
+textbook, are compared with the truth (or the gyro); a fault is visible where it changes them by more than
+three times what truth and wheels differ without it. Where mark and numbers differ, that is printed. `--sound`
 imports 40 drives as they are. Of each drive the first `--seconds` are used. Prints one line each and the
 counts; exit code 1 where a bar is missed.
 """
 
 import argparse
+import csv
 import math
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -78,6 +81,18 @@ def rows_of(path: Path) -> Array:
     """Return the numbers of a table without a header."""
     table = read_csv(path, header_lines=0)
     return np.column_stack([table.numbers(name) for name in table.names])
+
+
+def marks() -> dict[tuple[str, str], str]:
+    """Return "yes", "no", "elsewhere" or "unmarked" by drive and fault."""
+    path = Path(__file__).with_name("visible_faults.csv")
+    rows = csv.DictReader(line for line in path.read_text("utf-8").splitlines() if not line.startswith("#"))
+    return {(row["drive"], row["fault"]): row["visible"] for row in rows}
+
+
+def run_of(folder: Path, kind: str, name: str) -> Path:
+    """Return the run of one robot by the beginning of its name."""
+    return next(path for path in runs_of(folder, kind) if path.name.startswith(name))
 
 
 def runs_of(folder: Path, kind: str) -> list[Path]:
@@ -372,7 +387,7 @@ def drives(folder: Path) -> dict[str, Measured]:
     """Return the drives that faults are planted in."""
     return {
         "diff": differential(runs_of(folder, "diff")[0]),
-        "omni3": omnidirectional(runs_of(folder, "omni3")[0]),
+        "omni3": omnidirectional(run_of(folder, "omni3", "221220201701_run-01")),
         "tricycle": tricycle(runs_of(folder, "tricyc")[0]),
         "mower": mower(folder),
         "car": car(folder),
@@ -474,8 +489,8 @@ def error_m(log: Path) -> float:
     return float(np.sqrt(np.mean(errors**2)))
 
 
-def judge(case: Case, outcome: Outcome, sound: Outcome, *, visible: bool) -> str:
-    """Return "named", "refused", "told", "right" or "silent"."""
+def judge(case: Case, outcome: Outcome, sound: Outcome) -> str:
+    """Return "named", "refused", "told", "told as unseen", "right" or "silent"; or "wrong"."""
     said = " ".join((*outcome.findings, outcome.refusal, *outcome.told)).lower()
     is_right = not outcome.error_m > SILENT_FACTOR * sound.error_m + SILENT_M
     if case.is_none:
@@ -486,7 +501,7 @@ def judge(case: Case, outcome: Outcome, sound: Outcome, *, visible: bool) -> str
         return "refused"
     if outcome.findings:
         return "told"
-    if not visible and any(word in " ".join(outcome.unseen) for word in case.words):
+    if any(word in " ".join(outcome.unseen) for word in case.words):
         return "told as unseen"
     return "right" if is_right and not math.isnan(outcome.error_m) else "silent"
 
@@ -501,29 +516,36 @@ def beginning(drive: Measured, duration_s: float) -> Measured:
 def run_planted(folder: Path, place: Path, only: str, duration_s: float) -> bool:
     """Run the planted faults; returns whether the bars hold."""
     measured = {name: beginning(drive, duration_s) for name, drive in drives(folder).items()}
-    sound = {}
-    visible = named = silent = 0
+    marked, sound = marks(), {}
+    counts: Counter[tuple[str, str]] = Counter()
+    named_by_numbers = visible_by_numbers = silent = 0
     for case in cases():
         if only not in f"{case.drive}/{case.fault}":
             continue
-        drive = measured[case.drive]
+        drive, mark = measured[case.drive], marked[case.drive, case.fault]
         if case.drive not in sound:
             sound[case.drive] = import_drive(drive, place)
         planted = case.plant(drive)
-        can_be_seen = not case.is_none and is_visible(drive, planted)
+        by_numbers = not case.is_none and is_visible(drive, planted)
         outcome = import_drive(planted, place)
-        verdict = judge(case, outcome, sound[case.drive], visible=can_be_seen)
-        visible += can_be_seen
-        named += can_be_seen and verdict == "named"
+        verdict = judge(case, outcome, sound[case.drive])
+        counts[mark, verdict] += 1
+        visible_by_numbers += by_numbers
+        named_by_numbers += by_numbers and verdict == "named"
         silent += verdict in ("silent", "wrong")
-        seen = "visible" if can_be_seen else "not visible"
+        differs = " (numbers differ)" if mark in ("yes", "no") and by_numbers != (mark == "yes") else ""
         first = (*outcome.findings, outcome.refusal)[0][:160]
         print(
-            f"{case.drive:9} {case.fault:28} {seen:12} {verdict:15} {outcome.error_m:8.3f} m  {first}",
+            f"{case.drive:9} {case.fault:28} {mark + differs:26} {verdict:15}",
+            f"{outcome.error_m:8.3f} m  {first}",
             flush=True,
         )
-    print(f"visible {visible}, of these named {named}; silent wrong {silent}")
-    return named >= SHARE_NAMED * visible and not silent
+    for (mark, verdict), count in sorted(counts.items()):
+        print(f"marked {mark}: {count} {verdict}")
+    visible = sum(count for (mark, _), count in counts.items() if mark == "yes")
+    print(f"visible by the marks {visible}, of these named {counts['yes', 'named']}; silent wrong {silent}")
+    print(f"visible by the numbers {visible_by_numbers}, of these named {named_by_numbers}")
+    return counts["yes", "named"] >= SHARE_NAMED * visible and not silent
 
 
 def run_sound(folder: Path, place: Path, duration_s: float) -> bool:

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controllers.estimation.fix_jumps import FixJumps
 from controllers.estimation.guarded_filter import GuardedFilter, Innovation
 from controllers.estimation.measurements.pose_fix import PoseFix, has_yaw, place_then
 from controllers.estimation.parameters import ESTIMATION
-from controllers.estimation.pose_fixes import WayBack, displaced
+from controllers.estimation.pose_fixes import WayBack, displaced, jumped, off
 from controllers.estimation.state_layout import YAW, X, Y
 from controllers.motion.planar import wrap_angle
 from drivers.samples import PoseFixSample
@@ -28,19 +29,41 @@ class _Unoriented:
     position_std_m: float
 
 
+def _alone_std_m(model: PoseFix) -> float:
+    """Return the deviation of one fix alone."""
+    alone_std_m = model.fix.position_std_m if model.fix.alone_std_m is None else model.fix.alone_std_m
+    return math.sqrt(alone_std_m**2 + model.way_back.position_m2)
+
+
 class FixFrames:
     """Corrects a filter by fixes of the pose.
 
     Args:
         pose_filter: With states for the origin of each device.
         origins: First of these states, by device.
+        gate_probability: Share of consistent fixes that pass the gate.
     """
 
-    def __init__(self, pose_filter: GuardedFilter, origins: Mapping[str, int]) -> None:
+    def __init__(
+        self, pose_filter: GuardedFilter, origins: Mapping[str, int], gate_probability: float
+    ) -> None:
         self._filter = pose_filter
         self._origins = origins
+        # The chance of two normal deviates beyond this distance is that of the gate.
+        gate_sd = math.sqrt(-2.0 * math.log1p(-gate_probability))
+        self._jumps = {device: FixJumps(gate_sd) for device in origins}
+        self._path_m = 0.0
         self._rejections: dict[str, int] = {}
         self._unoriented: dict[str, _Unoriented] = {}
+
+    @property
+    def jumped_m(self) -> dict[str, complex]:
+        """By how much the places of each device have jumped, in the local frame; see `FixJumps`."""
+        return {device: jumps.offset_m for device, jumps in self._jumps.items() if jumps.offset_m}
+
+    def move(self, path_m: float) -> None:
+        """Take what the wheels have rolled, or may have moved without being measured."""
+        self._path_m += path_m
 
     def correct(self, fix: PoseFixSample, way_back: WayBack) -> tuple[Innovation, ...]:
         """Correct by a fix of the pose; `way_back` leads from the present pose to that at exposure.
@@ -48,6 +71,9 @@ class FixFrames:
         A fix is accepted or rejected as a whole. After two rejections in a row the rover has been moved, or
         has slipped more than the noise allows: the uncertainty of the pose then becomes its difference from
         the next fix, which is reported as displaced.
+
+        Places without a yaw that have jumped move neither pose nor its uncertainty: the origin takes the
+        jump, so that they go on to hold the pose where it is, and `jumped_m` says how far off it may be.
         """
         origin = self._origins[fix.device]
         if fix.device not in self._rejections and not has_yaw(fix):
@@ -57,9 +83,15 @@ class FixFrames:
             self._rejections[fix.device] = 0
             self._assign_origin(origin, fix, way_back)
         model = PoseFix(fix=fix, way_back=way_back, origin_index=origin)
-        innovations = self._filter.correct(model, model.measured)
+        jumps, std_m, residual_m = self._jumps[fix.device], _alone_std_m(model), self._residual(model)
+        has_jumped = not has_yaw(fix) and jumps.is_off(residual_m, std_m, self._path_m)
+        if has_jumped:
+            innovations: tuple[Innovation, ...] = off(fix, residual_m)
+        else:
+            innovations = self._filter.correct(model, model.measured)
         if innovations[0].accepted:
             self._rejections[fix.device] = 0
+            jumps.agree(self._residual(model), std_m, self._path_m)
             return innovations
         residuals = [innovation.residual for innovation in innovations if innovation.residual is not None]
         if len(residuals) < len(innovations):
@@ -68,13 +100,34 @@ class FixFrames:
         if self._rejections[fix.device] <= ESTIMATION.pose.most_rejections:
             return innovations
         self._rejections[fix.device] = 0
+        if has_jumped:
+            return self._take_jump(model)
         # The axes of the floor are not those of the local frame: widen both by the distance.
         distance_m2 = residuals[X] ** 2 + residuals[Y] ** 2
         turned_rad = residuals[YAW] if has_yaw(fix) else 0.0
         for index, variance in ((X, distance_m2), (Y, distance_m2), (YAW, turned_rad**2)):
             self._filter.widen(index, variance)
         report = displaced(fix, math.sqrt(distance_m2), abs(turned_rad))
-        return (*self._filter.correct(model, model.measured), *report[: len(innovations) - 1])
+        corrected = self._filter.correct(model, model.measured)
+        jumps.agree(self._residual(model), std_m, self._path_m)
+        return (*corrected, *report[: len(innovations) - 1])
+
+    def _take_jump(self, model: PoseFix) -> tuple[Innovation, ...]:
+        """Let the origin take the jump of the places, as certain as one fix is."""
+        fix, origin, state = model.fix, model.origin_index, self._filter.state
+        residual_m, std_m, jumps = self._residual(model), _alone_std_m(model), self._jumps[model.fix.device]
+        jumps.jump(residual_m * cmath.rect(1.0, -state[origin + YAW]), std_m)
+        for index, part_m in ((origin + X, residual_m.real), (origin + Y, residual_m.imag)):
+            self._filter.assign(index, state[index] + part_m)
+            self._filter.widen(index, std_m**2)
+        corrected = self._filter.correct(model, model.measured)
+        jumps.agree(self._residual(model), std_m, self._path_m)
+        return (*corrected, jumped(fix, abs(residual_m)))
+
+    def _residual(self, model: PoseFix) -> complex:
+        """Return the place by the fix less the expected one, in the frame of the floor."""
+        expected_m = model.predict(np.array(self._filter.state)).value
+        return complex(model.fix.x_m - expected_m[X], model.fix.y_m - expected_m[Y])
 
     def _assign_origin(self, origin: int, fix: PoseFixSample, way_back: WayBack) -> None:
         """Set the unknown origin by the first fix."""

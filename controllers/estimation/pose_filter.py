@@ -1,6 +1,7 @@
 """Pose of the rover: an extended Kalman filter of pose, gyro bias, and the frames of other devices."""
 
 import cmath
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -90,7 +91,7 @@ class PoseFilter:
             start.tolist(), layout.variances, layout.angles, settings.gate_probability
         )
         self._motion = MotionTransition(settings, layout, slip)
-        self._fix_frames = FixFrames(self._filter, layout.origins)
+        self._fix_frames = FixFrames(self._filter, layout.origins, settings.gate_probability)
 
     def keep_steps(self) -> list[FilterStep]:
         """Keep every step of the filter from now on, for a smoother; return the growing list."""
@@ -108,6 +109,11 @@ class PoseFilter:
         return Pose(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
 
     @property
+    def jumped_m(self) -> dict[str, complex]:
+        """By how much the places of each device have jumped, in the local frame; see `FixJumps`."""
+        return self._fix_frames.jumped_m
+
+    @property
     def gyro_bias_rad_s(self) -> float:
         """The estimated bias of the gyro."""
         return self._filter.value(BIAS)
@@ -122,6 +128,7 @@ class PoseFilter:
         """Move by the wheels' increment; `turn` replaces the turn of the wheels. Return the step."""
         moved = self._motion.predict(self._filter.state, increment, turn)
         self._filter.predict(increment.duration_s, moved.state, moved.transition, moved.noise)
+        self._fix_frames.move(abs(moved.step.rolled_m))
         return moved.step
 
     def widen(self, x_m: float, y_m: float, yaw_rad: float) -> None:
@@ -134,6 +141,7 @@ class PoseFilter:
             y_m: The same to the left or right.
             yaw_rad: It may have turned by this at most.
         """
+        self._fix_frames.move(math.hypot(x_m, y_m))
         direction = cmath.rect(1.0, self._filter.value(YAW))
         noise = np.zeros((self._layout.size,) * 2)
         for axis, greatest_m in ((direction, x_m), (1j * direction, y_m)):

@@ -179,6 +179,24 @@ def displaced(fix: PoseFixSample, distance_m: float, turned_rad: float) -> tuple
     )
 
 
+def off(fix: PoseFixSample, residual_m: complex) -> tuple[Innovation, Innovation]:
+    """Return the innovations of a place that was left out because it may have jumped, see `FixJumps`."""
+    x, y = (
+        Innovation(
+            measured=Measured(fix.device, part), residual=residual, variance=None, nis=None, accepted=False
+        )
+        for part, residual in (("x", residual_m.real), ("y", residual_m.imag))
+    )
+    return x, y
+
+
+def jumped(fix: PoseFixSample, distance_m: float) -> Innovation:
+    """Return by how much the places of a device have jumped, see `FixJumps`."""
+    return Innovation(
+        measured=Measured(fix.device, "jumped"), residual=distance_m, variance=None, nis=None, accepted=True
+    )
+
+
 def late(fix: PoseFixSample) -> Innovation:
     """Return the innovation of a fix that is too old to be compared."""
     return Innovation(

@@ -142,6 +142,28 @@ class DisplacedFixRule(StopRule):
                 yield StopReason(f"{device} displaced", f"{text}: {cause}")
 
 
+class FixJumpRule(StopRule):
+    """Stops while the places of a device are off by more than the rover can have moved.
+
+    They may be wrong, or somebody has carried the rover: nothing on board tells which, and the uncertainty
+    contains both. They decide by returning; else the user does.
+    """
+
+    def __init__(self, settings: UnseenSettings) -> None:
+        self._limit_m = settings.unseen_position_m
+
+    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+        """Return a reason for each device that has jumped by too much."""
+        for device, offset_m in cycle.jumped_m.items():
+            if abs(offset_m) > self._limit_m:
+                text = (
+                    f"{device}: its places jumped by {abs(offset_m):.2f} m, further than the wheels rolled: "
+                    "wrong places, or the rover was carried; waits until they return; "
+                    "if they do not, put the rover on a known pose and restart"
+                )
+                yield StopReason(f"{device} jumped", text)
+
+
 class MotionRule(StopRule):
     """Stops when no motion of the wheels has been measured for `motion_age_s` of the roles.
 

@@ -76,6 +76,8 @@ class Cycle(NamedTuple):
         unseen_rad: The same of the yaw.
         doubted_rad: Standard deviation of the yaw because gyro and wheels excluded each other and nothing
             decided, before the corrections of this cycle; these reduce it.
+        jumped_m: By how much the places of each device have jumped, in the local frame; without those that
+            agree with the estimate.
         ground_pairs: Motions over the ground that a camera has measured in this cycle.
         slip: Valid slip of the rover; None where it is unknown.
         lost_response: Why the yaw's response to the excitation shows that the rover may not get on; "" where
@@ -108,6 +110,7 @@ class Cycle(NamedTuple):
     unseen_m: float = 0.0
     unseen_rad: float = 0.0
     doubted_rad: float = 0.0
+    jumped_m: Mapping[str, complex] = MappingProxyType({})
     ground_pairs: tuple[GroundPair, ...] = ()
     slip: float | None = None
     lost_response: str = ""

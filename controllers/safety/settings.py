@@ -11,6 +11,7 @@ from controllers.safety.entrapment import EntrapmentRule, EntrapmentSettings
 from controllers.safety.estimate_rules import (
     DisplacedFixRule,
     FiniteEstimateRule,
+    FixJumpRule,
     MotionRule,
     UnseenMotionRule,
     UnseenSettings,
@@ -106,6 +107,7 @@ def make_rules(
         *(() if roles.gyro is None else (HeadingTurnRule(settings, roles, heading_lag_s),)),
         InnovationMonitor(settings),
         DisplacedFixRule(settings),
+        FixJumpRule(settings),
         StallMonitor(settings, wheel_count),
         EntrapmentRule(settings, roles),
         SteeringMonitor(settings),

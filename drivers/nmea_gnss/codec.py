@@ -134,15 +134,15 @@ class NmeaGnssCodec(SentenceCodec):
         east_m, north_m, _ = geodetic2enu(latitude_deg, longitude_deg, 0.0, *self._origin_deg, 0.0)
         elapsed_s = None if self._newest_ns is None else seconds(t_ns - self._newest_ns)
         self._newest, self._newest_ns = time, t_ns
+        alone_std_m = max(settings.least_std_m, std_m)
         return PoseFixSample(
             device=self._name,
             t_ns=t_ns,
             x_m=float(east_m),
             y_m=float(north_m),
             yaw_rad=0.0,
-            position_std_m=correlated_std_m(
-                max(settings.least_std_m, std_m), elapsed_s, settings.correlation_s
-            ),
+            position_std_m=correlated_std_m(alone_std_m, elapsed_s, settings.correlation_s),
+            alone_std_m=alone_std_m,
             yaw_std_rad=UNKNOWN_YAW_STD_RAD,
             t_capture_ns=t_ns - nanoseconds(settings.latency_s),
             arm_x_m=settings.antenna_x_m,

@@ -7,6 +7,7 @@ import struct
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
 from operator import or_
 from pathlib import Path
@@ -27,6 +28,7 @@ from drivers.files import (
     open_packed,
 )
 from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.blf_blocks import BlfBlocks
 from rover_hil.datasets.csv_table import header_lines, read_csv
 
 Identifiers: TypeAlias = NDArray[np.uint32]
@@ -159,8 +161,29 @@ class _Collector:
             self.add(message)
             if not len(self.t_s) & 0xFFFF:
                 on_frames(len(self.t_s))
-            if len(self.t_s) > CAN_FRAMES:
-                raise ValueError(f"it holds more than {CAN_FRAMES:,} frames, the limit: divide it")
+            self._check_count()
+
+    def _check_count(self) -> None:
+        if len(self.t_s) > CAN_FRAMES:
+            raise ValueError(f"it holds more than {CAN_FRAMES:,} frames, the limit: divide it")
+
+    def add_run(self, t_s: Array, records: np.ndarray[Any, Any]) -> None:
+        """Add the frames of a run of `BlfBlocks`.
+
+        Raises:
+            ValueError: They are too many.
+        """
+        identifiers = records["identifier"]
+        flags = np.where(identifiers >> 31, np.uint32(EXTENDED_FLAG), np.uint32(0))
+        is_held = np.arange(LARGEST_PAYLOAD) < records["length"][:, np.newaxis]
+        self.t_s.frombytes(t_s.tobytes())
+        self.identifiers.frombytes((identifiers & np.uint32(EXTENDED_ID_MASK) | flags).astype("u4").tobytes())
+        self.lengths += records["length"].tobytes()
+        self.data += (records["data"] * is_held).astype("u1").tobytes()
+        numbers, places = np.unique(records["channel"].astype(np.int64) - 1, return_inverse=True)
+        own = np.array([self._place(str(number)) for number in numbers.tolist()], np.int16)
+        self.places.frombytes(own[places].tobytes())
+        self._check_count()
 
     def add_lines(self, found: Sequence[tuple[bytes, bytes, bytes, bytes]]) -> bool:
         """Add frames by time, channel, identifier and data in lines of candump.
@@ -270,9 +293,11 @@ def _read(path: Path, suffix: str, on_frames: Callable[[int], None]) -> _OfChann
                 raw.seek(0)
             if suffix in _TEXT:
                 lines = _Lines(raw)
-            elif suffix == ".blf":
+            read = _READERS[suffix]
+            if suffix == ".blf":
                 _check_containers(raw)
-            collector.add_all(_READERS[suffix](lines or raw), on_frames)
+                read = partial(BlfBlocks, on_run=collector.add_run)
+            collector.add_all(read(lines or raw), on_frames)
     except OSError as problem:
         raise LogError(f"cannot read {path}: {problem.strerror or problem}: give another file") from problem
     except ConfigError:

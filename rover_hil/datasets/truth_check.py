@@ -10,7 +10,8 @@ import numpy as np
 
 from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.motion.rover_geometry import RoverSettings, WheelsRoverSettings
-from rover_hil.datasets.arrays import Array, Times
+from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.clock_check import clock_findings, wheel_angles
 from rover_hil.datasets.log import LogRows, read_drive
 from rover_hil.recording.findings import FoundFinding
 
@@ -106,8 +107,8 @@ def compare_with_truth(rows: LogRows, rover: RoverSettings) -> list[FoundFinding
         rows: The drive.
         rover: Its wheels.
     """
-    findings = list(_speed_findings(rows))
     kinematics = make_kinematics(rover)
+    findings = [*_speed_findings(rows), *clock_findings(rows, kinematics)]
     windows = _windows(rows, kinematics)
     if windows is None:
         return findings
@@ -249,7 +250,7 @@ def _windows(rows: LogRows, kinematics: Kinematics) -> tuple[Array, Array | None
     """Return turns and steering of the wheels in windows of motion, and the truth; None without enough."""
     count = kinematics.wheel_count
     measured = [wheel for wheel in range(count) if wheel not in kinematics.unmeasured]
-    wheels = [_angles(rows, wheel + 1) for wheel in measured]
+    wheels = [wheel_angles(rows, wheel + 1) for wheel in measured]
     poses = [rows[name] for name in ("x_m", "y_m", "psi_rad")]
     if any(wheel is None for wheel in wheels) or min(map(len, poses)) < 2:
         return None
@@ -284,18 +285,6 @@ def _windows(rows: LogRows, kinematics: Kinematics) -> tuple[Array, Array | None
             ]
         )[moves]
     return turned[moves], angles, _Motion(truth.turn_rad[moves], truth.distance_m[moves])
-
-
-def _angles(rows: LogRows, wheel: int) -> tuple[Times, Array] | None:
-    """Return how far a wheel has turned; by its speeds where it has no angle."""
-    readings = rows[f"enc{wheel}_rad"]
-    if len(readings) > 1:
-        return readings.t_ns, readings.value
-    readings = rows[f"speed{wheel}_rad_s"]
-    if len(readings) < 2:
-        return None
-    steps = 0.5 * (readings.value[1:] + readings.value[:-1]) * np.diff(readings.t_ns) / 1e9
-    return readings.t_ns, np.concatenate(([0.0], np.cumsum(steps)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 import cmath
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -84,18 +84,43 @@ def test_the_axes_of_the_floor_are_found_wherever_the_rover_starts(tmp_path: Pat
     assert all(each["accepted"] for each in named)
 
 
-@pytest.mark.parametrize("duration_s", [0.8, 20.0], ids=["jump", "multipath"])
-def test_positions_that_step_by_a_metre_are_left_out_and_then_stop_the_rover(
-    duration_s: float, tmp_path: Path
-) -> None:
-    step = {"type": "step", "start_s": 20.0, "duration_s": duration_s, "east_m": 1.0}
+@pytest.mark.parametrize("east_m", [0.2, 1.0, 20.0])
+def test_after_a_jump_the_rover_waits_until_the_places_return(east_m: float, tmp_path: Path) -> None:
+    """It goes on with the estimate that it had, and as certain: the false places have not moved it."""
+    step = {"type": "step", "start_s": 20.0, "duration_s": 2.0, "east_m": east_m}
     path = tmp_path / "run.mcap"
-    run_virtual(config_with((step,)), path, 22.0, None)
+    run_virtual(config_with((step,)), path, 26.0, None)
     estimates = [*records(path, "/estimate")]
-    named = [each for record in estimates for each in record["innovations"]]  # type: ignore[attr-defined]
-    assert [each["accepted"] for each in named if each["name"] == "gnss x"].count(False) >= 2
-    assert any(each["name"] == "gnss displaced" for each in named)
-    assert any(record["mode"] == Mode.SAFE_STOP for record in estimates)
+    stopped = [record for record in estimates if record["mode"] == Mode.SAFE_STOP]
+    assert stopped
+    assert all(str(record["reason"]).startswith("gnss: its places jumped by") for record in stopped)
+    assert estimates[-1]["mode"] == Mode.RUNNING
+    error_m, nees = errors_and_nees(path)
+    assert error_m < 0.05
+    assert nees < 3.0
+    assert max(east_deviations_m(stopped)) > 0.9 * east_m
+    assert max(east_deviations_m(estimates[-10:])) < 0.27
+    replayed = replay_file(path)
+    assert replayed.differences == []
+
+
+def test_after_a_lasting_step_the_rover_stays_stopped_and_its_region_holds_both_places(
+    tmp_path: Path,
+) -> None:
+    """That the new places agree with the wheels does not say that they are true."""
+    step = {"type": "step", "start_s": 20.0, "duration_s": 60.0, "east_m": 1.0}
+    path = tmp_path / "run.mcap"
+    run_virtual(config_with((step,)), path, 26.0, None)
+    estimates = [*records(path, "/estimate")]
+    assert estimates[-1]["mode"] == Mode.SAFE_STOP
+    assert 1.0 < east_deviations_m(estimates[-1:])[0] < 1.3
+    error_m, nees = errors_and_nees(path)
+    assert error_m < 0.05
+    assert nees < 3.0
+
+
+def east_deviations_m(estimates: Sequence[Mapping[str, object]]) -> list[float]:
+    return [math.sqrt(record["estimate"]["covariance"][0]) for record in estimates]  # type: ignore[index]
 
 
 @pytest.mark.parametrize("kind", ["no_fix", "stale"])

@@ -5,6 +5,7 @@ import functools
 import gzip
 import math
 import shutil
+import struct
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,11 +15,11 @@ import numpy as np
 import pytest
 from cantools.database.can import Message
 
-from drivers.can_frame import EXTENDED_FLAG
+from drivers.can_frame import ERROR_FLAG, EXTENDED_FLAG, REMOTE_FLAG
 from drivers.can_wheels.mapping_file import load_mapping, read_dbc
 from drivers.can_wheels.messages import MessageReader
 from drivers.errors import ConfigError, LogError
-from rover_hil.datasets.can_frames import read_can_log, timed_payloads
+from rover_hil.datasets.can_frames import _read, read_can_log, timed_payloads
 from rover_hil.datasets.can_signals import MessageFrames
 from rover_hil.recording.reader import LogReader
 from tests.rover_hil.command import Command, assert_one_sentence
@@ -293,6 +294,78 @@ def test_candump_read_by_blocks_equals_python_can_frame_by_frame(
         assert frames.data[place, : frames.lengths[place]].tobytes() == bytes(message.data)
         assert bool(frames.identifiers[place] & EXTENDED_FLAG) == message.is_extended_id
         assert frames.identifiers[place] & 0x1FFFFFFF == message.arbitration_id
+
+
+ODD_FRAMES: dict[str, dict[str, object]] = {
+    "plain": {"is_extended_id": True, "arbitration_id": 0x1ABCDEF0, "data": b"\1\2"},
+    "another bus": {"channel": 1, "data": b"\1"},
+    "a remote frame": {"is_remote_frame": True, "dlc": 8},
+    "an error frame": {"is_error_frame": True},
+    "a CAN FD frame": {"is_fd": True, "data": bytes(12)},
+    "a CAN FD frame of eight bytes": {"is_fd": True, "data": bytes(8)},
+}
+
+
+@pytest.mark.parametrize("size", [48, 56], ids=["CAN_MESSAGE", "CAN_MESSAGE2"])
+@pytest.mark.parametrize("level", [0, 6], ids=["as it is", "packed"])
+@pytest.mark.parametrize("name", ODD_FRAMES)
+def test_blf_read_by_blocks_equals_python_can_frame_by_frame(
+    folder: Path, name: str, level: int, size: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The frames cross the ends of containers; among them are such that are read one by one."""
+    rng = np.random.default_rng(12)
+    path = folder / "bus.blf"
+    if size == 56:
+        monkeypatch.setattr("can.io.blf.CAN_MSG_STRUCT", Message2())
+        monkeypatch.setattr("can.io.blf.CAN_MESSAGE", 86)
+    with can.BLFWriter(path, compression_level=level) as log:
+        for number in range(9000):
+            odd = ODD_FRAMES[name] if number % 1013 in (500, 501, 503) else None
+            plain = {"arbitration_id": int(rng.integers(0, 0x800)), "is_extended_id": False}
+            data = rng.bytes(int(rng.integers(0, 9)))
+            log.on_message_received(
+                can.Message(1.7e9 + number * 0.00123457, **(odd or {**plain, "data": data}))  # type: ignore[arg-type]
+            )
+    monkeypatch.undo()
+    expected = [message for message in can.LogReader(path) if not message.is_fd]
+    found = [*frames_of(path)]
+    assert len(found) == len(expected) > 8900
+    for ours, message in zip(found, expected, strict=True):
+        flags = EXTENDED_FLAG * message.is_extended_id | REMOTE_FLAG * message.is_remote_frame
+        identifier = message.arbitration_id | flags | ERROR_FLAG * message.is_error_frame
+        assert ours == (message.timestamp, identifier, bytes(message.data), str(message.channel))
+
+
+class Message2:
+    """The frame of Vector's loggers: eight bytes more at its end."""
+
+    def pack(self, *values: object) -> bytes:
+        return struct.pack("<HBBL8s8x", *values)
+
+
+def frames_of(path: Path) -> Iterator[tuple[float, int, bytes, str]]:
+    """Yield time, identifier with flags, data and bus of each frame, in the order of the file."""
+    found = _read(path, ".blf", lambda _: None)
+    frames = found.frames
+    for place in range(len(frames)):
+        data = frames.data[place, : frames.lengths[place]].tobytes()
+        assert not frames.data[place, frames.lengths[place] :].any()
+        bus = frames.channels[found.places[place]]
+        yield float(frames.t_s[place]), int(frames.identifiers[place]), data, bus
+
+
+def test_a_blf_object_without_a_size_is_refused(folder: Path) -> None:
+    """The reader of python-can stays at it for ever."""
+    path = folder / "turn.blf"
+    with can.BLFWriter(path, compression_level=0) as log:
+        for message in frames_of_a_turn():
+            log.on_message_received(message)
+    raw = bytearray(path.read_bytes())
+    start = raw.index(b"LOBJ", raw.index(b"LOBJ") + 4)
+    raw[start + 8 : start + 12] = bytes(4)
+    path.write_bytes(raw)
+    with pytest.raises(LogError, match="an object of 0 bytes"):
+        read_can_log(path)
 
 
 def test_two_buses_in_a_file_need_a_choice(command: Command, folder: Path) -> None:

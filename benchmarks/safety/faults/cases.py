@@ -321,12 +321,13 @@ def _receivers() -> Iterator[Case]:
     yield case("jump of 1 m for 0.5 s", Duty.HONEST, duration_s=0.5, to_host=step(1.0))
     yield case("jump of 20 m for 0.5 s", Duty.HONEST, duration_s=0.5, to_host=step(20.0))
     yield case("multipath step of 1 m", Duty.NOTICE, duration_s=FOR_EVER_S, to_host=step(1.0))
+    yield case("multipath step of 0.2 m", Duty.NOTICE, duration_s=FOR_EVER_S, to_host=step(0.2))
     yield case(
-        "multipath step of 0.2 m",
+        "multipath step of 0.05 m",
         Duty.PHYSICS,
         duration_s=FOR_EVER_S,
-        to_host=step(0.2),
-        why="wheels that have slipped so far since the last fixes, and errors of the receiver, look the same",
+        to_host=step(0.05),
+        why="wheels that slip between two fixes, and the noise of the receiver, look the same",
     )
 
 

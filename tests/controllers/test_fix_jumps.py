@@ -1,0 +1,104 @@
+"""Places without a yaw that jump: neither place is believed, and the region holds both."""
+
+from dataclasses import replace
+
+import pytest
+
+from controllers.estimation.fix_jumps import FixJumps
+from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.pose_filter import PoseFilter, Turn, YawSource
+from controllers.estimation.pose_fixes import WayBack
+from controllers.estimation.settings import FilterSettings
+from controllers.safety.estimate_rules import FixJumpRule, UnseenSettings
+from controllers.safety.reasons import Cycle
+from drivers.samples import UNKNOWN_YAW_STD_RAD, PoseFixSample
+from tests.controllers.floor_fixes import FIX
+
+HERE = WayBack(x_m=0.0, y_m=0.0, turned_rad=0.0, position_m2=0.0, yaw_rad2=0.0)
+AHEAD = BodyIncrement(x_m=0.1, y_m=0.0, turn_rad=0.0, duration_s=0.2)
+NO_TURN = Turn(angle_rad=0.0, source=YawSource.GYRO)
+DEVICE = FIX.device
+
+
+def fix(place_m: complex) -> PoseFixSample:
+    return replace(
+        FIX, x_m=place_m.real, y_m=place_m.imag, position_std_m=0.02, yaw_std_rad=UNKNOWN_YAW_STD_RAD
+    )
+
+
+def driven(steps: int = 20) -> tuple[PoseFilter, complex]:
+    """Return a filter that has found the axes of the places, and where it is."""
+    pose_filter = PoseFilter(FilterSettings(), (), (DEVICE,))
+    place_m = 0j
+    for _ in range(steps):
+        pose_filter.correct_pose(fix(place_m), HERE)
+        pose_filter.predict(AHEAD, NO_TURN)
+        place_m += 0.1
+    assert pose_filter.correct_pose(fix(place_m), HERE)[0].accepted
+    return pose_filter, place_m
+
+
+@pytest.mark.parametrize("jump_m", [1.0 + 0j, -0.6 + 0.8j, 20.0 + 0j])
+def test_a_jump_moves_no_pose_and_holds_it_from_then_on(jump_m: complex) -> None:
+    pose_filter, place_m = driven()
+    before, variances = pose_filter.pose, pose_filter.covariance
+    accepted = [pose_filter.correct_pose(fix(place_m + jump_m), HERE)[0].accepted for _ in range(4)]
+    assert accepted == [False, False, True, True]
+    assert pose_filter.jumped_m[DEVICE] == pytest.approx(jump_m, abs=0.02)
+    assert pose_filter.pose.x_m == pytest.approx(before.x_m, abs=1e-3)
+    assert pose_filter.covariance == pytest.approx(variances, rel=0.03)
+    for _ in range(50):  # wheels that turn 10 % too far are still corrected
+        pose_filter.predict(replace(AHEAD, x_m=0.11), NO_TURN)
+        place_m += 0.1
+        assert pose_filter.correct_pose(fix(place_m + jump_m), HERE)[0].accepted
+    assert pose_filter.pose.x_m == pytest.approx(place_m.real, abs=0.1)
+
+
+def test_places_that_return_end_the_jump() -> None:
+    pose_filter, place_m = driven()
+    for _ in range(3):
+        pose_filter.correct_pose(fix(place_m + 1.0), HERE)
+    names = [innovation.name for _ in range(3) for innovation in pose_filter.correct_pose(fix(place_m), HERE)]
+    assert names.count(f"{DEVICE} jumped") == 1
+    assert pose_filter.jumped_m == {}
+    assert pose_filter.pose.x_m == pytest.approx(place_m.real, abs=0.02)
+
+
+def test_wheels_that_slip_wholly_are_no_jump() -> None:
+    """The rover has stayed behind: its places are believed, as of any device."""
+    pose_filter, place_m = driven()
+    for _ in range(40):
+        pose_filter.predict(AHEAD, NO_TURN)
+        pose_filter.correct_pose(fix(place_m), HERE)
+    assert pose_filter.jumped_m == {}
+    assert pose_filter.pose.x_m == pytest.approx(place_m.real, abs=0.3)
+
+
+def test_motion_that_was_not_measured_is_no_jump() -> None:
+    """Silent wheels, while the rover rolled on."""
+    pose_filter, place_m = driven()
+    pose_filter.widen(1.5, 0.0, 0.0)
+    for _ in range(4):
+        pose_filter.correct_pose(fix(place_m + 1.2), HERE)
+    assert pose_filter.jumped_m == {}
+    assert pose_filter.pose.x_m == pytest.approx(place_m.real + 1.2, abs=0.1)
+
+
+def test_the_first_contradiction_in_a_row_decides() -> None:
+    """After it the rover may have driven as far as the jump."""
+    jumps = FixJumps(3.9)
+    jumps.agree(0j, 0.02, 0.0)
+    assert jumps.is_off(1.0 + 0j, 0.02, 0.1)
+    assert jumps.is_off(0.9 + 0j, 0.02, 5.0)
+    assert not jumps.is_off(0.2 + 0j, 0.02, 5.0)
+    jumps.agree(0j, 0.02, 5.0)
+    assert not jumps.is_off(0.2 + 0j, 0.02, 5.1)
+    assert jumps.is_off(0.3 + 0j, 0.02, 5.1)
+
+
+def test_the_rule_names_the_device_as_long_as_its_places_are_off() -> None:
+    rule = FixJumpRule(UnseenSettings())
+    assert not [*rule.check(Cycle(now_ns=0, jumped_m={"gnss": 0.1 + 0j}))]
+    for _ in range(2):
+        (reason,) = rule.check(Cycle(now_ns=0, jumped_m={"gnss": 0.6 - 0.8j}))
+        assert reason.text.startswith("gnss: its places jumped by 1.00 m")
