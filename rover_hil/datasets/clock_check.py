@@ -2,63 +2,31 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from controllers.motion.kinematics import Kinematics
-from drivers.samples import UNKNOWN_YAW_STD_RAD
-from rover_hil.datasets.arrays import Array, Times
+from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.drive_paths import STEP_S, DrivePath, path_of_wheels, places_of
 from rover_hil.datasets.log import LogRows
 from rover_hil.recording.findings import FoundFinding
 
-STEP_S = 0.1
-"""Of the path of the wheels, and of what the two clocks may be apart."""
 GREATEST_OFFSET_S = 1.0
 FACTORS = (0.1, *np.round(np.arange(0.97, 1.0301, 0.002), 4).tolist(), 10.0)
 """Seconds of the places over those of the wheels."""
 LEAST_WINDOWS, LONGEST_WINDOW_S = 20, 1.0
 AGREES = 0.3
 """Residual, as a share of the motion, up to which a clock explains the places."""
-BETTER = 0.6
+BETTER = 0.4
 """Another clock explains the places if it leaves less than this share of the residual."""
 LEAST_GAIN = 0.015
 """And by so much of the motion: even motion fits any clock, but for its noise."""
+FAR = 2.0
+SCALES = (0.8, 1.25)
+"""With a clock that is wrong by so much or more, wheels and places must go equally far: a part of an even
+drive fits any clock, with another scale."""
 LEAST_SHARE = 0.004
 """A clock is not named that is wrong by less."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Path:
-    """Poses along a drive, n.
-
-    Attributes:
-        yaw_rad: Unwrapped; None where it is not measured.
-    """
-
-    t_s: Array
-    x_m: Array
-    y_m: Array
-    yaw_rad: Array | None
-
-    def steps(self, edges_s: Array) -> tuple[Array, Array]:
-        """Return chords and turns between times; turns of zero where the yaw is not measured."""
-        x_m, y_m = (np.diff(np.interp(edges_s, self.t_s, values)) for values in (self.x_m, self.y_m))
-        if self.yaw_rad is None:
-            return np.hypot(x_m, y_m), np.zeros(len(x_m))
-        return np.hypot(x_m, y_m), np.diff(np.interp(edges_s, self.t_s, self.yaw_rad))
-
-
-def wheel_angles(rows: LogRows, wheel: int) -> tuple[Times, Array] | None:
-    """Return how far a wheel, from 1, has turned; by its speeds where it has no angle; None without both."""
-    readings = rows[f"enc{wheel}_rad"]
-    if len(readings) > 1:
-        return readings.t_ns, readings.value
-    readings = rows[f"speed{wheel}_rad_s"]
-    if len(readings) < 2:
-        return None
-    steps = 0.5 * (readings.value[1:] + readings.value[:-1]) * np.diff(readings.t_ns) / 1e9
-    return readings.t_ns, np.concatenate(([0.0], np.cumsum(steps)))
 
 
 def clock_findings(rows: LogRows, kinematics: Kinematics) -> Iterator[FoundFinding]:
@@ -71,10 +39,10 @@ def clock_findings(rows: LogRows, kinematics: Kinematics) -> Iterator[FoundFindi
         rows: The drive.
         kinematics: Of its wheels.
     """
-    wheels = _path_of_wheels(rows, kinematics)
+    wheels = path_of_wheels(rows, kinematics)
     if wheels is None:
         return
-    for name, places in _places(rows):
+    for name, places in places_of(rows):
         factor = min(FACTORS, key=lambda each: _residual(wheels, places, each))
         best = _residual(wheels, places, factor)
         # A part of a drive fits more easily than the whole: both clocks are judged by the same part.
@@ -89,50 +57,7 @@ def clock_findings(rows: LogRows, kinematics: Kinematics) -> Iterator[FoundFindi
             yield FoundFinding(name="clock", t_s=None, text=text)
 
 
-def _places(rows: LogRows) -> Iterator[tuple[str, _Path]]:
-    x, y, yaw = (rows[name] for name in ("x_m", "y_m", "psi_rad"))
-    if min(map(len, (x, y, yaw))) > 1:
-        yield "truth", _Path(x.t_ns / 1e9, x.value, y.value, np.unwrap(yaw.value))
-    fixes = rows.fixes()
-    if fixes is not None and len(fixes.t_ns) > 1:
-        has_yaw = bool((fixes.yaw_sd_rad < UNKNOWN_YAW_STD_RAD).all())
-        yield "fixes", _Path(fixes.t_ns / 1e9, fixes.x_m, fixes.y_m, fixes.yaw_rad if has_yaw else None)
-
-
-def _path_of_wheels(rows: LogRows, kinematics: Kinematics) -> _Path | None:
-    """Return the path by the wheels, in steps; None where a wheel is not measured."""
-    count = kinematics.wheel_count
-    measured = [wheel for wheel in range(count) if wheel not in kinematics.unmeasured]
-    known = [found for wheel in measured if (found := wheel_angles(rows, wheel + 1)) is not None]
-    if len(known) < len(measured) or not known:
-        return None
-    begin_ns, end_ns = max(times[0] for times, _ in known), min(times[-1] for times, _ in known)
-    edges_ns = np.arange(begin_ns, end_ns, STEP_S * 1e9)
-    if len(edges_ns) <= LEAST_WINDOWS:
-        return None
-    turned = np.zeros((len(edges_ns) - 1, count))
-    turned[:, measured] = np.column_stack(
-        [np.diff(np.interp(edges_ns, times, angles)) for times, angles in known]
-    )
-    readings = [rows[f"steer{wheel}_rad"] for wheel in range(1, count + 1)]
-    steering = np.zeros_like(turned)
-    for wheel, angles in enumerate(readings):
-        if len(angles):
-            steering[:, wheel] = np.interp(edges_ns[1:], angles.t_ns, angles.value)
-    is_steered = any(map(len, readings))
-    moves = np.array(
-        [
-            kinematics.body_motion(row.tolist(), tuple(steering[place]) if is_steered else ())
-            for place, row in enumerate(turned)
-        ]
-    )
-    yaw_rad = np.concatenate(([0.0], np.cumsum(moves[:, 2])))
-    along = (moves[:, 0] + 1j * moves[:, 1]) * np.exp(1j * 0.5 * (yaw_rad[1:] + yaw_rad[:-1]))
-    place_m = np.concatenate(([0j], np.cumsum(along)))
-    return _Path(edges_ns / 1e9, place_m.real, place_m.imag, yaw_rad)
-
-
-def _span(wheels: _Path, places: _Path, factor: float, offset_s: float = 0.0) -> tuple[float, float]:
+def _span(wheels: DrivePath, places: DrivePath, factor: float, offset_s: float = 0.0) -> tuple[float, float]:
     """Return the first and the last time of the wheels at which both are known."""
     start_s = wheels.t_s[0]
     first_s, last_s = (
@@ -142,7 +67,7 @@ def _span(wheels: _Path, places: _Path, factor: float, offset_s: float = 0.0) ->
 
 
 def _residual(
-    wheels: _Path, places: _Path, factor: float, within_s: tuple[float, float] = (-math.inf, math.inf)
+    wheels: DrivePath, places: DrivePath, factor: float, within_s: tuple[float, float] = (-math.inf, math.inf)
 ) -> float:
     """Return the share of the motion that a clock leaves, at its best beginning; infinite without enough."""
     found = math.inf
@@ -157,6 +82,9 @@ def _residual(
         said_m, said_rad = wheels.steps(edges_s)
         true_m, true_rad = places.steps(start_s + factor * (edges_s - start_s - offset_s))
         pairs = [(said_m, true_m)] if places.yaw_rad is None else [(said_m, true_m), (said_rad, true_rad)]
+        scale = true_m.sum() / max(float(said_m.sum()), 1e-9)
+        if max(factor, 1.0 / factor) >= FAR and not SCALES[0] <= scale <= SCALES[1]:
+            continue
         left = [_left(own, true) for own, true in pairs]
         found = min(found, math.sqrt(sum(left) / len(left)))
     return found

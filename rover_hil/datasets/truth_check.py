@@ -1,5 +1,6 @@
 """Compares the wheels of a recorded drive with its truth, and with themselves."""
 
+import cmath
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +12,8 @@ import numpy as np
 from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.motion.rover_geometry import RoverSettings, WheelsRoverSettings
 from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.clock_check import clock_findings, wheel_angles
+from rover_hil.datasets.clock_check import clock_findings
+from rover_hil.datasets.drive_paths import path_of_wheels, places_of, wheel_angles
 from rover_hil.datasets.log import LogRows, read_drive
 from rover_hil.recording.findings import FoundFinding
 
@@ -41,6 +43,9 @@ COARSE = 0.005
 """A speed with a coarser resolution, as a share of a usual one, may be cut off in place of rounded."""
 LEAST_WAY_M = 1.0
 """A drive that goes less far, and hardly turns, shows the noise of the truth."""
+ONE_DIRECTION = 0.8
+LEAST_ASIDE_RAD = 0.5
+"""A truth goes aside if it does so always in one direction, and by more than a marker is set up wrong."""
 LEAST_TURN_RAD = 1.5
 """Drives that turn less in one sense do not show the sense of a turn: uneven slip turns a rover, too."""
 
@@ -122,7 +127,7 @@ def compare_with_truth(rows: LogRows, rover: RoverSettings) -> list[FoundFinding
             _fit(what, kinematics, turned_rad, factor * steering_rad, truth) for what, factor in STEERING
         ]
     fits += _separate(kinematics, turned_rad, steering_rad, truth)
-    text = _explain(fits, truth)
+    text = _explain(fits, truth) or _turned_path(rows, kinematics)
     if text:
         findings.append(FoundFinding(name="truth", t_s=None, text=text))
     return findings
@@ -168,6 +173,27 @@ def _explain(fits: Sequence[_Fit], truth: _Motion) -> str:
     unsure = "; this drive cannot tell which" if len(which) > 1 else ""
     shares = f"{100.0 * plain.residual:.0f} % of the motion is left, {100.0 * best:.0f} % with"
     return f"wheels and truth contradict each other, {shares} {', or '.join(which)}{unsure}"
+
+
+def _turned_path(rows: LogRows, kinematics: Kinematics) -> str:
+    """Return that the truth goes into another direction of the rover than the wheels; "" where it does not.
+
+    Exchanged wheels of an omnidirectional rover, and a reversed distance, leave its turns and distances.
+    """
+    wheels, truth = path_of_wheels(rows, kinematics), dict(places_of(rows)).get("truth")
+    if wheels is None or truth is None:
+        return ""
+    edges_s = np.arange(max(wheels.t_s[0], truth.t_s[0]), min(wheels.t_s[-1], truth.t_s[-1]), WINDOW_S)
+    said_m, true_m = wheels.body_steps(edges_s), truth.body_steps(edges_s)
+    sum_m2, length_m2 = complex(np.vdot(said_m, true_m)), float(np.abs(said_m * true_m).sum())
+    aside_rad = abs(cmath.phase(sum_m2))
+    if length_m2 == 0.0 or abs(sum_m2) < ONE_DIRECTION * length_m2 or aside_rad < LEAST_ASIDE_RAD:
+        return ""
+    return (
+        f"the truth goes {math.degrees(cmath.phase(sum_m2)):+.0f} deg aside of where the wheels go: "
+        "truth.marker.yaw_deg is not given, wheels are exchanged, or the distance is reversed; this drive "
+        "cannot tell which"
+    )
 
 
 def _unit_of(factor: float) -> str:

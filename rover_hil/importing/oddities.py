@@ -72,9 +72,6 @@ def unseen(kinematics: Kinematics, evidence: Evidence, turned_rad: float) -> lis
             else "left and right exchanged, one reversed"
         )
         found.append((what, "the drive hardly turns" if has_gyro else "no truth and no gyro"))
-    if "truth" in held and (kinematics.moves_sideways or not evidence.has_own_turn):
-        what = "wheels exchanged or distance reversed so that the whole path is only turned"
-        found.append((what, "direction of the marker not measured"))
     if not evidence.has_both:
         what = "a clock that is wrong by a few percent" if has_gyro else "a clock that is wrong by a factor"
         found.append((what, "no speeds beside angles"))

@@ -1,4 +1,4 @@
-"""Drives with two clocks, of the wheels and of the truth or a receiver: a wrong factor is named."""
+"""Wheels and places of a drive: a clock that is wrong by a factor, and a path that is turned, are named."""
 
 import json
 from pathlib import Path
@@ -27,7 +27,7 @@ SECTIONS = {
 }
 
 
-def write_drive(kind: str, factor: float, *, is_even: bool = False) -> None:
+def write_drive(kind: str, factor: float, *, is_even: bool = False, marker_rad: float = 0.0) -> None:
     """Write a drive whose speed and turn swing, and its places by another clock."""
     t_s = np.arange(0.0, DURATION_S, PERIOD_S)
     swing = 0.0 if is_even else 1.0
@@ -40,7 +40,7 @@ def write_drive(kind: str, factor: float, *, is_even: bool = False) -> None:
         for side in (-0.2, 0.2)
     ]
     noise = np.random.default_rng(1).normal(0.0, 0.005, (2, len(t_s)))
-    places = (factor * t_s, path.real + noise[0], path.imag + noise[1], yaw)
+    places = (factor * t_s, path.real + noise[0], path.imag + noise[1], yaw + marker_rad)
     write_table("drive.csv", "t,l,r", (t_s, *wheels))
     write_table("places.csv", "t,x,y,yaw", tuple(column[::4] for column in places))
     Path("columns.toml").write_text(WHEELS + SECTIONS[kind] + ROVER, "utf-8")
@@ -51,28 +51,47 @@ def write_table(name: str, header: str, columns: tuple[np.ndarray, ...]) -> None
     Path(name).write_text("\n".join([header, *(",".join(map(repr, row)) for row in rows)]) + "\n", "utf-8")
 
 
-def clocks(command: Command) -> list[str]:
+def findings(command: Command, name: str) -> list[str]:
     options = ("--columns", "columns.toml", "--out", "drive.mcap", "--json")
     assert command("import", "table", "drive.csv", *options) == 0, command.error
     (found,) = json.loads(command.out)
-    return [finding["text"] for finding in found["findings"] if finding["name"] == "clock"]
+    return [finding["text"] for finding in found["findings"] if finding["name"] == name]
 
 
 @pytest.mark.parametrize("kind", SECTIONS)
 @pytest.mark.parametrize("factor", [0.1, 0.99, 1.01, 10.0])
 def test_a_clock_that_is_wrong_by_a_factor_is_named(command: Command, kind: str, factor: float) -> None:
     write_drive(kind, factor)
-    (text,) = clocks(command)
+    (text,) = findings(command, "clock")
     assert text.startswith(f"the clock of the {kind} runs {factor:g} times as long as that of the wheels")
 
 
 @pytest.mark.parametrize("kind", SECTIONS)
 def test_clocks_that_agree_have_no_finding(command: Command, kind: str) -> None:
     write_drive(kind, 1.0)
-    assert clocks(command) == []
+    assert findings(command, "clock") == []
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.01])
 def test_an_even_circle_does_not_show_a_clock(command: Command, factor: float) -> None:
     write_drive("truth", factor, is_even=True)
-    assert clocks(command) == []
+    assert findings(command, "clock") == []
+
+
+@pytest.mark.parametrize("aside_deg", [0, 10, 60, -120, 180])
+def test_a_truth_that_goes_aside_of_the_wheels_is_named(command: Command, aside_deg: int) -> None:
+    """So look a marker that is set up otherwise, exchanged wheels, and a reversed distance."""
+    write_drive("truth", 1.0, marker_rad=-np.radians(aside_deg))
+    found = findings(command, "truth")
+    assert len(found) == (abs(aside_deg) > 30)
+    for text in found:
+        assert abs(float(text.split()[3]) % 360.0 - aside_deg % 360.0) <= 3.0
+        assert "wheels are exchanged, or the distance is reversed" in text
+    marked = (
+        Path("columns.toml")
+        .read_text("utf-8")
+        .replace("[truth]", f"[truth]\nmarker = {{ yaw_deg = {-aside_deg} }}")
+    )
+    Path("columns.toml").write_text(marked, "utf-8")
+    Path("drive.mcap").unlink()
+    assert findings(command, "truth") == []
