@@ -6,7 +6,8 @@ import pytest
 
 from controllers.estimation.fix_jumps import FixJumps
 from controllers.estimation.odometry import BodyIncrement
-from controllers.estimation.pose_filter import PoseFilter, Turn, YawSource
+from controllers.estimation.pose_estimate import YawSource
+from controllers.estimation.pose_filter import PoseFilter
 from controllers.estimation.pose_fixes import WayBack
 from controllers.estimation.settings import FilterSettings
 from controllers.safety.estimate_rules import FixJumpRule, UnseenSettings
