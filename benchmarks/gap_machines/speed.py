@@ -22,7 +22,7 @@ from benchmarks.gap_machines.models import geared_axis
 from drivers.clock import SystemClock, seconds
 from rover_hil.gap import Array, Channel, Parameter, Port, Run, RunParameter, StateModel, effects
 from rover_hil.gap.workflow import analyse
-from sim_backends.models.interface import Values
+from sim_backends.models.interface import RUN_SEPARATOR, Values
 from sim_backends.state_model.equations import Signal
 from sim_backends.state_model.port_effect import PortEffect
 from tests.nature.machines import geared_axis as axis_truth
@@ -36,7 +36,8 @@ TOLERANCE = 1e-6
 """Relative tolerance of the peer."""
 OUR_POINTS = 64
 """Parameters of usual size that are integrated at once."""
-FIRST_S, WHOLE_S = 30.0, 90.0
+PIECES, PIECE_SAMPLES = 89, 600
+FIRST_S, WHOLE_S = 30.0, 120.0
 
 
 @dataclass(frozen=True)
@@ -303,7 +304,48 @@ def _oscillator() -> Case:
     return Case("oscillator", model, runs, {"quadratic_drag": {"coefficient": 0.5}})
 
 
-CASES: Mapping[str, Callable[[], Case]] = {"oscillator": _oscillator, "axis": _axis}
+def _pieces() -> Case:
+    """Return the oscillator in 89 pieces of 600 samples with three channels; each piece starts anywhere."""
+    one = _oscillator()
+    model = replace(
+        one.model,
+        channels=(
+            *one.model.channels,
+            Channel(name="seen_m_s", unit="m/s", sigma=0.02),
+            Channel(name="seen_again_m", unit="m", sigma=2.0 * NOISE_M),
+        ),
+        start=lambda p, _: {"place_m": p.first_place_m, "speed_m_s": p.first_speed_m_s},
+        output=lambda x, *_: {"seen_m": x.place_m, "seen_m_s": x.speed_m_s, "seen_again_m": x.place_m},
+        run_parameters=(
+            RunParameter(name="first_place_m", unit="m", prior_sd=0.1),
+            RunParameter(name="first_speed_m_s", unit="m/s", prior_sd=0.5),
+        ),
+    )
+    rng = np.random.default_rng(SEED)
+    blanks = []
+    for number in range(PIECES):
+        voltage = 8.0 * np.repeat(rng.uniform(-1.0, 1.0, PIECE_SAMPLES // 40), 40)
+        blanks.append(Run(name=f"piece{number}", conditions={}, inputs={"voltage_v": voltage}, measured={}))
+    starts = {
+        f"{name}{RUN_SEPARATOR}{run.name}": float(sd * rng.standard_normal())
+        for run in blanks
+        for name, sd in (("first_place_m", 0.1), ("first_speed_m_s", 0.5))
+    }
+    truths = model.predict(blanks, starts, {"quadratic_drag": {"coefficient": 0.5}})
+    sigma = {channel.name: channel.noise_sd for channel in model.channels}
+    runs = [
+        replace(
+            run,
+            measured={
+                name: truth[name] + sd * rng.standard_normal(PIECE_SAMPLES) for name, sd in sigma.items()
+            },
+        )
+        for run, truth in zip(blanks, truths, strict=True)
+    ]
+    return Case("pieces", model, runs, {})
+
+
+CASES: Mapping[str, Callable[[], Case]] = {"oscillator": _oscillator, "axis": _axis, "pieces": _pieces}
 
 if __name__ == "__main__":
     raise SystemExit(main())

@@ -7,6 +7,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rover_hil.gap.data.derivatives import Derivatives
+from rover_hil.gap.data.derivatives import Indices as Indices
 from rover_hil.gap.data.parameters import DATA
 from sim_backends.models.interface import (
     DEVIATION,
@@ -20,12 +22,13 @@ from sim_backends.models.interface import (
     Run,
 )
 
-Indices: TypeAlias = NDArray[np.intp]
 Key: TypeAlias = tuple[str, str]
 """Effect ("" for the base model) and parameter."""
 Point: TypeAlias = Mapping[Key, float]
 LARGEST = 1e150
 """Derivatives from here on are those of a machine that runs away; they cannot be squared."""
+VALUES_AT_ONCE = 8_000_000
+"""Predicted values that are made together, and that are kept for later use."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,7 +156,7 @@ class Problem:
         self.evaluations = 0
         self.sites = [group.site for group in observations.groups]
         self._memory: dict[tuple[tuple[Key, float], ...], Array] = {}
-        self._rows: dict[Key, NDArray[np.bool_]] = {}
+        self._owned: dict[Key, NDArray[np.bool_]] = {}
 
     @property
     def owner(self) -> Indices:
@@ -172,18 +175,28 @@ class Problem:
 
     def predict(self, point: Point) -> Array:
         """Return the prediction of every row; NaN where the model has no solution."""
-        memory_key = tuple(sorted(point.items()))
+        memory_key = _memory_key(point)
         if memory_key not in self._memory:
             self.prepare_points([point])
         return self._memory[memory_key]
 
     def prepare_points(self, points: Sequence[Point]) -> None:
         """Predict at several points at once, for later use."""
-        new = {tuple(sorted(point.items())): point for point in points}
+        new = {_memory_key(point): point for point in points}
         new = {key: point for key, point in new.items() if key not in self._memory}
         self.evaluations += len(new)
-        rows = predict_points(self.model, self.sites, list(new.values()))
-        self._memory.update(zip(new, rows, strict=True))
+        if (len(self._memory) + len(new)) * self.observations.values.size > VALUES_AT_ONCE:
+            self._memory = {key: self._memory[key] for key in map(_memory_key, points) if key in self._memory}
+        self._memory.update(zip(new, self.predictions(list(new.values())), strict=True))
+
+    def predictions(self, points: Sequence[Point]) -> list[Array]:
+        """Return the predictions at several points, which are not kept; not too many are made at once."""
+        at_once = max(VALUES_AT_ONCE // self.observations.values.size, 1)
+        return [
+            row
+            for first in range(0, len(points), at_once)
+            for row in predict_points(self.model, self.sites, points[first : first + at_once])
+        ]
 
     def prepare_derivatives(self, pairs: Sequence[tuple[Point, Free]]) -> None:
         """Predict what `derivative` needs at several points, all at once."""
@@ -198,7 +211,7 @@ class Problem:
         """
         request = DerivativeRequest(self, point, free)
         self.prepare_points(request.points)
-        return request.matrix([self.predict(one) for one in request.points])
+        return request.matrix([self.predict(one) for one in request.points]).dense()
 
     def derivative(self, point: Point, free: Free) -> Array:
         """Return the change of every row per unit of one parameter."""
@@ -263,7 +276,7 @@ class Problem:
         found = []
         for owner in dict.fromkeys(labels):
             key = ("", f"{name}{DEVIATION}{RUN_SEPARATOR}{owner}")
-            self._rows[key] = np.array([one == owner for one in labels])[self.observations.site]
+            self._owned[key] = np.array([one == owner for one in labels])
             found.append(
                 Free(
                     key=key,
@@ -277,12 +290,15 @@ class Problem:
             )
         return found
 
+    def sites_of(self, key: Key) -> "NDArray[np.bool_]":
+        """Return which sites belong to the run, or to the unit under test, that a parameter is of."""
+        if key not in self._owned:
+            self._owned[key] = np.array([not run_of(key) or site.name == run_of(key) for site in self.sites])
+        return self._owned[key]
+
     def rows_of(self, key: Key) -> "NDArray[np.bool_]":
-        """Return which rows belong to the run, or to the unit under test, that a parameter is of."""
-        if key not in self._rows:
-            is_own = np.array([site.name == run_of(key) for site in self.sites])
-            self._rows[key] = is_own[self.observations.site]
-        return self._rows[key]
+        """Return which rows belong to these sites."""
+        return self.sites_of(key)[self.observations.site]
 
     def _run_unknowns(self, model: Machine) -> list[Free]:
         return [
@@ -307,14 +323,21 @@ class DerivativeRequest:
         problem: Model and observations.
         point: Where the derivatives are taken.
         free: The parameters.
+        known: Derivatives that are known already, by parameter of all runs.
     """
 
-    def __init__(self, problem: Problem, point: Point, free: Sequence[Free]) -> None:
+    def __init__(
+        self, problem: Problem, point: Point, free: Sequence[Free], known: Mapping[Key, Array] | None = None
+    ) -> None:
         self._problem = problem
         self._free = free
+        self._known = known or {}
         self._widths: list[float] = []
         moves: dict[str, tuple[Point, Point]] = {}
         for item in free:
+            if item.key in self._known:
+                self._widths.append(1.0)
+                continue
             low, high = _sides(point, item)
             name = _shared_name(item.key)
             below, above = moves.get(name, (point, point))
@@ -323,19 +346,34 @@ class DerivativeRequest:
         self._order = {name: index for index, name in enumerate(moves)}
         self.points: list[Point] = [one for pair in moves.values() for one in pair]
 
-    def matrix(self, rows: Sequence[Array]) -> Array:
+    def matrix(self, rows: Sequence[Array]) -> Derivatives:
         """Return rows x parameters, given the predictions at `points`."""
-        observations = self._problem.observations
-        columns = np.zeros((observations.values.size, len(self._free)))
+        site = self._problem.observations.site
+        packed = {name: column for column, name in enumerate(dict.fromkeys(map(self._name, self._free)))}
+        values = np.zeros((site.size, len(packed)))
+        places = np.full((len(self._problem.sites), len(packed)), -1, dtype=np.intp)
+        widths = np.ones(places.shape)
         for index, item in enumerate(self._free):
-            place = 2 * self._order[_shared_name(item.key)]
+            column, owned = packed[self._name(item)], self._problem.sites_of(item.key)
+            places[owned, column], widths[owned, column] = index, self._widths[index]
+        for item in self._free:
+            if item.key in self._known:
+                values[:, packed[self._name(item)]] = self._known[item.key]
+        for name, order in self._order.items():
+            column = packed[name]
             with np.errstate(over="ignore", invalid="ignore"):  # of a machine that runs away
-                change = (rows[place + 1] - rows[place]) / self._widths[index]
-            here = (np.abs(change) < LARGEST) & (
-                self._problem.rows_of(item.key) if run_of(item.key) else True
-            )
-            columns[here, index] = change[here]
-        return columns
+                change = (rows[2 * order + 1] - rows[2 * order]) / widths[site, column]
+            here = (np.abs(change) < LARGEST) & (places[site, column] >= 0)
+            values[here, column] = change[here]
+        return Derivatives(values=values, site=site, places=places, count=len(self._free))
+
+    @staticmethod
+    def _name(item: Free) -> str:
+        return _shared_name(item.key)
+
+
+def _memory_key(point: Point) -> tuple[tuple[Key, float], ...]:
+    return tuple(sorted(point.items()))
 
 
 def run_of(key: Key) -> str:

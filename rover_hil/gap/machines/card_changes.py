@@ -58,7 +58,7 @@ def imitating_parameter(start: Fit, score: Score) -> str:
     best, most = "", -1.0
     change = score.direction.change
     for index, item in enumerate(start.free):
-        column = start.jacobian[:, index]
+        column = start.jacobian.columns([index])[:, 0]
         length = math.sqrt(float(column @ column) * float(change @ change))
         alike = abs(float(column @ change)) / length if length > 0.0 else 0.0
         if alike > most:

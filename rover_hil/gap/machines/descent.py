@@ -6,12 +6,13 @@ dampings tried at once).
 """
 
 import math
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from rover_hil.gap.data.derivatives import Derivatives
 from rover_hil.gap.data.problem import (
     DerivativeRequest,
     Free,
@@ -19,7 +20,6 @@ from rover_hil.gap.data.problem import (
     Observations,
     Point,
     Problem,
-    predict_points,
 )
 from rover_hil.gap.machines.called_machine import CalledMachine
 from rover_hil.gap.machines.parameters import MACHINES
@@ -30,23 +30,30 @@ from sim_backends.models.interface import Array, Model
 Descent: TypeAlias = Generator[Sequence[Point], Sequence[Array], tuple[Fit, SensorNoise]]
 
 POINTS_AT_ONCE = 256
-VALUES_AT_ONCE = 8_000_000
-"""Predicted values that are kept in memory while points are integrated together."""
+VALUES_TOGETHER = 32_000_000
+"""Predicted values that fits in lockstep hold."""
+POINTS_OF_A_DESCENT = 30
+"""Predictions that one of them holds, about."""
 RIDGE = 1e-12
 FAR = 1e6
 """Residual, in declared deviations, where a model has no solution."""
 
 
-def descend_together(problem: Problem, descents: Sequence[Descent]) -> list[tuple[Fit, SensorNoise]]:
-    """Return the results of several fits, whose predictions are made together."""
+def descend_together(problem: Problem, descents: Sequence[Descent]) -> Iterator[tuple[Fit, SensorNoise]]:
+    """Yield the results of several fits in turn; as many as fit into memory are made together."""
+    together = max(VALUES_TOGETHER // (POINTS_OF_A_DESCENT * problem.observations.values.size), 1)
+    for first in range(0, len(descents), together):
+        yield from _descended(problem, descents[first : first + together])
+
+
+def _descended(problem: Problem, descents: Sequence[Descent]) -> list[tuple[Fit, SensorNoise]]:
     found: dict[int, tuple[Fit, SensorNoise]] = {}
     asked = {index: next(descent) for index, descent in enumerate(descents)}
     while asked:
         points = [point for some in asked.values() for point in some]
         rows: list[Array] = []
-        at_once = min(POINTS_AT_ONCE, max(VALUES_AT_ONCE // problem.observations.values.size, 1))
-        for first in range(0, len(points), at_once):
-            rows += predict_points(problem.model, problem.sites, points[first : first + at_once])
+        for first in range(0, len(points), POINTS_AT_ONCE):
+            rows += problem.predictions(points[first : first + POINTS_AT_ONCE])
         problem.evaluations += len(points)
         following: dict[int, Sequence[Point]] = {}
         for index, some in asked.items():
@@ -90,7 +97,7 @@ def descend(
     for _ in range(MACHINES.descent.most_rounds):
         noise = noise_of_residual(problem.observations, residual)
         request = slopes.request(search.point(pull))
-        jacobian = search.jacobian(noise, slopes.matrix(request, (yield request.points)))
+        jacobian = search.jacobian(noise, request.matrix((yield request.points)))
         moved = None
         for dampings in _damping_groups(problem.model):
             trials = search.trials(pull, noise.whiten(search.filled(residual)), jacobian, dampings)
@@ -110,7 +117,7 @@ def descend(
             slopes.known.clear()
     noise = noise_of_residual(problem.observations, residual)
     request = slopes.request(search.point(pull))
-    jacobian = search.jacobian(noise, slopes.matrix(request, (yield request.points)))
+    jacobian = search.jacobian(noise, request.matrix((yield request.points)))
     whitened = noise.whiten(search.filled(residual))
     fit = Fit(
         free=tuple(free),
@@ -139,15 +146,7 @@ class _Slopes:
 
     def request(self, point: Point) -> DerivativeRequest:
         """Return what the derivatives need that are not known."""
-        return DerivativeRequest(
-            self._problem, point, [item for item in self._free if item.key not in self.known]
-        )
-
-    def matrix(self, request: DerivativeRequest, rows: Sequence[Array]) -> Array:
-        """Return rows x parameters, given the predictions at the points of a request."""
-        new = iter(request.matrix(rows).T)
-        columns = [self.known[item.key] if item.key in self.known else next(new) for item in self._free]
-        return np.stack(columns, axis=1) if columns else request.matrix(rows)
+        return DerivativeRequest(self._problem, point, self._free, self.known)
 
 
 def _damping_groups(model: Model) -> tuple[tuple[float, ...], ...]:
@@ -195,19 +194,23 @@ class _Descent:
         """Return measured minus predicted; NaN where nothing was measured."""
         return residual_of(self._problem.observations, predicted)
 
-    def jacobian(self, noise: SensorNoise, change: Array) -> Array:
+    def jacobian(self, noise: SensorNoise, change: Derivatives) -> Derivatives:
         """Return derivatives per prior deviation, in units of the errors; none is too large to be squared."""
-        return np.clip(noise.whiten(change * self._sizes), -FAR, FAR)
+        return change.scaled(self._sizes).mapped(
+            lambda rows: np.clip(noise.whiten(rows), -FAR, FAR), noise.site
+        )
 
     def filled(self, residual: Array) -> Array:
         found: Array = np.where(self._missing, 0.0, residual)
         return found
 
-    def trials(self, pull: Array, residual: Array, jacobian: Array, dampings: Sequence[float]) -> list[Array]:
+    def trials(
+        self, pull: Array, residual: Array, jacobian: Derivatives, dampings: Sequence[float]
+    ) -> list[Array]:
         """Return the points that steps of different length lead to."""
         with np.errstate(over="ignore", invalid="ignore"):
-            normal = np.nan_to_num(jacobian.T @ jacobian) + np.eye(pull.size)
-            slope = np.nan_to_num(jacobian.T @ residual) - pull
+            normal = np.nan_to_num(jacobian.gram()) + np.eye(pull.size)
+            slope = np.nan_to_num(jacobian.along(residual)) - pull
         return [self._step(pull, normal, slope, damping) for damping in dampings]
 
     def _step(self, pull: Array, normal: Array, slope: Array, damping: float) -> Array:

@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 from scipy import stats
+from scipy.linalg import cho_factor, cho_solve
 
 from rover_hil.gap.data.problem import Problem
 from rover_hil.gap.machines.machine_fit import EvidenceKind, MachineFit
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.parameters import STATISTICS
 from rover_hil.gap.statistics.random_force import force_basis
-from rover_hil.gap.statistics.score import Projection, Score, family_draws, family_p, one_sided_z
+from rover_hil.gap.statistics.score import Score, family_draws, family_p, one_sided_z
 from rover_hil.gap.statistics.sensor_noise import declared_noise
 from sim_backends.models.interface import Array, MachineModel
 
@@ -102,22 +103,32 @@ def _structure_p(problem: Problem, found: MachineFit, residual: Array, knots: in
         size[here] = max(math.sqrt(float(np.mean(residual[here] ** 2))), 1e-12)
     assumed = (found.noise.channel_sd / noise.channel_sd)[noise.channel] / size
     scaled = residual / size
-    fit = replace(found.fit, residual=scaled, jacobian=found.fit.jacobian * assumed[:, None])
+    fit = replace(
+        found.fit, residual=scaled, jacobian=found.fit.jacobian.mapped(lambda rows: rows * assumed[:, None])
+    )
     longest = max(site.measured[one].size for site in problem.sites for one in site.measured)
     spacing = max((longest - 1) / knots, float(STATISTICS.force.samples_per_knot))
     weight = 1.0 / (noise.row_sd[noise.keep] * size)
     basis = force_basis(problem, machine, found.fit.point, noise.keep, weight, spacing=spacing)
-    projection = Projection(fit)
+    # The responses of a run are zero elsewhere: of their projection only products are needed.
+    gram = fit.jacobian.gram() + np.eye(len(fit.free))
+    unit = 1.0 / np.sqrt(np.diag(gram))
+    root = cho_factor(gram * np.outer(unit, unit), lower=True)
+    slope = fit.jacobian.along(scaled)
     along, freedom = 0.0, 0
     for run, responses in enumerate(basis.responses):
-        full = np.zeros((noise.keep.size, responses.shape[1]))
-        full[noise.site == run] = responses
-        free = np.stack([projection.apply(column) for column in full.T], axis=1)
-        vectors, sizes, _ = np.linalg.svd(free, full_matrices=False)
-        used = vectors[:, sizes > MACHINES.tests.reached * max(float(sizes[0]), 1e-300)]
-        parts = used[: scaled.size].T @ scaled
+        here = noise.site == run
+        values, places = fit.jacobian.rows(here)
+        absorbed = np.zeros((len(fit.free), responses.shape[1]))
+        absorbed[places] = values.T @ responses
+        shift = unit[:, None] * cho_solve(root, unit[:, None] * absorbed)
+        products = responses.T @ responses - absorbed.T @ shift
+        squares, vectors = np.linalg.eigh(products)
+        is_reached = squares > max(MACHINES.tests.reached**2 * float(squares.max(initial=0.0)), 1e-300)
+        aim = responses.T @ scaled[here] - shift.T @ slope
+        parts = vectors[:, is_reached].T @ aim / np.sqrt(squares[is_reached])
         along += float(parts @ parts)
-        freedom += used.shape[1]
+        freedom += int(is_reached.sum())
     remaining = scaled.size - len(found.fit.free) - freedom
     if freedom == 0 or remaining <= 0:
         return 1.0

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from drivers.errors import ConfigError
+from rover_hil.gap.data.derivatives import in_full
 from rover_hil.gap.data.problem import Key, Problem, observe
 from rover_hil.gap.machines.card_changes import card_changes, imitating_parameter, shape_points
 from rover_hil.gap.machines.parameters import MACHINES
@@ -183,7 +184,7 @@ class _Bench:
         self._noise: SensorNoise = declared_noise(self.problem.observations)
         free = tuple(self.problem.base_free())
         nominal: dict[Key, float] = {item.key: item.start for item in free}
-        jacobian = np.zeros((self._noise.site.size, 0))
+        jacobian = in_full(np.zeros((self._noise.site.size, 0)))
         self._fit = Fit(
             free=free,
             point=nominal,

@@ -338,10 +338,9 @@ def start_of_runs(problem: Problem, shared: Point | None = None) -> Point:
     declared = declared_noise(problem.observations).channel_sd[problem.observations.channel]
     weight = _beginning(problem) / declared**2
     best: dict[Key, float] = {}
+    costs = np.stack([_costs(problem, point, weight) for point in points])
     for run, site in enumerate(problem.sites):
-        here = problem.observations.site == run
-        costs = [_cost(problem, point, weight * here) for point in points]
-        chosen = points[int(np.argmin(costs))]
+        chosen = points[int(np.argmin(costs[:, run]))]
         best.update({key: value for key, value in chosen.items() if run_of(key) == site.name})
     return best
 
@@ -354,10 +353,12 @@ def _drawn(free: Sequence[Free], pulls: Mapping[str, float]) -> Point:
     }
 
 
-def _cost(problem: Problem, point: Point, weight: Array) -> float:
+def _costs(problem: Problem, point: Point, weight: Array) -> Array:
+    """Return the weighted squared error of each run."""
     error = problem.observations.values - problem.predict(point)
     size = np.clip(np.where(np.isfinite(error), error, FAR), -FAR, FAR)
-    return float(np.sum(weight * size**2))
+    squares = np.bincount(problem.observations.site, weights=weight * size**2, minlength=len(problem.sites))
+    return squares.astype(np.float64)
 
 
 def _beginning(problem: Problem) -> Array:
@@ -434,7 +435,7 @@ def parts_of_runs(found: Fit, owner: Indices) -> list[tuple[int, tuple[Array, Ar
 def _is_held(found: Fit, index: int) -> bool:
     """Return True where a bound keeps a parameter from a better value."""
     item, value = found.free[index], found.point[found.free[index].key]
-    slope = float(found.jacobian[:, index] @ found.residual - found.pull[index])
+    slope = float(found.jacobian.columns([index])[:, 0] @ found.residual - found.pull[index])
     rounding = 1e-9 * max(item.sd, abs(value))
     return (value <= item.lower + rounding and slope < 0.0) or (
         value >= item.upper - rounding and slope > 0.0
@@ -445,12 +446,15 @@ def _without_own(
     found: Fit, here: "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]", shared: Sequence[int]
 ) -> tuple[Array, Array, int]:
     """Return error and derivatives of one run without what its own unknowns can absorb, and its rows."""
-    jacobian = found.jacobian[here]
-    own = [index for index in range(len(found.free)) if index not in shared and np.any(jacobian[:, index])]
+    values, places = found.jacobian.rows(here)
+    column = {place: index for index, place in enumerate(places)}
+    own = [place for place in places if place not in shared and np.any(values[:, column[place]])]
     error = np.concatenate((found.residual[here], -found.pull[own]))
-    matrix = np.vstack((jacobian[:, shared], np.zeros((len(own), len(shared)))))
+    matrix = np.zeros((values.shape[0] + len(own), len(shared)))
+    matrix[: values.shape[0]] = values[:, [column[place] for place in shared]]
     if own:
-        basis = np.linalg.qr(np.vstack((jacobian[:, own], np.eye(len(own)))))[0]
+        starts = values[:, [column[place] for place in own]]
+        basis = np.linalg.qr(np.vstack((starts, np.eye(len(own)))))[0]
         error = error - basis @ (basis.T @ error)
         matrix = matrix - basis @ (basis.T @ matrix)
     return error, matrix, int(here.sum())

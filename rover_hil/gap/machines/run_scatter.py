@@ -17,8 +17,6 @@ from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.fit import Fit
 from sim_backends.models.interface import DEVIATION, Array
 
-ROWS_AT_ONCE = 10_000
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunScatter:
@@ -69,16 +67,16 @@ def run_scatter(fits: MachineFits, found: MachineFit) -> RunScatter:
     centred, point = _centred(fit, own)
     common = {key: value for key, value in point.items() if key not in {item.key for item in own}}
     moved = noise.whiten(problem.predict(point) - problem.predict(common))
-    columns = fit.jacobian[:, first:]
-    blocks = np.array_split(columns, math.ceil(columns.shape[0] / ROWS_AT_ONCE))
-    expected = np.concatenate([np.sum((part @ by_noise) * part, axis=1) for part in blocks])
+    of_deviations = np.zeros_like(covariance)
+    of_deviations[first:, first:] = by_noise
+    expected = fit.jacobian.spread(of_deviations)
     count = noise.channel_sd.size
     rows = np.maximum(np.bincount(noise.channel, minlength=count), 1)
     excess = np.bincount(noise.channel, weights=moved**2 - expected, minlength=count) / rows
     return RunScatter(
         fit=replace(found, fit=fit, noise=noise),
         channel_rms=noise.channel_sd * np.sqrt(np.maximum(excess, 0.0)),
-        parameter_sd=_parameter_sd(own, columns, centred, np.diag(by_noise)),
+        parameter_sd=_parameter_sd(own, fit.jacobian.squares()[first:], centred, np.diag(by_noise)),
     )
 
 
@@ -101,9 +99,8 @@ def _names(own: Sequence[Free]) -> "np.ndarray[tuple[int], np.dtype[np.str_]]":
     return np.array([item.key[1].partition(DEVIATION)[0] for item in own], dtype=np.str_)
 
 
-def _parameter_sd(own: Sequence[Free], columns: Array, pull: Array, noise: Array) -> dict[str, float]:
+def _parameter_sd(own: Sequence[Free], weight: Array, pull: Array, noise: Array) -> dict[str, float]:
     """Return the standard deviations of the parameters whose deviations change the predictions most."""
-    weight = (columns**2).sum(axis=0)
     excess = pull**2 - noise
     found: dict[str, tuple[float, float]] = {}
     names = _names(own)

@@ -96,9 +96,11 @@ class MachineSearch:
         )
 
     def scores(self, at: MachineFit) -> list[Score]:
-        """Return the first-order score of every further effect, at each of its shapes."""
+        """Return the first-order score of every further effect; of the base fit at each of its shapes."""
         if at.names not in self._scores:
-            self._scores[at.names] = score_effects(self._fits, at)
+            found = score_effects(self._fits, at)
+            # Of the many that a search makes only the best shapes are kept: each is as long as the data.
+            self._scores[at.names] = best_shapes(found) if at.names else found
         return self._scores[at.names]
 
     def evidence(self, found: MachineFit, *, is_alternative: bool = False) -> list[Evidence]:
@@ -300,7 +302,7 @@ def _cancellation(found: MachineFit) -> float:
         if item.key[0]:
             first.setdefault(item.key[0], place)
     places = list(first.values())
-    changes = found.fit.jacobian[:, places] * found.fit.pull[places]
+    changes = found.fit.jacobian.columns(places) * found.fit.pull[places]
     together = float(np.linalg.norm(changes.sum(axis=1)))
     return float(np.linalg.norm(changes, axis=0).sum()) / max(together, 1e-300)
 

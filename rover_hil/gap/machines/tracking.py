@@ -12,7 +12,7 @@ from typing import cast
 
 import numpy as np
 
-from rover_hil.gap.data.problem import Free, Point, Problem
+from rover_hil.gap.data.problem import DerivativeRequest, Free, Point, Problem
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.random_force import (
@@ -138,18 +138,19 @@ def _linearise(here: Problem, free: Sequence[Free], point: Point, forces: Sequen
         residual[rows] += sd[rows] * (matrix @ force)
     residual = np.where(np.isfinite(residual), residual, 0.0)
     sizes = np.array([item.sd for item in free])
-    columns = here.derivatives(point, free) * sizes
+    request = DerivativeRequest(here, point, free)
+    columns = request.matrix(here.predictions(request.points)).scaled(sizes)
     pull = np.array([(point.get(item.key, item.start) - item.mean) / item.sd for item in free])
     shift, noise = np.zeros(len(free)), None
     for _ in range(2):
-        without = np.where(np.isfinite(observations.values), residual - columns @ shift, np.nan)
+        without = np.where(np.isfinite(observations.values), residual - columns.times(shift), np.nan)
         noise = random_force_noise(here.observations, without, basis)
-        jacobian, errors = noise.whiten(columns), noise.whiten(residual)
+        jacobian, errors = columns.mapped(noise.whiten, noise.site), noise.whiten(residual)
         with np.errstate(over="ignore", invalid="ignore"):
-            normal = jacobian.T @ jacobian + np.eye(len(free))
+            normal = jacobian.gram() + np.eye(len(free))
         if not np.isfinite(normal).all():
             return None
-        shift = np.linalg.solve(normal, jacobian.T @ errors - pull)
+        shift = np.linalg.solve(normal, jacobian.along(errors) - pull)
         if not np.isfinite(shift).all():
             return None
     if noise is None:
@@ -162,7 +163,7 @@ def _linearise(here: Problem, free: Sequence[Free], point: Point, forces: Sequen
         pull=pull,
         cost=float(errors @ errors + pull @ pull),
     )
-    smoothed = noise.smoothed_forces(np.nan_to_num(residual - columns @ shift))
+    smoothed = noise.smoothed_forces(np.nan_to_num(residual - columns.times(shift)))
     moved = {
         item.key: float(np.clip(item.mean + item.sd * (one + by), item.lower, item.upper))
         for item, one, by in zip(free, pull, shift, strict=True)

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.gap.data.problem import Free, Key, Point, Problem
+from rover_hil.gap.data.derivatives import Derivatives, in_full
+from rover_hil.gap.data.problem import DerivativeRequest, Free, Key, Point, Problem
 from rover_hil.gap.statistics.noise import Noise
 from sim_backends.models.interface import Array
 
@@ -26,26 +27,28 @@ class Fit:
     free: tuple[Free, ...]
     point: Point
     residual: Array
-    jacobian: Array
+    jacobian: Derivatives
     pull: Array
     cost: float
 
     @property
     def covariance(self) -> Array:
         """Of the pulls, by linearisation at the fit."""
-        size = len(self.free)
-        normal = self.jacobian.T @ self.jacobian + np.eye(size)
+        normal = self.jacobian.gram() + np.eye(len(self.free))
         return np.linalg.inv(normal).astype(np.float64)
 
     def shape_information(self, shapes: Sequence[Key]) -> float:
         """Return the gain of free shape parameters in minus two log-likelihood (Laplace)."""
-        normal = self.jacobian.T @ self.jacobian + np.eye(len(self.free))
+        normal = self.jacobian.gram() + np.eye(len(self.free))
         others = [index for index, item in enumerate(self.free) if item.key not in shapes]
         return float(np.linalg.slogdet(normal)[1] - np.linalg.slogdet(normal[np.ix_(others, others)])[1])
 
 
-def whitened_jacobian(problem: Problem, noise: Noise, free: Sequence[Free], point: Point) -> Array:
+def whitened_jacobian(problem: Problem, noise: Noise, free: Sequence[Free], point: Point) -> Derivatives:
     """Return the change of the whitened prediction per prior deviation of each parameter."""
     if not free:
-        return np.zeros((noise.site.size, 0))
-    return noise.whiten(problem.derivatives(point, free) * np.array([item.sd for item in free]))
+        return in_full(np.zeros((noise.site.size, 0)))
+    request = DerivativeRequest(problem, point, free)
+    problem.prepare_points(request.points)
+    found = request.matrix([problem.predict(one) for one in request.points])
+    return found.scaled(np.array([item.sd for item in free])).mapped(noise.whiten, noise.site)

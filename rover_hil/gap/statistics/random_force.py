@@ -96,7 +96,8 @@ class RandomForceNoise:
         for run, matrix in enumerate(self.basis.responses):
             responses = matrix / self.excess
             together = responses @ prior
-            gain = np.linalg.solve(np.eye(matrix.shape[0]) + together @ responses.T, together)
+            inner = np.eye(matrix.shape[1]) + responses.T @ together
+            gain = np.linalg.solve(inner.T, together.T).T
             mean = gain.T @ errors[self.site == run]
             found.append((mean, prior - gain.T @ together))
         return found

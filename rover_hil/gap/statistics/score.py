@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
+from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import lsq_linear
 
 from rover_hil.gap.data.problem import Indices
@@ -19,6 +20,9 @@ from rover_hil.gap.statistics.jackknife import as_normal, clusters, scatter_of_r
 from rover_hil.gap.statistics.noise import Noise
 from rover_hil.gap.statistics.parameters import STATISTICS
 from sim_backends.models.interface import Array
+
+MOST_DENSE = 4_000_000
+"""Numbers of a matrix of all rows and all parameters that is made in full."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,17 +74,31 @@ class Projection:
     """Projects vectors on what the fitted base parameters cannot absorb."""
 
     def __init__(self, fit: Fit) -> None:
-        self._priors = fit.jacobian.shape[1]
-        stacked = np.vstack((fit.jacobian, np.eye(self._priors)))
-        self._basis = np.linalg.qr(stacked)[0]
+        self._jacobian = fit.jacobian
+        self._priors = fit.jacobian.count
+        self._basis: Array | None = None
+        if fit.residual.size * self._priors <= MOST_DENSE:
+            self._basis = np.linalg.qr(np.vstack((fit.jacobian.dense(), np.eye(self._priors))))[0]
+        else:
+            gram = fit.jacobian.gram() + np.eye(self._priors)
+            self._scale = 1.0 / np.sqrt(np.diag(gram))
+            self._root = cho_factor(gram * np.outer(self._scale, self._scale), lower=True)
         self.residual = self.apply(fit.residual, -fit.pull)
 
     def apply(self, rows: Array, priors: Array | None = None) -> Array:
         """Return the projection of a whitened vector."""
         tail = np.zeros(self._priors) if priors is None else priors
         vector = np.concatenate((rows, tail))
-        residual: Array = vector - self._basis @ (self._basis.T @ vector)
-        return residual
+        if self._basis is not None:
+            residual: Array = vector - self._basis @ (self._basis.T @ vector)
+            return residual
+        # By the normal equations, so that unknowns of single runs need no full columns; repeated, since
+        # these lose digits.
+        for _ in range(3):
+            aim = self._jacobian.along(vector[: rows.size]) + vector[rows.size :]
+            shift = self._scale * cho_solve(self._root, self._scale * aim)
+            vector = vector - np.concatenate((self._jacobian.times(shift), shift))
+        return vector
 
 
 def score_all(fit: Fit, noise: Noise, directions: Sequence[Direction], *, is_steady: bool) -> list[Score]:

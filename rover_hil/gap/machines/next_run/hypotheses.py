@@ -204,8 +204,8 @@ def _hypothesis(
 
 def _posterior(found: MachineFit) -> tuple[tuple[Free, ...], Array, Array]:
     """Return the parameters of all runs, their pulls, and their covariance with the scatter of runs."""
-    free, jacobian = found.fit.free, found.fit.jacobian
-    normal = jacobian.T @ jacobian + np.eye(len(free))
+    free = found.fit.free
+    normal = found.fit.jacobian.gram() + np.eye(len(free))
     normal += 1e-12 * float(np.diag(normal).max(initial=1.0)) * np.eye(len(free))
     covariance = np.linalg.inv(normal)
     shared = [index for index, item in enumerate(free) if not run_of(item.key)]
