@@ -20,7 +20,7 @@ from drivers.clock import wall_time_ns
 from drivers.driver import Health
 from drivers.errors import LogError
 from drivers.link import CameraImage, LinkChange, LinkItem
-from drivers.samples import Sample
+from drivers.samples import FrameSample, Sample
 from rover_hil.recording.schema import (
     CONFIG_ATTACHMENT,
     HEALTH,
@@ -29,8 +29,8 @@ from rover_hil.recording.schema import (
     SAMPLES,
     SENT,
     UNSENT,
+    frame_record,
     health_record,
-    samples_record,
 )
 
 FLUSH_PERIOD_NS = 100_000_000
@@ -144,7 +144,7 @@ class LogWriter:
 
     def samples(self, t_ns: int, samples: Sequence[Sample]) -> None:
         """Note decoded samples."""
-        record = samples_record(samples)
+        record = _samples_record(samples)
         if record:
             self.write_json(SAMPLES, t_ns, record)
 
@@ -183,3 +183,12 @@ class LogWriter:
             self._stream.close()
         self._failure = f"cannot write log {self._path}: {error.strerror}; make room, or choose another --out"
         return LogError(self._failure)
+
+
+def _samples_record(samples: Sequence[Sample]) -> dict[str, list[object]]:
+    """Return samples grouped by kind; of a camera frame only what surrounds the pixels."""
+    grouped: dict[str, list[object]] = {}
+    for sample in samples:
+        record = frame_record(sample) if isinstance(sample, FrameSample) else sample
+        grouped.setdefault(type(sample).__name__, []).append(record)
+    return grouped

@@ -30,7 +30,6 @@ from rover_hil.recording.schema import (
     CYCLE,
     ESTIMATE,
     TRUTH,
-    estimate_record,
     set_point_record,
     truth_record,
 )
@@ -73,7 +72,7 @@ class Calls:
                 log.estimate(output)
                 log.truth(t_ns, truth)
             else:
-                log.write_json(ESTIMATE, t_ns, estimate_record(output))
+                log.write_json(ESTIMATE, t_ns, output)
                 log.write_json(TRUTH, t_ns, truth_record(truth))
             log.write_json(CYCLE, t_ns, {"late_ns": 51_234, "work_ns": 1_234_567})
 

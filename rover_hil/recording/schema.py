@@ -5,21 +5,14 @@ old logs stay readable. `docs/reference/log_format.md` describes the same for pe
 one monotonic clock.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from operator import attrgetter
 from typing import Annotated, Literal, NotRequired, TypeAlias, TypeVar, cast
 
 from pydantic import BaseModel, FailFast, Field, TypeAdapter
 from typing_extensions import TypedDict
 
-from controllers.control_loop import StepOutput
-from controllers.estimation.pose_estimate import PoseEstimate
-from controllers.motion.crab import CrabReport
 from controllers.operator import OperatorInput
-from controllers.safety.drive_check import Finding
-from controllers.slip.effort.compensator import SlipReport
-from controllers.slip.effort.excited_slip import RoverSlip
-from controllers.slip.scomp.compensator import ScompReport
 from drivers.driver import Health
 from drivers.link import LinkChange
 from drivers.samples import (
@@ -29,7 +22,6 @@ from drivers.samples import (
     HeadingSample,
     PoseFixSample,
     RateSample,
-    Sample,
     WheelSample,
 )
 
@@ -422,14 +414,6 @@ def _copy(shape: type[RecordT], *, without: str = "") -> Callable[[object], Reco
     return lambda source: cast("RecordT", dict(zip(names, values(source), strict=True)))
 
 
-_pose = _copy(PoseRecord)
-_innovation = _copy(InnovationRecord)
-_wheel_command = _copy(WheelCommandRecord)
-_wheel_slip = _copy(WheelSlipRecord)
-_contradiction = _copy(ContradictionRecord)
-_ground = _copy(GroundRecord)
-_dead_reckoned = _copy(DeadReckonedRecord)
-_trace = _copy(TraceRecord)
 set_point_record = _copy(SetPointRecord)
 """From a `SentCommand`."""
 truth_record = _copy(TruthRecord, without="is_new")
@@ -446,92 +430,6 @@ def operator_record(wanted: OperatorInput) -> OperatorRecord:
     if wanted.fixes:
         record["fixes"] = list(map(_fix, wanted.fixes))
     return record
-
-
-def estimate_record(output: StepOutput) -> EstimateRecord:
-    """Return the record of a cycle. Mappings of plain values are written faster than dataclasses."""
-    return {
-        "t_ns": output.t_ns,
-        "mode": output.mode.value,
-        "reason": output.reason,
-        "estimate": _pose_estimate(output.estimate),
-        "odometry": _pose(output.odometry),
-        "odometry_rebases": output.odometry_rebases,
-        "innovations": tuple(map(_innovation, output.innovations)),
-        "command": _wheel_command(output.command),
-        "limit": output.limit.value,
-        "cross_track_m": output.cross_track_m,
-        "slip": None if output.slip is None else _slip(output.slip),
-        "drift": None if output.scomp is None else _drift(output.scomp),
-        "contradiction": None if output.contradiction is None else _contradiction(output.contradiction),
-        "steering_rad": output.steering_rad,
-        "crab": None if output.crab is None else _crab(output.crab),
-        "ground": None if output.ground is None else _ground(output.ground),
-        "suspicion": output.suspicion or None,
-        "dead_reckoned": None if output.dead_reckoned is None else _dead_reckoned(output.dead_reckoned),
-        "findings": None if output.findings is None else tuple(map(_finding, output.findings)),
-    }
-
-
-def _finding(finding: Finding) -> FindingRecord:
-    return {"cause": finding.cause, "text": finding.text}
-
-
-def _pose_estimate(estimate: PoseEstimate) -> PoseEstimateRecord:
-    return {
-        "t_ns": estimate.t_ns,
-        "x_m": estimate.x_m,
-        "y_m": estimate.y_m,
-        "yaw_rad": estimate.yaw_rad,
-        "velocity_x_m_s": estimate.velocity_x_m_s,
-        "velocity_y_m_s": estimate.velocity_y_m_s,
-        "yaw_rate_rad_s": estimate.yaw_rate_rad_s,
-        "gyro_bias_rad_s": estimate.gyro_bias_rad_s,
-        "covariance": estimate.covariance,
-        "yaw_source": estimate.yaw_source.value,
-    }
-
-
-def _slip(report: SlipReport) -> SlipRecord:
-    return {
-        "map": report.map,
-        "surface": report.surface,
-        "drift_rad": report.drift_rad,
-        "wheels": tuple(map(_wheel_slip, report.wheels)),
-        "rover": None if report.rover is None else _rover_slip(report.rover),
-    }
-
-
-def _rover_slip(found: RoverSlip) -> RoverSlipRecord:
-    return {
-        "slip": found.slip,
-        "sd": found.sd,
-        "source": found.source.value,
-        "reason": found.reason,
-        "unsure": found.unsure,
-    }
-
-
-def _crab(report: CrabReport) -> CrabRecord:
-    return {"drift_rad": report.drift_rad, "source": report.source.value}
-
-
-def _drift(report: ScompReport) -> DriftRecord:
-    return {
-        "slip": report.slip,
-        "slip_angle_rad": report.slip_angle_rad,
-        "trace": None if report.trace is None else _trace(report.trace),
-        "reason": report.reason,
-    }
-
-
-def samples_record(samples: Sequence[Sample]) -> dict[str, list[object]]:
-    """Return samples grouped by kind; of a camera frame only what surrounds the pixels."""
-    grouped: dict[str, list[object]] = {}
-    for sample in samples:
-        record = frame_record(sample) if isinstance(sample, FrameSample) else sample
-        grouped.setdefault(type(sample).__name__, []).append(record)
-    return grouped
 
 
 def frame_record(frame: FrameSample) -> dict[str, object]:

@@ -1,5 +1,6 @@
 """Summary and verdict, from logs whose truth is known."""
 
+import json
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +24,8 @@ from drivers.samples import RateSample, SentCommand, WheelCommand, WheelSample
 from rover_hil.config import Config, load_config
 from rover_hil.importing.robotino_csv import read_run as read_csv
 from rover_hil.importing.to_log import observing_config, write_run_as_log
-from rover_hil.recording.schema import VIEW_LOG, EstimateRecord, PoseRecord, end_record, estimate_record
+from rover_hil.recording.schema import VIEW_LOG, EstimateRecord, PoseRecord, end_record
+from rover_hil.recording.text import estimate_text
 from rover_hil.recording.watchdog_note import MOST_CHARACTERS, note_path, read_note
 from rover_hil.recording.writer import LogWriter
 from rover_hil.report.read_run import read_run
@@ -159,7 +161,7 @@ def write_cycle(log: LogWriter, drive: Drive, t_s: float) -> None:
     ]
     stranger = WheelSample(device="arm", t_ns=t_ns - 1, wheel=0, position_rad=0.0)
     log.samples(t_ns, [*wheels, stranger, RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=0.01)])
-    log.write_json("/estimate", t_ns, estimate_record(drive.output(t_s)))
+    log.write_json("/estimate", t_ns, json.loads(estimate_text(drive.output(t_s))))
     log.write_json("/command", t_ns, SentCommand(t_ns=t_ns, speed_rad_s=(WHEEL_RAD_S,) * 3, delivered=True))
     if drive.has_truth:
         log.write_json("/truth", t_ns, drive.truth(t_s))
