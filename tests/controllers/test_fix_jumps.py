@@ -10,6 +10,7 @@ from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.pose_filter import PoseFilter
 from controllers.estimation.pose_fixes import WayBack
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.transition import Turn
 from controllers.safety.estimate_rules import FixJumpRule, UnseenSettings
 from controllers.safety.reasons import Cycle
 from drivers.samples import UNKNOWN_YAW_STD_RAD, PoseFixSample
