@@ -14,7 +14,7 @@ from typing import ParamSpec, TypeVar
 
 from drivers.errors import ConfigError
 from rover_hil.parallel.build_id import build_id
-from rover_hil.recording.made_with import OWN_PACKAGES
+from rover_hil.recording.made_with import BLAS_KERNEL, OWN_PACKAGES
 
 try:
     from distributed import Client, KilledWorker, Worker, get_worker
@@ -45,14 +45,16 @@ class ClusterExecutor(Executor):
 
     Args:
         address: Of the scheduler.
+        uses_blas: Whether the calls use BLAS, see `build_id`: workers with another kernel are then refused.
 
     Raises:
         ConfigError: The scheduler does not answer, has no worker, or has one that lacks the package, has
             another version of it or runs more than one thread.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, *, uses_blas: bool = True) -> None:
         self._address = address
+        self._build_id = build_id(uses_blas=uses_blas)
         _check_address(address)
         try:
             self._client = Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
@@ -75,7 +77,7 @@ class ClusterExecutor(Executor):
     def _start(self, call: Callable[[], T], outer: Future[T], starts: int) -> None:
         """Start a call, at most `starts` times; `outer` gets its outcome."""
         try:
-            inner = self._client.submit(_call, build_id(), call, pure=False)
+            inner = self._client.submit(_call, self._build_id, call, pure=False)
         except (OSError, RuntimeError) as error:
             raise self._lost() from error
         inner.add_done_callback(partial(self._settle, call, outer, starts))
@@ -91,7 +93,7 @@ class ClusterExecutor(Executor):
             for worker, found in versions.items():
                 if isinstance(found, Exception):
                     raise WorkerRefusedError(_without_package(worker))
-            refusals = self._client.run(find_refusal, build_id(), on_error="return")
+            refusals = self._client.run(find_refusal, self._build_id, on_error="return")
         except (OSError, RuntimeError) as error:
             raise self._lost() from error
         for worker, refusal in refusals.items():
@@ -152,7 +154,7 @@ def find_refusal(expected: str, dask_worker: Worker | None = None) -> str:
         dask_worker: The worker, which `Client.run` passes by this name; None within a call.
     """
     worker = dask_worker or get_worker()
-    found = build_id()
+    found = build_id(uses_blas=BLAS_KERNEL in expected)
     if found != expected:
         return (
             f"worker {worker.address} is refused, as its results could differ: it has {found}, this machine "

@@ -21,7 +21,9 @@ class WorkerLostError(RoverHilError):
 
 
 @contextmanager
-def open_executor(cluster: str | None = None, processes: int | None = None) -> Iterator[Executor]:
+def open_executor(
+    cluster: str | None = None, processes: int | None = None, *, uses_blas: bool = True
+) -> Iterator[Executor]:
     """Give an executor; work that has not begun at the end is cancelled.
 
     Functions and arguments are pickled: a function is one of a module, and files travel as bytes.
@@ -30,6 +32,7 @@ def open_executor(cluster: str | None = None, processes: int | None = None) -> I
         cluster: Address of a Dask scheduler, such as `tcp://192.168.1.5:8786`; None for processes of this
             machine.
         processes: Number of processes of this machine; one per available core where it is None.
+        uses_blas: Whether the last bits of the calls depend on the kernel of BLAS, see `build_id`.
 
     Raises:
         ConfigError: The cluster cannot be used, see `ClusterExecutor`.
@@ -42,7 +45,7 @@ def open_executor(cluster: str | None = None, processes: int | None = None) -> I
         # Imported here because dask is an optional package, and takes half a second.
         from rover_hil.parallel.cluster import ClusterExecutor
 
-        executor = ClusterExecutor(cluster)
+        executor = ClusterExecutor(cluster, uses_blas=uses_blas)
     try:
         yield executor
     except BrokenProcessPool as error:

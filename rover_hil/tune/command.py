@@ -81,7 +81,7 @@ def tune(
     folder = prepare_folder(study, out, force=force)
     trial_store = MissionStudy(folder / STUDY_NAME, study, config, settings)
     messages = Terminal(stderr=True)
-    with open_missions(cluster) as drive:
+    with open_missions(cluster, has_camera=config.roles.camera is not None) as drive:
         search(trial_store, drive, trials, minutes, messages)
         attempts = trial_store.attempts()
         comparison = _compare(config, settings, trial_store.candidates(), drive)

@@ -14,9 +14,9 @@ from rover_hil.tune.simulated_mission import SimulatedMission, simulate_mission
 
 
 @contextmanager
-def open_missions(cluster: str | None = None) -> Iterator[MissionRunner]:
-    """Give what drives missions in parallel; see `open_executor`."""
-    with open_executor(cluster) as executor:
+def open_missions(cluster: str | None = None, *, has_camera: bool = True) -> Iterator[MissionRunner]:
+    """Give what drives missions in parallel, of a rover with a camera or without; see `open_executor`."""
+    with open_executor(cluster, uses_blas=has_camera) as executor:
         yield missions_on(executor)
 
 

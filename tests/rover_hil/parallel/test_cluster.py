@@ -132,6 +132,7 @@ def test_a_call_that_cannot_be_made_again_ends_with_an_error_and_not_never() -> 
 
     executor = object.__new__(cluster.ClusterExecutor)
     executor._address = "tcp://there:1"
+    executor._build_id = build_id()
     executor._client = SimpleNamespace(status="running", submit=refuse)  # type: ignore[assignment]
     outer: Future[None] = Future()
     executor._settle(refuse, outer, 3, SimpleNamespace(status="lost", result=refuse))  # type: ignore[arg-type]

@@ -27,8 +27,9 @@ def parallel_runs(monkeypatch: pytest.MonkeyPatch) -> FakeRuns:
     fake = FakeRuns()
 
     @contextmanager
-    def open_missions(cluster: str | None) -> Generator[MissionRunner, None, None]:
+    def open_missions(cluster: str | None, *, has_camera: bool) -> Generator[MissionRunner, None, None]:
         assert cluster is None
+        assert not has_camera
         yield fake.drive
 
     monkeypatch.setattr(command, "open_missions", open_missions)
