@@ -23,6 +23,7 @@ class BodyIncrement:
         rolled_m: Motion of rolling wheels, before slip was removed, to the left as imaginary part; None where
             none was.
         slip_sd: Standard deviation of the slip that was removed; None where it is not known.
+        is_slip_one_sided: Whether that slip errs to one side, anywhere between none and a limit.
         is_measured: Whether a camera measures the motion over the ground: the slip of the wheels is then a
             state that it corrects.
     """
@@ -36,6 +37,7 @@ class BodyIncrement:
     steering_rad: tuple[float, ...] = ()
     rolled_m: complex | None = None
     slip_sd: float | None = None
+    is_slip_one_sided: bool = False
     is_measured: bool = False
 
 

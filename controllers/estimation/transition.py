@@ -59,6 +59,10 @@ class Moved:
     step: Step
 
 
+ONE_SIDED = math.sqrt(3.0) / 2.0
+"""Mean over rms of an error that lies anywhere between none and a limit: the part that has one sign."""
+
+
 class MotionTransition:
     """Wheels that roll along their constraints and slip, and a gyro with a bias.
 
@@ -171,7 +175,10 @@ class MotionTransition:
             sd = settings.unsure_slip_sd if self._layout.estimated_pairs else 0.0
         else:
             index = self._layout.first_slip
-            sd = math.hypot(settings.slip_sd, settings.slip_sd_share * (increment.slip_sd or 0.0))
+            share = settings.slip_sd_share
+            if share and increment.is_slip_one_sided:
+                share = max(share, ONE_SIDED)
+            sd = math.hypot(settings.slip_sd, share * (increment.slip_sd or 0.0))
         return index, sd, settings.cross_slip_ratio * sd
 
     def _let_slip_change(self, ground_m: float, state: list[float]) -> None:

@@ -14,7 +14,7 @@ from controllers.motion.kinematics import Kinematics
 from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.roles import DeviceRoles
 from controllers.slip.effort.current_owners import CurrentOwners
-from controllers.slip.effort.excited_slip import ExcitedSlip, RoverSlip
+from controllers.slip.effort.excited_slip import UNKNOWN_GYRO, ExcitedSlip, RoverSlip
 from controllers.slip.effort.free_force import FreeForce
 from controllers.slip.effort.ground_knowledge import GroundKnowledge, KnownSlip, SlipSource
 from controllers.slip.effort.labelled_windows import LabelledReading, LabelledWindows
@@ -315,6 +315,8 @@ class EffortCompensator:
             steering_rad=increment.steering_rad,
             rolled_m=complex(increment.x_m, increment.y_m),
             slip_sd=self._slip_sd(),
+            # Without the gyro's constants the reading is the least slip that the gyro may show.
+            is_slip_one_sided=self.excited is not None and self.excited.slip.unsure == UNKNOWN_GYRO,
         )
 
     def _rover_slip(self, wheels: Sequence[WheelSlip], turned_rad: Sequence[float]) -> RoverSlip:
