@@ -208,6 +208,7 @@ class ControlLoop:
             is_wider = self._judge(self._check, self._cycle(now_ns, estimate, innovations))
             estimate = self._estimator.estimate(now_ns) if is_wider else estimate
         guidance = self._guide(now_ns, estimate, innovations)
+        estimate = _with_unjudged_yaw(estimate, self._supervisor.unjudged_rad)
         speed_rad_s, limit = self._set_points(now_ns, guidance)
         self._commanded_rad_s = speed_rad_s
         # A wheel at rest that swings is always behind its set-point: only the travel says whether it stalls.
@@ -377,6 +378,14 @@ class ControlLoop:
         if swing_rad_s:
             self._swing_rad_s = self._kinematics.wheel_speeds(0.0, 0.0, swing_rad_s)
         return limited_rad_s, limit
+
+
+def _with_unjudged_yaw(estimate: PoseEstimate, unjudged_rad: float) -> PoseEstimate:
+    """Return the estimate with a yaw as uncertain as a sign of a wrong gyro makes it, until it is judged."""
+    if not unjudged_rad:
+        return estimate
+    xx, xy, x_yaw, yy, y_yaw, yaw_rad2 = estimate.covariance
+    return replace(estimate, covariance=(xx, xy, x_yaw, yy, y_yaw, yaw_rad2 + unjudged_rad**2 / 3.0))
 
 
 def _measured_slip(report: SlipReport | None, ground: GroundReport | None) -> SlipReport | None:

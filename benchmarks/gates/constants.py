@@ -2,6 +2,7 @@
 
     python -m benchmarks.gates.constants > numbers.md      # twelve minutes on two cores
     python -m benchmarks.gates.constants --only slip.effort.parameters.GyroInPlace
+    python -m benchmarks.gates.constants --only safety.entrapment --factors 0.5 2
 
 Prints a row for each number that `numbers` finds, as in docs/results/constants.md: its value, and by how many
 mm the path of the shipped Robotino changes at 0.8 and at 1.2 of it (whole numbers change by 1) on a simulated
@@ -202,15 +203,15 @@ def figures() -> Figures:
     return {"path": 1e3 * path_rms_m(path, CORNERS) if is_well else math.inf}
 
 
-def changes(number: Number) -> dict[str, str]:
-    """Return the row of a number: by how many mm each figure changes at 0.8 and 1.2."""
+def changes(number: Number, factors: Sequence[float] = FACTORS) -> dict[str, str]:
+    """Return the row of a number: by how many mm each figure changes at these multiples of it."""
     usual = usual_figures()
     if number.module.startswith(OF_SCOMP):
         return dict.fromkeys(usual, "of another rover")
     if number.module.startswith(OF_CAMERA) or number.title in NUMBERS_OF_CAMERA:
         return dict.fromkeys(usual, "no camera")
     found: list[Figures | str] = []
-    for factor in FACTORS:
+    for factor in factors:
         try:
             with changed(number, factor):
                 found.append(figures())
@@ -238,13 +239,19 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--only", action="append", help="rows whose names begin so; default: all")
-    chosen = tuple(parser.parse_args().only or ("",))
+    parser.add_argument("--factors", type=float, nargs=2, default=FACTORS, help="default: 0.8 1.2")
+    arguments = parser.parse_args()
+    chosen = tuple(arguments.only or ("",))
     every, day = [number for number in numbers() if number.title.startswith(chosen)], wall_time_text()
     today = f"{day[:4]}-{day[4:6]}-{day[6:8]}"
     with open_executor() as pool:
         print("| number | value | path, mm | date |")
         print("|---|---|---|---|")
-        found = track(pool.map(changes, every), total=len(every), console=Console(stderr=True))
+        found = track(
+            pool.map(partial(changes, factors=arguments.factors), every),
+            total=len(every),
+            console=Console(stderr=True),
+        )
         for number, row in zip(every, found, strict=True):
             cells = [number.title, number.text, *row.values(), today]
             print(f"| {' | '.join(cells)} |", flush=True)

@@ -80,6 +80,7 @@ class SafetySupervisor:
         suspicion: What may be wrong although it stops nothing; empty for nothing.
         stop_cause: Cause of the newest stop; empty before the first.
         is_gyro_doubted: Whether gyro and wheels exclude each other, and nothing decides.
+        unjudged_rad: By how much the yaw may be wrong while a sign is too young to be a reason.
         doubts: What the stops of this cycle add to the doubt in the estimate.
     """
 
@@ -95,6 +96,7 @@ class SafetySupervisor:
         self.mode = Mode.SETTLING
         self.reason = self.suspicion = self.stop_cause = ""
         self.is_gyro_doubted = False
+        self.unjudged_rad = 0.0
         self.doubts: list[Doubt] = []
 
     def observe(self, sample: Sample, t_ns: int) -> None:
@@ -107,6 +109,8 @@ class SafetySupervisor:
         stops = stops_of(reasons)
         shown = (Severity.SUSPICION, Severity.DOUBT)
         self.suspicion = next((each.text for each in reasons if each.severity in shown), "")
+        signs_rad = [each.yaw_rad for each in reasons if each.severity is Severity.SIGN]
+        self.unjudged_rad = max(signs_rad, default=0.0)
         self.is_gyro_doubted = any(each.severity is Severity.DOUBT for each in reasons)
         self.doubts = list(self._rules.doubts(reasons))
         if self.mode is Mode.EMERGENCY_STOP:

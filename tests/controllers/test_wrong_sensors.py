@@ -89,6 +89,8 @@ def test_a_gyro_without_a_signal_is_named_and_the_run_goes_on_with_a_yaw_wide_en
     outputs = run(loop, rover, 8.0)
     named = next(output for output in outputs if output.suspicion)
     assert named.t_ns / SECOND_NS <= 3.5
+    before = outputs[outputs.index(named) - 3].estimate.covariance[5]
+    assert before > 0.01**2  # signs widen it before they are a reason
     assert re.match(r"gyro: (yaw rate follows|measures) ", named.suspicion)
     assert named.suspicion.endswith("; the yaw is uncertain by both, yaw unwatched")
     assert {output.mode for output in outputs} == {Mode.SETTLING, Mode.RUNNING}

@@ -705,3 +705,12 @@ def test_a_rule_observes_the_kinds_that_it_names_and_else_every_sample(
         supervisor.observe(sample, sample.t_ns)
     assert every.observed == samples
     assert rates.observed == [samples[1], samples[3]]
+
+
+def test_a_sign_is_a_yaw_that_is_not_judged_yet(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Suspected(monkeypatch)
+    run.cycle(NO_GRIP._replace(severity=Severity.SIGN, yaw_rad=0.2))
+    assert run.supervisor.unjudged_rad == 0.2
+    assert run.supervisor.doubts == []
+    run.cycle()
+    assert run.supervisor.unjudged_rad == 0.0
