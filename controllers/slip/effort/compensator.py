@@ -18,7 +18,7 @@ from controllers.slip.effort.excited_slip import UNKNOWN_GYRO, ExcitedSlip, Rove
 from controllers.slip.effort.free_force import FreeForce
 from controllers.slip.effort.ground_knowledge import GroundKnowledge, KnownSlip, SlipSource
 from controllers.slip.effort.labelled_windows import LabelledReading, LabelledWindows
-from controllers.slip.effort.motor_model import SIGN_UNKNOWN, EffortFlag, EffortObserver, WheelEffort
+from controllers.slip.effort.motor_model import EffortFlag
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.settings import YAW_PROBE, SlipSettings
 from controllers.slip.effort.slip_by_fixes import SlipByFixes
@@ -29,6 +29,8 @@ from controllers.slip.effort.stuck_wheels import StuckWheels
 from controllers.slip.effort.surface_map import NO_TRAVEL, SurfaceTracker, Travel
 from controllers.slip.effort.torque_correction import TorqueCorrection
 from controllers.slip.effort.travel_range import direction_problem
+from controllers.slip.effort.wheel_efforts import WheelEfforts
+from controllers.slip.effort.wheel_map_check import WheelMapCheck, travel_slip
 from drivers.clock import seconds
 from drivers.record import record
 from drivers.samples import PoseFixSample, RateSample, Sample, WheelSample
@@ -77,7 +79,6 @@ class SlipReport:
 
 
 MEASURED_BY_FIXES = "pose fixes measure the slip"
-KNOWN_BUT_FOR_SIGN = frozenset((None, *SIGN_UNKNOWN))
 
 
 class _WindowSlip(NamedTuple):
@@ -99,7 +100,6 @@ class EffortCompensator:
         travel_m_s: Speed of the mission; None without one.
 
     Attributes:
-        efforts: Of the wheels, as of the newest increment; empty before the first.
         excited: Slip by the yaw excitation; None where another map is in use.
         free_force: Compares the drive force with that of free driving.
     """
@@ -128,7 +128,6 @@ class EffortCompensator:
         self._device = roles.wheels
         self._gyro = roles.gyro
         self._gyro_ns: int | None = None
-        self.efforts: tuple[WheelEffort, ...] = ()
         self.excited = (
             ExcitedSlip(
                 settings.excitation,
@@ -155,20 +154,14 @@ class EffortCompensator:
         self._kinematics = kinematics
         self._tracker = SurfaceTracker(surfaces, rover.base_radius_m)
         self._surface = self._tracker.step(NO_TRAVEL)
-        self._currents: list[WheelSample | None] = [None] * count
-        self._current_ns = [-1] * count
-        self._wheel_ns = [0] * count
-        self._observers: list[EffortObserver] = []
+        self._efforts = WheelEfforts(settings.maps.motor, count)
         self._window_slip = _WindowSlip(None, 0.0, "too little way so far")
         if self.excited is not None:
             self._window_slip = _WindowSlip((0.0,) * count, 0.0, self.excited.slip.reason)
         self._slips = [self._prior_slip] * count
         self._held = [self._prior_slip] * count
         self._window_rad = [0.0] * count
-        self._force_rad: tuple[float, ...] = (0.0,) * count
-        self._rolled_rad: tuple[float, ...] = (0.0,) * count
-        self._map_slip = 0.0
-        self._map_problem = self._ground.known.reason
+        self._map_check = WheelMapCheck(settings.use, kinematics, self._ground.known.reason)
         self._window_s = 0.0
         self._window_work_j: float | None = 0.0
         self._reported_m = 0j
@@ -232,23 +225,13 @@ class EffortCompensator:
         elif isinstance(sample, RateSample) and sample.device == self._gyro and self._is_newer(t_ns):
             self._gyro_ns = t_ns
         elif isinstance(sample, WheelSample) and sample.device == self._device:
-            self._feed_wheel(sample, t_ns)
+            self._efforts.feed(sample, t_ns)
 
     def take_ground(self, pair: GroundPair) -> None:
         """Take a motion over the ground: it labels the readings of the excitation."""
         found = self._by_ground.take(pair)
         if found is not None:
             self._windows.wait(found)
-
-    def _feed_wheel(self, sample: WheelSample, t_ns: int) -> None:
-        wheel, current_a = sample.wheel, sample.current_a
-        if not 0 <= wheel < len(self._currents):
-            return
-        if sample.position_rad is not None:
-            self._wheel_ns[wheel] = max(t_ns, self._wheel_ns[wheel])
-        if t_ns > self._current_ns[wheel] and current_a is not None and math.isfinite(current_a):
-            self._currents[wheel] = sample
-            self._current_ns[wheel] = t_ns
 
     def _is_newer(self, gyro_ns: int) -> bool:
         return self._gyro_ns is None or gyro_ns > self._gyro_ns
@@ -271,22 +254,21 @@ class EffortCompensator:
         Surface and excitation are evaluated over windows of half a second. The end of a window corrects the
         motion that was reported during it with the slip before.
         """
-        self.efforts = tuple(self._observe(increment, set_speed_rad_s))
-        self._owners.check(self.efforts, increment.duration_s)
+        self._efforts.observe(increment, set_speed_rad_s)
+        self._owners.check(self._efforts.newest, increment.duration_s)
         self._ground.move(increment.duration_s, math.hypot(increment.x_m, increment.y_m))
         if self._fixes:
             self._move_between_fixes(increment, gyro_rate_rad_s)
         correction_m = self._update(increment, gyro_rate_rad_s)
         wheels = [
             self._wheel_slip(wheel, increment.duration_s, set_speed_rad_s[wheel])
-            for wheel in range(len(self.efforts))
+            for wheel in range(len(self._efforts.newest))
         ]
-        self._currents = [None] * len(self._currents)
         self._slips = [wheel.slip for wheel in wheels]
         x_m, y_m, turn_rad = self.body_motion(increment.turned_rad)
         self._window_rad = list(map(operator.add, self._window_rad, increment.turned_rad))
         self._window_s += increment.duration_s
-        work_j = self._work_but_for_sign_j(increment)
+        work_j = self._efforts.work_but_for_sign_j(increment)
         self.free_force.move(increment, None if self._owners.reason else work_j)
         self._window_work_j = (
             None if self._window_work_j is None or work_j is None else self._window_work_j + work_j
@@ -300,7 +282,7 @@ class EffortCompensator:
             rover=(
                 self._rover_slip(wheels, increment.turned_rad) if self.excited is None else self.excited.slip
             ),
-            label=self._windows.label(min(self._wheel_ns)),
+            label=self._windows.label(self._efforts.positions_ns),
         )
         return BodyIncrement(
             x_m=x_m + correction_m.real,
@@ -322,55 +304,29 @@ class EffortCompensator:
     def _rover_slip(self, wheels: Sequence[WheelSlip], turned_rad: Sequence[float]) -> RoverSlip:
         """Return the slip of the rover by a map, from the angles that the wheels turned."""
         known = self._ground.known
-        slip = self._travel_slip(turned_rad, self.body_motion(turned_rad))
+        slip = travel_slip(self._kinematics, turned_rad, self.body_motion(turned_rad))
         reason = next((one.reason for one in wheels if one.reason not in ("", EffortFlag.SLOW)), "")
         if not reason and not any(one.valid for one in wheels):
             reason = EffortFlag.SLOW.value
         if reason:
             source = SlipSource.HELD if abs(slip) > EFFORT.hold.encoders_below else SlipSource.ENCODERS
             return RoverSlip(slip=slip, sd=1.0, source=source, reason=reason)
-        off = 0.0 if self._wheel_map is None else self._map_slip - known.slip
+        off = 0.0 if self._wheel_map is None else self._map_check.slip - known.slip
         return RoverSlip(slip=slip, sd=math.hypot(known.sd, off), source=known.source, reason="")
-
-    def _travel_slip(self, turned_rad: Sequence[float], moved: BodyMotion) -> float:
-        """Return which share of the travel by the wheels is missing in a motion; 0 without travel."""
-        x_m, y_m, _ = self._kinematics.body_motion(turned_rad)
-        square_m2 = x_m**2 + y_m**2
-        return 1.0 - (moved[0] * x_m + moved[1] * y_m) / square_m2 if square_m2 > 0.0 else 0.0
 
     def _is_at_rest(self, wheel: int, set_speed_rad_s: float) -> bool:
         """Return True for a wheel at rest as commanded; wheel maps do not apply to it."""
         is_commanded = abs(set_speed_rad_s) < EFFORT.motor.slowest_rad_s
         return (
-            self._wheel_map is not None and is_commanded and self.efforts[wheel].flags == (EffortFlag.SLOW,)
+            self._wheel_map is not None
+            and is_commanded
+            and self._efforts.newest[wheel].flags == (EffortFlag.SLOW,)
         )
-
-    def _observe(self, increment: BodyIncrement, set_speed_rad_s: Sequence[float]) -> list[WheelEffort]:
-        if not self._observers and all(self._currents):
-            self._observers = [
-                EffortObserver(self._settings.maps.motor, current_is_signed=sample.current_is_signed)
-                for sample in self._currents
-                if sample is not None
-            ]
-        if not self._observers:
-            missing = WheelEffort(0.0, 0.0, 0.0, 0.0, (EffortFlag.NO_CURRENT,))
-            return [missing] * len(self._currents)
-        return [
-            observer.step(
-                increment.duration_s,
-                None if sample is None else sample.current_a,
-                turned_rad / increment.duration_s,
-                set_rad_s,
-            )
-            for observer, sample, turned_rad, set_rad_s in zip(
-                self._observers, self._currents, increment.turned_rad, set_speed_rad_s, strict=True
-            )
-        ]
 
     @property
     def knows_force(self) -> bool:
         """Whether the torques of all wheels are known."""
-        return bool(self.efforts) and all(effort.unknown_torque is None for effort in self.efforts)
+        return self._efforts.are_torques_known
 
     def set_point_changes(self, commanded_twist: Sequence[float]) -> tuple[float, ...] | None:
         """Return what the torque correction adds to each set-point, rad/s.
@@ -383,7 +339,7 @@ class EffortCompensator:
         """
         if self._correction is None or not self.knows_force:
             return None
-        torques_nm = [effort.wheel_torque_nm for effort in self.efforts]
+        torques_nm = [effort.wheel_torque_nm for effort in self._efforts.newest]
         return self._correction.set_point_changes(torques_nm, commanded_twist)
 
     def _update(self, increment: BodyIncrement, gyro_rate_rad_s: float | None) -> complex:
@@ -402,32 +358,22 @@ class EffortCompensator:
         x_m, y_m, _ = self._motion(window_rad, found.slips, found.drift_rad)
         return complex(x_m, y_m) - reported_m
 
-    def _work_but_for_sign_j(self, increment: BodyIncrement) -> float | None:
-        """Return the work; None where a torque is unknown by more than its sign."""
-        if any(effort.unknown_torque not in KNOWN_BUT_FOR_SIGN for effort in self.efforts):
-            return None
-        return self._work_j(increment)
-
     def _move_between_fixes(self, increment: BodyIncrement, gyro_rate_rad_s: float | None) -> None:
         turn_rad = increment.turn_rad if gyro_rate_rad_s is None else gyro_rate_rad_s * increment.duration_s
-        is_known = not any(effort.unknown_work for effort in self.efforts)
-        work_j = self._work_j(increment) if is_known else None
+        is_known = self._efforts.unknown_work is None
+        work_j = self._efforts.work_j(increment) if is_known else None
         # The odometry is known up to the oldest of the newest positions.
-        self._by_fixes.move(min(self._wheel_ns), increment, turn_rad, work_j)
-
-    def _work_j(self, increment: BodyIncrement) -> float:
-        torques_nm = [effort.wheel_torque_nm for effort in self.efforts]
-        work_j: float = sum(map(operator.mul, torques_nm, increment.turned_rad))
-        return work_j
+        self._by_fixes.move(self._efforts.positions_ns, increment, turn_rad, work_j)
 
     def _slip_by_surface(self, increment: BodyIncrement) -> _WindowSlip | None:
-        unknown = next(filter(None, [effort.unknown_work for effort in self.efforts]), None)
+        unknown = self._efforts.unknown_work
         if unknown is not None:
             self._tracker.interrupt()
-            self._force_rad = self._rolled_rad = (0.0,) * self._kinematics.wheel_count
+            self._map_check.begin()
             return _WindowSlip(None, self._window_slip.drift_rad, unknown.value)
-        self._add_map_motion(increment.turned_rad)
-        work_j = self._work_j(increment)
+        if self._wheel_map is not None:
+            self._map_check.add(self._wheel_map, self._efforts.newest, increment.turned_rad)
+        work_j = self._efforts.work_j(increment)
         before = self._surface
         self._surface = self._tracker.step(
             Travel(increment.duration_s, increment.x_m, increment.y_m, increment.turn_rad, work_j)
@@ -437,34 +383,13 @@ class EffortCompensator:
         known = self._ground.known
         if self.excited is None:
             known = self._ground.step(self._tracker.window)
-        self._compare_wheel_map(known)
+        self._map_check.compare(known, has_map=self._wheel_map is not None)
         if known.reason and not self._uses_map_anywhere:
             return _WindowSlip(None, 0.0, known.reason)
         count = self._kinematics.wheel_count
         if known.reason:
             return _WindowSlip((self._surface.slip,) * count, self._surface.drift_rad, known.reason)
         return _WindowSlip((known.slip,) * count, known.drift_rad, "")
-
-    def _add_map_motion(self, turned_rad: Sequence[float]) -> None:
-        if self._wheel_map is None:
-            return
-        slips = [wheel_slip(self._wheel_map, effort).slip for effort in self.efforts]
-        rolled_rad = [angle * (1.0 - slip) for angle, slip in zip(turned_rad, slips, strict=True)]
-        self._force_rad = tuple(map(operator.add, self._force_rad, turned_rad))
-        self._rolled_rad = tuple(map(operator.add, self._rolled_rad, rolled_rad))
-
-    def _compare_wheel_map(self, known: KnownSlip) -> None:
-        """Compare the slip of the rover by the wheel map in the last half second with that of the ground."""
-        self._map_problem = known.reason
-        if self._wheel_map is None:
-            return
-        turned_rad, rolled_rad = self._force_rad, self._rolled_rad
-        self._force_rad = self._rolled_rad = (0.0,) * len(turned_rad)
-        self._map_slip = self._travel_slip(turned_rad, self._kinematics.body_motion(rolled_rad))
-        if not known.reason and abs(self._map_slip - known.slip) > EFFORT.recognition.contradiction:
-            self._map_problem = (
-                f"{self._settings.use} gives a slip of {self._map_slip:.2f}, the ground has {known.slip:.2f}"
-            )
 
     def _slip_by_excitation(
         self, increment: BodyIncrement, gyro_rate_rad_s: float | None
@@ -486,7 +411,7 @@ class EffortCompensator:
         known = self._slip_by_excited_force(x_m, y_m, turn_rad)
         found = self.excited.take(response, complex(x_m, y_m), self._window_force_n(x_m, y_m), known)
         if self.excited.reading is not None:
-            self._windows.add(min(self._wheel_ns), *self.excited.reading)
+            self._windows.add(self._efforts.positions_ns, *self.excited.reading)
         if found.source is SlipSource.EXCITATION:
             self._ground.learn(found.slip)
         if self._is_measured_by_fixes():
@@ -501,7 +426,7 @@ class EffortCompensator:
         """Return whether the newest fix is recent."""
         if self._fix_ns is None:
             return False
-        return seconds(min(self._wheel_ns) - self._fix_ns) < EFFORT.fixes.absent_s
+        return seconds(self._efforts.positions_ns - self._fix_ns) < EFFORT.fixes.absent_s
 
     def _window_force_n(self, x_m: float, y_m: float) -> float | None:
         """Return the mean drive force in the open window; None where currents or travel do not give it."""
@@ -525,10 +450,10 @@ class EffortCompensator:
 
     def _gyro_after_s(self) -> float:
         """Return by how much the gyro's time stamp is after that of the wheels."""
-        return 0.0 if self._gyro_ns is None else seconds(self._gyro_ns - min(self._wheel_ns))
+        return 0.0 if self._gyro_ns is None else seconds(self._gyro_ns - self._efforts.positions_ns)
 
     def _wheel_slip(self, wheel: int, elapsed_s: float, set_speed_rad_s: float) -> WheelSlip:
-        effort = self.efforts[wheel]
+        effort = self._efforts.newest[wheel]
         slip, reason = self._found_slip(wheel)
         if self._owners.reason and self.excited is None:
             slip, reason = None, self._owners.reason
@@ -552,17 +477,19 @@ class EffortCompensator:
     def _found_slip(self, wheel: int) -> tuple[float | None, str]:
         """Return the slip by the map in use, None where it gives none, and why it is not valid."""
         if self._wheel_map is not None:
-            effort = self.efforts[wheel]
+            effort = self._efforts.newest[wheel]
             found = wheel_slip(self._wheel_map, effort)
-            reason = found.reason or self._map_problem or self._direction_problem()
-            is_usable = not effort.flags and (self._uses_map_anywhere or not self._map_problem)
+            reason = found.reason or self._map_check.problem or self._direction_problem()
+            is_usable = not effort.flags and (self._uses_map_anywhere or not self._map_check.problem)
             return (found.slip if is_usable else None), reason
         slips = self._window_slip.slips
         return (None if slips is None else slips[wheel]), self._window_slip.reason
 
     def _direction_problem(self) -> str:
         """Return why a wheel map does not hold for this direction of travel; else empty."""
-        x_m_s, y_m_s, _ = self._kinematics.body_motion([effort.speed_rad_s for effort in self.efforts])
+        x_m_s, y_m_s, _ = self._kinematics.body_motion(
+            [effort.speed_rad_s for effort in self._efforts.newest]
+        )
         if math.hypot(x_m_s, y_m_s) < EFFORT.hold.least_speed_m_s:
             return ""
         return direction_problem(self._settings.maps.surfaces.directions_rad, math.atan2(y_m_s, x_m_s))
