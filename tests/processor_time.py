@@ -8,6 +8,7 @@ import time
 from collections.abc import Generator
 
 import pytest
+from numba.core.event import install_recorder
 
 MARKERS = ("slow", "nightly", "rover")
 LIMIT_S = 3.0
@@ -23,13 +24,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
     """Measure what a test itself needs, without its fixtures, which others share."""
-    start_s = time.process_time()
-    result = yield
-    used_s = time.process_time() - start_s
+    # What numba compiles takes seconds, once on each machine.
+    with install_recorder("numba:compile") as compiled:
+        start_s = time.process_time()
+        result = yield
+        used_s = time.process_time() - start_s
     limit_s = item.config.getoption("--processor-limit")
     is_marked = any(item.get_closest_marker(name) is not None for name in MARKERS)
     is_traced = sys.gettrace() is not None  # as under coverage, which takes several times as long
-    if limit_s and used_s > limit_s and not is_marked and not is_traced:
+    if limit_s and used_s > limit_s and not (is_marked or is_traced or compiled.buffer):
         pytest.fail(
             f"{used_s:.1f} s of processor time, more than {limit_s:g} s: make it faster, share what it "
             "computes in a fixture, or mark it `slow`",

@@ -81,6 +81,7 @@ def test_a_base_parameter_far_from_its_nominal_value_contradicts_a_name(model: W
     assert " prior deviations" in first
 
 
+@pytest.mark.slow
 def test_a_skidding_rover_turns_about_a_place_of_its_own_and_others_do_not(model: WheelsModel) -> None:
     """The centre moves the marker sideways in proportion to the turn."""
     assert "rotation_centre" not in {card.name for card in model.effects}

@@ -72,6 +72,7 @@ def test_a_single_effect_is_named_alone(name: str) -> None:
     assert len(verdict.rejected) == len(Cart.effects) - 1
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth() -> None:
     """One parameter each, so that its truth is a number; 90 % of 95 % intervals is 3 sd below the mean."""
     held = []
