@@ -4,6 +4,7 @@ import cmath
 import math
 from dataclasses import replace
 
+from controllers.doubts import Doubts, added
 from controllers.estimation.dead_reckoning import DeadReckoned, DeadReckoning
 from controllers.estimation.ground_travel import GroundPair, GroundReport, GroundTravel, contradicting
 from controllers.estimation.guarded_filter import Innovation
@@ -134,11 +135,11 @@ class Estimator:
         self._dead_reckoning = DeadReckoning() if roles.fixes else None
         self._waiting = WaitingSamples(LISTED)
         self._turns = TurnSource(self._gyro, kinematics.wheel_count)
-        self._rolled_m = self._open_m = self._open_rad = 0.0
-        self._compensated_m = (0.0, 0.0)
+        self._rolled_m = 0.0
         self._driven_ns: int | None = None
         self._unseen = UnseenMotion(self._effects)
-        self._undecided_rad2 = self._doubted_to_m = self.doubted_rad = 0.0
+        self._doubts = Doubts(self._filter, self._unseen, slip)
+        self.doubted_rad = 0.0
         self.is_still = False
         self._is_resting = False
         self._bias_seen_ns: int | None = None
@@ -231,7 +232,7 @@ class Estimator:
             set_speed_rad_s: Set-points of the wheels since the last cycle; empty for none.
             set_steering_rad: Steering set-points since the last cycle; empty for none.
         """
-        self.doubted_rad = math.sqrt(self._undecided_rad2)
+        self.doubted_rad = self._doubts.undecided_rad
         self._steer(now_ns, set_steering_rad)
         increment = self.odometry.take(self.steering.angles_rad)
         self._turns.evidence = None
@@ -268,9 +269,7 @@ class Estimator:
             innovations.append(self._filter.correct_bias(self._roles.gyro, gyro.rate_rad_s))
             self._is_bias_known |= innovations[-1].accepted
         if self.unseen_m or self.unseen_rad or self.doubted_rad:
-            position_m2, yaw_rad2 = self._variances()
-            self._unseen.limit(position_m2, yaw_rad2)
-            self._undecided_rad2 = min(self._undecided_rad2, yaw_rad2)
+            self._doubts.limit()
         return tuple(innovations)
 
     def _compensate(
@@ -288,7 +287,9 @@ class Estimator:
             )
         if self._is_measured:
             increment = replace(rolled, is_measured=True)
-        self._note_compensation(rolled.duration_s, rolled.x_m - increment.x_m, rolled.y_m - increment.y_m)
+        self._doubts.note_compensation(
+            rolled.duration_s, rolled.x_m - increment.x_m, rolled.y_m - increment.y_m
+        )
         return increment
 
     def _follow_ground(self, now_ns: int) -> list[Innovation]:
@@ -301,14 +302,14 @@ class Estimator:
         for way_back, pair, is_begin, doubted_m in self._ground.take(
             self._fixes.known_ns, self._fixes.way_back
         ):
-            added_m, self._doubted_rig_m = _added(doubted_m, self._doubted_rig_m), doubted_m
+            added_m, self._doubted_rig_m = added(doubted_m, self._doubted_rig_m), doubted_m
             if added_m:
                 self._filter.widen(added_m, added_m, 0.0)
             if pair is not None and pair.contradiction:
                 innovations.append(contradicting(camera, pair))
                 # One after the other they err in one direction: the errors add up, not their variances.
                 before_m, self._lost_m = self._lost_m, self._lost_m + abs(pair.ground_m - pair.rolled_m)
-                added_m = _added(self._lost_m, before_m)
+                added_m = added(self._lost_m, before_m)
                 self._filter.widen(added_m, added_m, 0.0)
             elif pair is not None:
                 self._lost_m = 0.0
@@ -348,16 +349,10 @@ class Estimator:
             self._effects = wheel_effects(self._kinematics, self._effects_at_rad)
             self._unseen.turn_wheels(self._effects)
 
-    def _note_compensation(self, duration_s: float, removed_x_m: float, removed_y_m: float) -> None:
-        """Add up the travel that slip compensation has removed, with a fading memory."""
-        kept = math.exp(-duration_s / ESTIMATION.pose.doubted_slip_s)
-        x_m, y_m = self._compensated_m
-        self._compensated_m = (kept * x_m + removed_x_m, kept * y_m + removed_y_m)
-
     def doubt(
         self, wheel_rad: tuple[float, ...], yaw_rad: float, is_unseen: bool = True, path_m: float = 0.0
     ) -> None:
-        """Widen the estimate by motion that was measured wrongly.
+        """Widen the estimate by motion that was measured wrongly, see `Doubts.add`.
 
         A gyro that was wrong has also misled the slip compensation: a gyro without a signal looks like wheels
         that slip wholly. So a doubt of the yaw also widens the position by the travel that compensation has
@@ -372,34 +367,28 @@ class Estimator:
                 chord of that path turned by the yaw.
         """
         x_m, y_m, by_wheels_rad = greatest_motion(self._effects, wheel_rad or (0.0,) * len(self._effects))
-        if yaw_rad:
-            x_m, y_m = x_m + abs(self._compensated_m[0]), y_m + abs(self._compensated_m[1])
-            self._compensated_m = (0.0, 0.0)  # doubted once
-            self._filter.doubt_slip()
-            if self._slip is not None:
-                self._slip.doubt_gyro()
-        if path_m:
-            chord_m = min(path_m, self._path_m - self._doubted_to_m)  # the path before is doubted already
-            chord_m *= 2.0 * math.sin(0.5 * min(yaw_rad, math.pi))
-            x_m, y_m, self._doubted_to_m = x_m + chord_m, y_m + chord_m, self._path_m
-        greatest = (x_m, y_m, yaw_rad + (by_wheels_rad if self._roles.gyro is None else 0.0))
-        if is_unseen:
-            self._widen(greatest)
-            return
-        # No yaw is more uncertain than one that may be any.
-        added_rad2 = min(greatest[2] ** 2 / 3.0, max(0.0, math.pi**2 / 3.0 - self._undecided_rad2))
-        self._filter.widen(x_m, y_m, math.sqrt(3.0 * added_rad2))
-        self._undecided_rad2 += added_rad2
+        self._doubts.add(
+            complex(x_m, y_m),
+            yaw_rad,
+            by_wheels_rad if self._roles.gyro is None else 0.0,
+            is_unseen=is_unseen,
+            driven_m=self._path_m,
+            path_m=path_m,
+        )
 
     def leave_open(self) -> None:
-        """Widen the estimate to all that is left where a sensor of the motion may be wrong all the time.
+        """Widen the estimate to all that is left where a sensor of the motion may be wrong all the time."""
+        self._doubts.leave_open(self._rolled_m)
 
-        The yaw may be any, and the rover anywhere within the distance that its wheels have turned.
-        """
-        added_m, added_rad = _added(self._rolled_m, self._open_m), _added(math.pi, self._open_rad)
-        self._open_m, self._open_rad = max(self._rolled_m, self._open_m), math.pi
-        if added_m or added_rad:
-            self._filter.widen(math.sqrt(3.0) * added_m, math.sqrt(3.0) * added_m, added_rad)
+    @property
+    def unseen_m(self) -> float:
+        """Standard deviation of the position from motion that was not measured; fixes reduce it."""
+        return self._unseen.position_m
+
+    @property
+    def unseen_rad(self) -> float:
+        """Standard deviation of the yaw from motion that was not measured; headings reduce it, too."""
+        return self._unseen.yaw_rad
 
     def _is_still(self, now_ns: int) -> bool:
         """Return whether the wheels have been at rest for a while, as commanded.
@@ -448,9 +437,9 @@ class Estimator:
             reach_m = max(self._doubted[0], self._seen_at_rest_m(now_ns))
         before_m, before_rad = self._doubted
         self._doubted = max(before_m, reach_m), max(before_rad, abs(rest.turned_rad))
-        added_m, added_rad = map(_added, self._doubted, (before_m, before_rad))
+        added_m, added_rad = map(added, self._doubted, (before_m, before_rad))
         if added_m or added_rad:
-            self._widen((added_m, added_m, added_rad))
+            self._doubts.widen((added_m, added_m, added_rad))
         return rest
 
     def _seen_at_rest_m(self, now_ns: int) -> float:
@@ -488,7 +477,7 @@ class Estimator:
             for now, before in zip(unknown_rad, before_rad, strict=True)
         )
         added_rad = [
-            math.copysign(_added(now, before), now)
+            math.copysign(added(now, before), now)
             for now, before in zip(self._doubted_rad, before_rad, strict=True)
         ]
         if any(added_rad):
@@ -565,16 +554,6 @@ class Estimator:
         """By how much the places of each device have jumped, in the local frame; see `FixJumps`."""
         return self._filter.jumped_m
 
-    @property
-    def unseen_m(self) -> float:
-        """Standard deviation of the position from motion that was not measured; fixes reduce it."""
-        return self._unseen.position_m
-
-    @property
-    def unseen_rad(self) -> float:
-        """Standard deviation of the yaw from motion that was not measured; headings reduce it, too."""
-        return self._unseen.yaw_rad
-
     def _account_for_lost_motion(self, set_speed_rad_s: tuple[float, ...]) -> None:
         """Widen the estimate when the wheels have a new base: what they did since the last one is unknown."""
         odometry = self.odometry
@@ -585,7 +564,7 @@ class Estimator:
                 turn_unknown_s = 0.0  # the readings to come reach back
             # Where the set-points are not known, the rover may have driven in any part of its turn.
             turned_rad = 0.0 if self._is_commanded else self._gyro.turn.angle_rad
-            self._widen(
+            self._doubts.widen(
                 self._unseen.greatest_motion(odometry.lost_s + odometry.frozen_s, turn_unknown_s, turned_rad)
             )
         is_measured = odometry.t_ns is not None
@@ -599,29 +578,19 @@ class Estimator:
             self._filter.widen(*self._in_gyro_frame(greatest_motion(self._effects, self._speed_error_rad)))
             self._speed_error_rad = [0.0] * len(self._effects)
 
-    def _widen(self, greatest: BodyMotion) -> None:
-        position_m2, yaw_rad2 = self._variances()
-        self._filter.widen(*greatest)
-        wide_m2, wide_rad2 = self._variances()
-        self._unseen.add(wide_m2 - position_m2, wide_rad2 - yaw_rad2)
-
-    def _variances(self) -> tuple[float, float]:
-        xx, _, _, yy, _, yaw_yaw = self._filter.covariance
-        return xx + yy, yaw_yaw
-
     def _move(self, increment: BodyIncrement, turn: Turn) -> Step:
         """Move the estimate; after a gap of the samples the path between is unknown."""
         step = self._filter.predict(increment, turn)
         if self._slip is not None:
             if self._slip.states is not None:  # they remove their share in the prediction
-                self._note_compensation(0.0, increment.x_m - step.x_m, increment.y_m - step.y_m)
+                self._doubts.note_compensation(0.0, increment.x_m - step.x_m, increment.y_m - step.y_m)
             self._slip.correct(self._filter)
         if turn.source is YawSource.GYRO and turn.by_wheels_rad is not None:
             self._unseen.add(0.0, step.yaw_rad2)
-            self._widen((0.0, 0.0, turn.gap_error_rad))
+            self._doubts.widen((0.0, 0.0, turn.gap_error_rad))
         if increment.duration_s > self._roles.max_age_s(self._roles.wheels):
             aside_m = 0.5 * math.hypot(increment.x_m, increment.y_m) * min(abs(step.turn_rad), 1.0)
-            self._widen((aside_m, aside_m, 0.0))
+            self._doubts.widen((aside_m, aside_m, 0.0))
         return step
 
     def _yaw_rate_rad_s(self) -> float:
@@ -655,8 +624,3 @@ class Estimator:
             if measurement is not None:
                 innovations += self._filter.correct(*measurement)
         return innovations
-
-
-def _added(now: float, before: float) -> float:
-    """Return what is to be added to an uncertainty to reach a greater one: variances add up."""
-    return math.sqrt(max(0.0, now**2 - before**2))
