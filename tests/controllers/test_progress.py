@@ -44,7 +44,11 @@ def _equipped(sensors: str) -> Config:
     if sensors != CURRENTS:
         return equipped(config, sensors)
     assert config.slip is not None
-    return config.model_copy(update={"slip": config.slip.model_copy(update={"use": "surfaces"})})
+    assert config.mission is not None
+    # Along the next side of the rectangle a wall would not hold it.
+    mission = config.mission.model_copy(update={"length_m": 3.0})
+    slip = config.slip.model_copy(update={"use": "surfaces"})
+    return config.model_copy(update={"slip": slip, "mission": mission})
 
 
 def travel_to_the_stop(law: str, sensors: str, trap: str) -> tuple[float, str]:
@@ -60,7 +64,7 @@ def travel_to_the_stop(law: str, sensors: str, trap: str) -> tuple[float, str]:
 
     driven = drive(
         with_drooping_drives(_equipped(sensors)),
-        limit_s=150.0,
+        limit_s=300.0 if sensors == CURRENTS else 60.0,
         make_plant=make_plant,
         make_camera=ground_camera(SEED) if sensors == "camera" else None,
     )
