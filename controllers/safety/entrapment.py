@@ -414,7 +414,8 @@ class EntrapmentRule(StopRule):
             f"{suspicion.text.removeprefix('rover: ')}"
         )
         # What the wheels turned before the suspicion stood, they turned as they did after it.
-        share = self._unknown_m / (self._unknown_m - self._before_m)
+        seen_m = self._unknown_m - self._before_m
+        share = self._unknown_m / seen_m if seen_m > 0.0 else 1.0
         wheel_rad = tuple(share * turned_rad for turned_rad in self._unknown_rad)
         return suspicion._replace(text=text, severity=Severity.RECOVERABLE, wheel_rad=wheel_rad)
 

@@ -468,6 +468,12 @@ def test_a_camera_that_sees_no_motion_stops_as_early_as_fixes_would() -> None:
     ]
 
 
+def test_a_limit_below_the_travel_that_a_camera_needs_stops_at_once() -> None:
+    travel = Travel(EntrapmentSettings(entrapment_m=0.1))
+    assert list(travel.rule.check(Cycle(now_ns=0, distance_m=0.3, measured_rad_s=(1.0,)))) == []
+    assert unmoved(travel, 1, 0.3, 0.0) is Severity.RECOVERABLE
+
+
 def test_what_fixes_have_shown_is_no_travel_without_progress_under_a_camera() -> None:
     travel = Travel()
     for _ in range(10):
