@@ -452,14 +452,21 @@ class Outcome:
     error_m: float = math.nan
 
 
-def import_drive(drive: Measured, folder: Path) -> Outcome:
-    """Import a drive, and compare its estimate with the truth."""
-    table, columns_path, log = folder / "drive.csv", folder / "columns.toml", folder / "drive.mcap"
-    log.unlink(missing_ok=True)
+def write_table(drive: Measured, folder: Path) -> tuple[Path, Path]:
+    """Write a drive as a table and a file of columns; return both."""
+    table, columns = folder / "drive.csv", folder / "columns.toml"
     rows = np.column_stack(list(drive.columns.values())).tolist()
     text = [",".join(drive.columns), *(",".join(map(repr, row)) for row in rows)]
     table.write_text("\n".join(text) + "\n", "utf-8")
-    columns_path.write_text(drive.sections + LIMITS.format(drive.limit_rad_s), "utf-8")
+    columns.write_text(drive.sections + LIMITS.format(drive.limit_rad_s), "utf-8")
+    return table, columns
+
+
+def import_drive(drive: Measured, folder: Path) -> Outcome:
+    """Import a drive, and compare its estimate with the truth."""
+    table, columns_path = write_table(drive, folder)
+    log = folder / "drive.mcap"
+    log.unlink(missing_ok=True)
     try:
         columns = read_columns(columns_path)
         *_, contents = write_table_as_log(table, columns, rover_of(columns, columns_path), log)

@@ -11,7 +11,7 @@ from controllers.safety.reasons import Cycle, StopReason, StopRule
 LEAST_TURN_RAD = 0.5
 """Smaller turns are not compared: uneven slip may make them."""
 
-GREATEST_TURN_RAD = 2.5
+GREATEST_TURN_RAD = 1.75
 """A longer turn is compared in parts, so that it is told while it lasts."""
 
 STRAIGHT_S = 0.5

@@ -234,3 +234,10 @@ def test_without_the_library_the_extra_is_named(
         (tmp_path / name).write_bytes(b"ULog\x01\x12\x35" if name == "drive.ulg" else b"\xa3\x95")
         assert import_it(command, tmp_path / name, columns) == 2
         assert_one_sentence(command.error, library, "rover-hil[flight]")
+
+
+def test_nothing_is_guessed_of_a_flight_log(command: Command, log: Path) -> None:
+    """Its columns have fixed names and units; a guess took its microseconds for milliseconds."""
+    assert command("import", "table", str(log), "--propose", "proposed.toml") == 2
+    assert_one_sentence(command.error, log.name, "fixed names", "import_a_table.md")
+    assert not Path("proposed.toml").exists()

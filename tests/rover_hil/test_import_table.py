@@ -289,6 +289,7 @@ wheel_acceleration_rad_s2 = 500
 """
 
 
+@pytest.mark.slow
 def test_a_measured_tricycle_follows_its_truth(command: Command, shared_data: Path) -> None:
     """With nominal numbers: the steering has an offset that they do not hold, hence 8 % of the turn."""
     folder = shared_data / "vehicles" / "optiodom" / "tricyc" / "circular"

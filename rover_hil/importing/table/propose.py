@@ -13,6 +13,7 @@ from drivers.errors import LogError, RoverHilError
 from rover_hil.datasets.array_table import Table, read_table
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.csv_table import CsvTable
+from rover_hil.datasets.flight_table import FlightTable
 from rover_hil.importing.table.columns import SI_PER_UNIT
 
 MOST_COLUMNS = 16
@@ -95,6 +96,11 @@ def propose(path: Path) -> list[Guess]:
         LogError: The table cannot be read, or no column can be its time.
     """
     table = read_table(path, delimiter=None, header_lines=None)
+    if isinstance(table, FlightTable):
+        raise LogError(
+            f"{path}: the columns of a log of an autopilot have fixed names and units, so nothing is guessed: "
+            "copy the file of columns for PX4 or ArduPilot from docs/how-to/import_a_table.md"
+        )
     columns = _Columns(table)
     if len(next(iter(columns.values.values()), ())) < 3:
         raise LogError(f"{path} has fewer than three rows of numbers: nothing can be proposed")

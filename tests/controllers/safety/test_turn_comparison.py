@@ -83,7 +83,7 @@ def test_a_turn_that_slip_explains_is_not_told(gyro_rad_s: float, parts_rad_s: t
 def test_numbers_are_those_of_the_turn_alone_and_a_long_one_is_told_in_parts() -> None:
     (reason,) = reasons_of(-1.0, (0.5, 0.5), 1.57)
     assert "wheels +1.560 rad, gyro -1.560 rad" in reason.text
-    assert len(reasons_of(-1.0, (0.5, 0.5), 10.0)) == 4
+    assert len(reasons_of(-1.0, (0.5, 0.5), 10.0)) == 6
 
 
 def test_a_turn_ends_on_a_straight_and_its_size_has_a_floor() -> None:
