@@ -1,12 +1,12 @@
 """When a base parameter far from its nominal value is the finding.
 
-Premises, tested on the runs: the interval is narrower than the prior's; with the nominal value neither the
-other base parameters, nor an effect, nor a free term explains the runs as well; on locked runs the fitted
+Premises, tested on the runs: with the nominal value neither the other base parameters, nor an effect, nor a
+free term explains the runs as well; the interval is narrower than the prior's; on locked runs the fitted
 value closes the gap that the nominal one leaves.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 
 from rover_hil.gap.verdict import Answer, FittedBase, Verdict
@@ -32,11 +32,13 @@ class Trial:
         closure: Share of the gap of the nominal value on locked runs that the fitted one closes; None where
             there is no gap.
         improved: Share of the locked runs that the fitted value improves.
+        sizes: Of these explanations, those with their sizes, in words.
     """
 
     equals: tuple[tuple[str, ...], ...]
     closure: float | None
     improved: float
+    sizes: Mapping[tuple[str, ...], str] = field(default_factory=dict)
 
 
 def judged(rows: Sequence[FittedBase], trial_of: Callable[[str], Trial]) -> list[FittedBase]:
@@ -51,16 +53,16 @@ def judged(rows: Sequence[FittedBase], trial_of: Callable[[str], Trial]) -> list
 
 def _judged(row: FittedBase, trial_of: Callable[[str], Trial]) -> FittedBase:
     low, high = row.ci95
-    if high - low > 2.0 * HALF_WIDTHS * row.prior_sd or low <= row.nominal <= high:
-        return replace(row, why="not decided, its interval is wider than what was known before")
     trial = trial_of(row.name)
     if () in trial.equals:
         return replace(row, why="other base parameters explain the runs as well")
     if trial.equals:
-        names = ", ".join(" and ".join(one) for one in (*((row.name,),), *trial.equals))
+        names = ", ".join((row.name, *(trial.sizes.get(one) or " and ".join(one) for one in trial.equals)))
         return replace(
             row, why=f"not decided, these explain the runs equally: {names}", equals=list(trial.equals)
         )
+    if high - low > 2.0 * HALF_WIDTHS * row.prior_sd or low <= row.nominal <= high:
+        return replace(row, why="not decided, its interval is wider than what was known before")
     if trial.closure is None:
         return replace(row, why="the gap on the locked runs is too small to prove it")
     if trial.closure < CLOSES or trial.improved < IMPROVES:
@@ -116,6 +118,10 @@ def _answer(
             return Answer.NOT_IDENTIFIABLE, []
         if not named:
             return verdict.verdict, members
+        rivals = [list(names) for names in dict.fromkeys(tuple(sorted(names)) for names in equals)]
+        if rivals and len(rivals) < MOST_MEMBERS:
+            shared = [one.name for one in open_ if one.equals]
+            return Answer.PARTLY_NAMED, [[*own, *shared], *([*own, *names] for names in rivals)]
     return (Answer.NAMED if is_agreement else Answer.PARTLY_NAMED), [own]
 
 
@@ -124,6 +130,7 @@ def _head(named: Sequence[FittedBase], open_: Sequence[FittedBase]) -> str:
     if named:
         more = [*(one.name for one in named[1:]), *(one.name for one in open_)]
         also = f"; also far from nominal: {', '.join(more)}" if more else ""
+        also += next((f"; {one.why}" for one in open_ if one.equals), "")
         return f"Wrong in the model: {named[0].sentence()}{also}."
     others = ", ".join(one.name for one in open_[1:])
     also = f"; also far from nominal: {others}" if others else ""

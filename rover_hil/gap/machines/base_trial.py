@@ -62,16 +62,26 @@ def machine_trial(
     begin = {key: value for key, value in found.fit.point.items() if key != ("", name)}
     part = fits.best(found.names, {}, begin)
     equals: list[tuple[str, ...]] = [()] if _is_as_good(part, found, part) else []
+    sizes: dict[tuple[str, ...], str] = {}
     if not equals:
         ranked = sorted(best_shapes(score_effects(fits, part)), key=one_sided_z, reverse=True)
         chosen = [one.direction for one in ranked[: MACHINES.terms.most_fitted] if one_sided_z(one) > 0.0]
         options = [((*found.names, one.name), {one.name: one.shapes}, part.fit.point) for one in chosen]
         rivals = fits.fit_all(options)
-        equals += [one.names for one in rivals if _is_as_good(one, found, part)]
+        good = [one for one in rivals if _is_as_good(one, found, part)]
+        equals += [one.names for one in good]
+        sizes = {one.names: " and ".join(_size_text(fits, one, name) for name in one.names) for one in good}
     if not equals and has_ports(machine):
         equals += _terms(_held_machine(machine, name), held, found, part)
     holdout = hold_out(machine, locked, part, found, np.random.default_rng(seed))
-    return Trial(equals=tuple(equals), closure=holdout.closure, improved=holdout.improved)
+    return Trial(equals=tuple(equals), closure=holdout.closure, improved=holdout.improved, sizes=sizes)
+
+
+def _size_text(fits: MachineFits, found: MachineFit, effect: str) -> str:
+    item = fits.cards[effect].parameters[0]
+    size = size_of(found, (effect, item.name))
+    unit = "" if item.unit == "1" else f" {item.unit}"
+    return f"{effect} ({item.name} {size.value:.3g}{unit}, {size.low:.3g} to {size.high:.3g})"
 
 
 def _held_machine(machine: StateModel, name: str) -> StateModel:

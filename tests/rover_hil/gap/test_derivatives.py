@@ -21,13 +21,15 @@ def packed() -> Derivatives:
     site = np.repeat(np.arange(RUNS), ROWS).astype(np.intp)
     values = rng.standard_normal((site.size, 4))
     values[places[site] < 0] = 0.0
-    return Derivatives(values=values, site=site, places=places, count=int(places.max()) + 1)
+    return Derivatives(
+        values=values.astype(np.float64), site=site, places=places, count=int(places.max()) + 1
+    )
 
 
 def test_all_products_are_those_of_the_full_matrix() -> None:
     some = packed()
     full, rng = some.dense(), np.random.default_rng(SEED)
-    rows, parameters = rng.standard_normal(full.shape[0]), rng.standard_normal(some.count)
+    rows, parameters = rng.standard_normal(RUNS * ROWS), rng.standard_normal(some.count)
     covariance = np.cov(rng.standard_normal((some.count, 40)))
     assert full.shape == (RUNS * ROWS, 2 + RUNS + 4)
     assert np.count_nonzero(full[:, 3]) == ROWS

@@ -71,6 +71,18 @@ def test_what_is_left_keeps_the_name_uncertain() -> None:
     assert "Probably missing: slip" in verdict.sentence
 
 
+def test_what_replaces_a_value_stays_in_the_set_beside_a_proven_one() -> None:
+    """Of two values far from nominal one is proven; the other, or an effect in its place, is open."""
+    left = replace(AGREES, verdict=Answer.UNNAMED, sentence="There is a gap.")
+    radius = replace(TRACK, name="radius")
+    open_ = replace(PROVEN, equals=(("slip",),), sizes={("slip",): "slip (share 0.04, 0.03 to 0.05)"})
+    rows = judged([TRACK, radius], lambda name: PROVEN if name == "track" else open_)
+    verdict = with_base_parameters(left, rows)
+    assert verdict.verdict is Answer.PARTLY_NAMED
+    assert verdict.confidence_set == [["track", "radius"], ["track", "slip"]]
+    assert "equally: radius, slip (share 0.04, 0.03 to 0.05)." in verdict.sentence
+
+
 def test_a_value_within_its_prior_changes_nothing() -> None:
     def never(_: str) -> Trial:
         raise AssertionError("no comparison is needed")
