@@ -1,7 +1,7 @@
 """When a base parameter far from its nominal value is the finding.
 
-Premises, tested on the runs: with the nominal value neither the other base parameters, nor an effect, nor a
-free term explains the runs as well; the interval is narrower than the prior's; on locked runs the fitted
+Premises, tested on the runs: the interval is narrower than the prior's; with the nominal value neither the
+other base parameters, nor an effect, nor a free term explains the runs as well; on locked runs the fitted
 value closes the gap that the nominal one leaves.
 """
 
@@ -53,6 +53,8 @@ def judged(rows: Sequence[FittedBase], trial_of: Callable[[str], Trial]) -> list
 
 def _judged(row: FittedBase, trial_of: Callable[[str], Trial]) -> FittedBase:
     low, high = row.ci95
+    if high - low > 2.0 * HALF_WIDTHS * row.prior_sd or low <= row.nominal <= high:
+        return replace(row, why="not decided, its interval is wider than what was known before")
     trial = trial_of(row.name)
     if () in trial.equals:
         return replace(row, why="other base parameters explain the runs as well")
@@ -61,8 +63,6 @@ def _judged(row: FittedBase, trial_of: Callable[[str], Trial]) -> FittedBase:
         return replace(
             row, why=f"not decided, these explain the runs equally: {names}", equals=list(trial.equals)
         )
-    if high - low > 2.0 * HALF_WIDTHS * row.prior_sd or low <= row.nominal <= high:
-        return replace(row, why="not decided, its interval is wider than what was known before")
     if trial.closure is None:
         return replace(row, why="the gap on the locked runs is too small to prove it")
     if trial.closure < CLOSES or trial.improved < IMPROVES:
