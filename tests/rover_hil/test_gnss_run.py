@@ -42,6 +42,7 @@ def config_with(
     return Config.model_validate(table)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slow_time_s", [3.0, 30.0], ids=["as assumed", "ten times as slow"])
 def test_positions_hold_a_rover_whose_wheels_are_larger_than_it_believes(
     slow_time_s: float, tmp_path: Path
@@ -60,6 +61,7 @@ def test_positions_hold_a_rover_whose_wheels_are_larger_than_it_believes(
     assert replayed.differences == []
 
 
+@pytest.mark.slow
 def test_the_axes_of_the_floor_are_found_wherever_the_rover_starts(tmp_path: Path) -> None:
     """The rover starts 70 deg from east, the true pose is in the frame of the receiver."""
     path = tmp_path / "run.mcap"

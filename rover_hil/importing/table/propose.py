@@ -98,7 +98,7 @@ def propose(path: Path) -> list[Guess]:
     table = read_table(path, delimiter=None, header_lines=None)
     if isinstance(table, FlightTable):
         raise LogError(
-            f"{path}: the columns of a log of an autopilot have fixed names and units, so nothing is guessed: "
+            f"{path}: columns of a log of an autopilot have fixed names and units: nothing is guessed, "
             "copy the file of columns for PX4 or ArduPilot from docs/how-to/import_a_table.md"
         )
     columns = _Columns(table)
