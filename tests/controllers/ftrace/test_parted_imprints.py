@@ -1,4 +1,4 @@
-"""A drive of another author: after ground that takes no print the imprints of the wheels lie parted by 8 cm."""
+"""A drive of another author: on ground that takes no print the imprints of the wheels are parted by 8 cm."""
 
 import csv
 from pathlib import Path
