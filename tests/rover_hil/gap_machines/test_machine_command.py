@@ -59,6 +59,20 @@ def test_an_effect_without_consequence_fails_the_check_and_the_analysis(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("name", ["rover", "check"])
+def test_a_model_called_like_a_command_is_given_as_a_path(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """The model without a visible effect is refused by name, so that it was read in both forms."""
+    data = str(_data(tmp_path))
+    (tmp_path / f"{name}.py").write_text(f"{MAKE}    {SILENT}\n")
+    monkeypatch.chdir(tmp_path)
+    assert command("gap", f"{name}.py:make", data, "--out", "out") == 2
+    assert_one_sentence(command.error, "effect saturation at its natural size changes no prediction")
+    assert command("gap", "check", f"{name}.py:make", data) == 1
+    assert "Error: effect saturation at its natural size" in command.out
+
+
 def test_check_names_data_that_cannot_be_used(command: Command, tmp_path: Path) -> None:
     data = _data(tmp_path)
     data.write_text(data.read_text().replace("power [W]", "power [kW]"))
