@@ -43,6 +43,7 @@ COLUMNS = {
     "long_missed_pct": "missed of 0.3 m, %",
     "long_run": "run of these",
     "within_pct": "within 2 sd, %",
+    "hold_rms_deg": "hold with a trace, deg",
     "misidentified_pct": "misident. %",
     "false_pct": "false %",
     "roc": "ROC",
@@ -64,15 +65,29 @@ Finders = dict[str, list[Judged]]
 
 def drive(folder: Path) -> dict[str, Judged]:
     """Return the judged frames of a rendered drive, by finder."""
+    rig, telemetry, images = _recorded(folder)
+    found = _flow(rig, images, telemetry)
+    return {"fused": fused(folder), "flow+gyro": _judged(folder, rig, found)}
+
+
+def fused(folder: Path) -> Judged:
+    """Return the judged frames of `fused` on a rendered drive."""
+    rig, telemetry, images = _recorded(folder)
+    return _judged(folder, rig, _fused(rig, images, telemetry))
+
+
+def _recorded(folder: Path) -> tuple[RigFile, list[TelemetryRow], list[Image]]:
     rig = RigFile.model_validate_json((folder / "rig.json").read_text("utf-8"))
     telemetry = list(read_telemetry(folder / "telemetry.csv").values())
-    truth = _truth(folder / "truth.csv")
     images = [
         np.asarray(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), np.uint8)
         for path in sorted((folder / "frames").iterdir())
     ]
-    found = {"fused": _fused(rig, images, telemetry), "flow+gyro": _flow(rig, images, telemetry)}
-    return {name: judge(one, truth, rig.geometry().wheel_width_m) for name, one in found.items()}
+    return rig, telemetry, images
+
+
+def _judged(folder: Path, rig: RigFile, found: Found) -> Judged:
+    return judge(found, _truth(folder / "truth.csv"), rig.geometry().wheel_width_m)
 
 
 def reliability(judged: Judged) -> list[tuple[float, float, int, float, float]]:

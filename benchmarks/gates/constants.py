@@ -7,7 +7,8 @@
 Prints a row for each number that `numbers` finds, as in docs/results/constants.md: its value, and by how many
 mm the path of the shipped Robotino changes at 0.8 and at 1.2 of it (whole numbers change by 1) on a simulated
 site. Those of sComp are of another rover, see docs/results/scomp.md; those of the motion over the ground
-are of a rover with a camera.
+are of a rover with a camera. Those of the wheel's trace change the error of its angle and the share of missed
+frames on two drives of ../shared/data/trace_drives.
 """
 
 import argparse
@@ -22,11 +23,15 @@ from functools import cache, partial
 from pathlib import Path
 from unittest import mock
 
+import cv2
 import numpy as np
 from pydantic import BaseModel
 from rich.console import Console
 from rich.progress import track
 
+from benchmarks.ftrace.ground_drives import fused
+from benchmarks.ftrace.scores import figures as figures_of_trace
+from benchmarks.ftrace.scores import together
 from benchmarks.safety import missions
 from benchmarks.safety.missions import drive, robotino
 from benchmarks.sensitivity import FACTORS, varied
@@ -47,7 +52,14 @@ NUMBERS_OF_CAMERA = (
     "safety.entrapment.LEAST_GROUND_PROGRESS",
     "safety.entrapment.EntrapmentSettings.entrapment_ground_m",
 )
-FOLDERS = ("controllers/slip", "controllers/estimation", "controllers/safety")
+OF_TRACE = "controllers.ftrace"
+OF_HOUGH = ("ftrace.hough", "ftrace.parameters.HoughParameters", "ftrace.parameters.FuzzyParameters")
+TRACE_DRIVES = ROOT.parent / "shared" / "data" / "trace_drives"
+FIGURES_OF_TRACE = {"hold_rms_deg": "hold, deg", "long_missed_pct": "missed, %", "within_pct": "within, %"}
+LEAST_CHANGE = 0.005
+"""Of a figure of the trace."""
+SHORT_DRIVES = ("curved_104", "dropout_104")
+FOLDERS = ("controllers/slip", "controllers/estimation", "controllers/safety", "controllers/ftrace")
 SITE = 500
 CONFIGURE = load_config
 CORNERS = RectangleMission(type="rectangle", length_m=0.9, width_m=0.4).corners()
@@ -203,8 +215,47 @@ def figures() -> Figures:
     return {"path": 1e3 * path_rms_m(path, CORNERS) if is_well else math.inf}
 
 
+def trace_figures() -> dict[str, float]:
+    """Return error of the trace's angle, missed frames, and errors within two of its deviations."""
+    found = figures_of_trace(together([fused(TRACE_DRIVES / name) for name in SHORT_DRIVES]))
+    return {text: found[name] for name, text in FIGURES_OF_TRACE.items()}
+
+
+usual_trace_figures = cache(trace_figures)
+
+
+def trace_changes(number: Number, factors: Sequence[float]) -> str:
+    """Return by how much the figures of the trace change at these multiples of a number."""
+    if number.title.startswith(OF_HOUGH):
+        return "of `hough`"
+    if not TRACE_DRIVES.is_dir():
+        return "not measured"
+    usual, found = usual_trace_figures(), []
+    for factor in factors:
+        try:
+            with changed(number, factor):
+                found.append(trace_figures())
+        except (TypeError, ValueError, IndexError, ArithmeticError, cv2.error):  # a shape or an index
+            return "refused"
+    return (
+        "; ".join(
+            f"{name} {' / '.join(_rounded(each[name] - value) for each in found)}"
+            for name, value in usual.items()
+            if any(_rounded(each[name] - value) != "0" for each in found)
+        )
+        or "0 / 0"
+    )
+
+
+def _rounded(value: float) -> str:
+    text = f"{value:+.2g}"
+    return text if abs(value) >= LEAST_CHANGE else "0"
+
+
 def changes(number: Number, factors: Sequence[float] = FACTORS) -> dict[str, str]:
     """Return the row of a number: by how many mm each figure changes at these multiples of it."""
+    if number.module.startswith(OF_TRACE):
+        return {"path": trace_changes(number, factors)}
     usual = usual_figures()
     if number.module.startswith(OF_SCOMP):
         return dict.fromkeys(usual, "of another rover")
