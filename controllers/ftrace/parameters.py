@@ -27,7 +27,7 @@ class DirectionParameters:
     """Direction of the wheel by the motion of the ground."""
 
     most_direction_sd_rad: float = 0.05  # of a direction that is given without a trace
-    rig_sd_rad: float = 0.005  # of an angle, by what no innovation shows: calibration of the camera, tilt
+    rig_sd_rad: float = 0.006  # of an angle, by what no innovation shows: calibration of the camera, tilt
     least_motion_m: float = 0.003  # between two frames, for a direction that is given without a trace
     reach_m: float = 0.12  # frames further apart share too little ground: they are matched first
     least_share: float = 0.3  # of the points that must move with the ground in matched frames

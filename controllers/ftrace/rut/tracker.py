@@ -61,7 +61,7 @@ class RutTracker:
         self._offset_m = 0.0
         self._backwards = 0.0
         self._confidence = 0.0
-        self._noise_ratio = 1.0
+        self._noise_ratio, self._ratios = 1.0, 1
         self._agrees = True
         self._apart_rad = 0.0
         self._aside_m: float | None = None
@@ -138,7 +138,8 @@ class RutTracker:
                 ratio = path.observe_motion(motion.forward_m, -motion.left_m, sd_m, gate_sd)
                 if path is self._odometry:
                     self._agrees = ratio <= gate_sd**2
-                    share = min(motion.forward_m / self._ground.rig.behind_m, 1.0)
+                    self._ratios += 1  # the first is the assumption that the noise is as assumed
+                    share = max(1 / self._ratios, min(motion.forward_m / self._ground.rig.behind_m, 1.0))
                     self._noise_ratio += share * (ratio - self._noise_ratio)
         return moved_m, self._backwards > numbers.most_backwards
 
