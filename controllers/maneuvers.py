@@ -14,6 +14,9 @@ from drivers.clock import seconds
 STEP_M = 0.01
 """Distance of the places that are remembered: as far as a corner is reached."""
 
+REST_S = 0.5
+"""Before a turn to find out the rover rests: what it turns while it brakes is not of that turn."""
+
 AHEAD_M = 0.05
 """The rover steers to the place at this distance behind it."""
 
@@ -125,6 +128,7 @@ class TurnToFindOut:
         self._rim_arm_m = rim_arm_m
         self._turn: GyroInPlace | None = None
         self._has_turned = False
+        self._begin_s = 0.0
 
     @property
     def announcement(self) -> str:
@@ -147,6 +151,9 @@ class TurnToFindOut:
             if not is_doubted or self._has_turned:
                 return guidance
             self._turn, self._has_turned = GyroInPlace(self._rim_arm_m), True
+            self._begin_s = seconds(now_ns) + REST_S
+        if seconds(now_ns) < self._begin_s:
+            return Guidance(waits=True, cross_track_m=guidance.cross_track_m)
         rate_rad_s = self._turn.yaw_rate_rad_s(seconds(now_ns), 0.0)
         if rate_rad_s is None:
             self._turn = None

@@ -158,7 +158,8 @@ def test_a_turn_to_find_out_is_announced_small_and_inside_the_mission() -> None:
     driven = drive_with_a_dead_gyro(is_wanted=True)
     cycles = turning(driven)
     assert cycles
-    yaws_rad = np.unwrap([driven.moments[index].truth[2] for index in cycles])
+    assert not any(driven.moments[cycles[20]].output.command.speed_rad_s)  # it brakes before
+    yaws_rad = np.unwrap([driven.moments[index].truth[2] for index in cycles[25:]])
     assert math.radians(4.0) < np.abs(yaws_rad - yaws_rad[0]).max() < math.radians(10.5)
     assert {driven.moments[index].output.mode for index in cycles} == {Mode.RUNNING}
     assert np.diff(cycles).max() == 1  # nothing was found out: it is not repeated
