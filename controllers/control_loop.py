@@ -238,7 +238,9 @@ class ControlLoop:
             steering_rad=self._estimator.steering.angles_rad or None,
             crab=None if guidance is None or self._crab is None else self._crab.report,
             ground=ground,
-            suspicion=self._announcement or self._supervisor.suspicion or self._estimator.suspicion,
+            suspicion=self._announcement
+            or (self._supervisor.suspicion if self._check is None else self._check.doubt)
+            or self._estimator.suspicion,
             dead_reckoned=self._estimator.dead_reckoned(),
             findings=None if self._check is None else self._check.findings or None,
         )

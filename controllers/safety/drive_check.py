@@ -37,6 +37,7 @@ class DriveCheck:
 
     Attributes:
         findings: That begin in this cycle.
+        doubt: What widens the estimate in this cycle although it is no finding; empty for nothing.
         doubts: What the findings of this cycle add to the doubt in the estimate.
         is_open: Whether a rule has found that the motion itself may have been measured wrongly. Nothing of
             the drive before or after is then known but how far the wheels have turned.
@@ -49,6 +50,7 @@ class DriveCheck:
         self._lasting: set[str] = set()
         self._suspected: dict[str, bool] = {}
         self.findings: tuple[Finding, ...] = ()
+        self.doubt = ""
         self.doubts: list[Doubt] = []
         self.is_open = False
 
@@ -74,6 +76,8 @@ class DriveCheck:
             self.findings += (Finding(cause=SUSPICION, text=suspicion),)
         self._lasting = {suspicion, *(reason.cause for reason in found)}
         self.doubts = list(self._rules.doubts(reasons))
+        unfound = (each.text for each in reasons if each.severity is Severity.DOUBT and each not in found)
+        self.doubt = next(unfound, "")
         self.is_open |= any(reason.leaves_motion_open for reason in found)
         recoverable = {reason.cause for reason in reasons if reason.severity in OF_HEALTHY_ROVERS}
         for cause in recoverable.union(self._suspected):

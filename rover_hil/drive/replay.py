@@ -135,6 +135,7 @@ def _record(result: ReplayResult, log: LogReader) -> dict[str, object]:
         "cycles": result.cycles,
         "differences": result.differences,
         "findings": result.findings,
+        "doubts": result.doubts,
         "log_is_complete": log.is_complete and result.has_end,
     }
 
@@ -151,7 +152,7 @@ def _print_words(result: ReplayResult, log: LogReader) -> None:
             "everything in the log was replayed",
             soft_wrap=True,
         )
-    for found in result.findings:
+    for found in (*result.findings, *result.doubts):
         console.print(finding_line(found), soft_wrap=True)
     if not result.differences:
         console.print(f"{result.cycles} cycles replayed, every output identical")

@@ -59,6 +59,7 @@ class Contents:
         oddities: What is odd in the drive, and what was done about it.
         notes: What a user must know of the joints and of the estimate, one sentence each.
         findings: What the rules have found wrong with the drive.
+        doubts: What widened the estimate although it may happen to a healthy rover.
         end_ns: Time of the last cycle.
     """
 
@@ -66,6 +67,7 @@ class Contents:
     oddities: list[Oddity] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     findings: list[FoundFinding] = field(default_factory=list)
+    doubts: list[FoundFinding] = field(default_factory=list)
     end_ns: int = START_NS
 
     def __post_init__(self) -> None:
@@ -250,7 +252,7 @@ class _Doubts:
         self._rebases = 0
         self._yaw_rad = self._least_rad = self._greatest_rad = 0.0
         self._findings = FindingList()
-        contents.findings = self._findings.found
+        contents.findings, contents.doubts = self._findings.found, self._findings.doubts
 
     def take(self, output: StepOutput) -> None:
         """Take the output of one cycle."""
@@ -265,7 +267,7 @@ class _Doubts:
             self._note(
                 f"odometry began anew at {t_s:.1f} s: the motion before is unknown, the estimate is wider"
             )
-        self._findings.take(t_s, output.findings or ())
+        self._findings.take(t_s, output.findings or (), output.suspicion)
 
     @property
     def turned_rad(self) -> float:

@@ -4,9 +4,10 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from controllers.safety.drive_check import Finding
+from controllers.safety.drive_check import SUSPICION, Finding
 
 MOST_FINDINGS = 20
+DOUBT = "doubt"
 _NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
 
 
@@ -32,26 +33,37 @@ class FindingList:
 
     Attributes:
         found: One for each name and text, whatever the numbers in it; at most `MOST_FINDINGS`.
+        doubts: The same of what widened the estimate although it may happen to a healthy rover.
     """
 
     def __init__(self) -> None:
         self.found: list[FoundFinding] = []
+        self.doubts: list[FoundFinding] = []
         self._known: dict[tuple[str, str], FoundFinding] = {}
+        self._doubt = ""
 
-    def take(self, t_s: float, findings: Iterable[Finding]) -> None:
-        """Take the findings of a cycle."""
+    def take(self, t_s: float, findings: Iterable[Finding], suspicion: str = "") -> None:
+        """Take the findings of a cycle, and what is suspected in it: a doubt where it is no finding."""
         for finding in findings:
-            key = (finding.cause, _NUMBER.sub("", finding.text))
-            if key in self._known:
-                self._known[key].count += 1
-                continue
-            self._known[key] = FoundFinding(name=finding.cause, t_s=t_s, text=finding.text)
-            if len(self.found) < MOST_FINDINGS:
-                self.found.append(self._known[key])
+            self._add(self.found, t_s, finding)
+        text = _NUMBER.sub("", suspicion)
+        if text not in ("", self._doubt) and (SUSPICION, text) not in self._known:
+            self._add(self.doubts, t_s, Finding(cause=DOUBT, text=suspicion))
+        self._doubt = text
+
+    def _add(self, found: list[FoundFinding], t_s: float, finding: Finding) -> None:
+        key = (finding.cause, _NUMBER.sub("", finding.text))
+        if key in self._known:
+            self._known[key].count += 1
+            return
+        self._known[key] = FoundFinding(name=finding.cause, t_s=t_s, text=finding.text)
+        if len(found) < MOST_FINDINGS:
+            found.append(self._known[key])
 
 
 def finding_line(found: FoundFinding) -> str:
-    """Return a finding as a line for the user."""
+    """Return a finding, or a doubt, as a line for the user."""
+    word = "doubt" if found.name == DOUBT else "finding"
     times = "" if found.count == 1 else f" ({found.count} times)"
     when = "in the whole drive" if found.t_s is None else f"at {found.t_s:.1f} s"
-    return f"finding {when}{times}: {found.text}"
+    return f"{word} {when}{times}: {found.text}"

@@ -77,12 +77,14 @@ class ReplayResult:
         by_field: The differences by name of the field.
         has_end: Whether the log says how the run ended, or is of a run that was imported.
         findings: What the rules find wrong with the drive.
+        doubts: What widens the estimate although it may happen to a healthy rover.
     """
 
     cycles: int = 0
     by_field: dict[str, Difference] = field(default_factory=dict)
     has_end: bool = False
     findings: list[FoundFinding] = field(default_factory=list)
+    doubts: list[FoundFinding] = field(default_factory=list)
 
     @property
     def differences(self) -> list[Difference]:
@@ -231,7 +233,7 @@ class _Comparer(_Replayer):
         self.result = ReplayResult()
         self._has_commanded = False
         self._findings = FindingList()
-        self.result.findings = self._findings.found
+        self.result.findings, self.result.doubts = self._findings.found, self._findings.doubts
         self._output: StepOutput | None = None
 
     def _run_cycle(self, t_ns: int) -> None:
@@ -239,7 +241,7 @@ class _Comparer(_Replayer):
         rig.clock.sleep_until(t_ns)
         samples = [*rig.poll(), *self._fixes]
         output = self._output = rig.loop.step(t_ns, samples)
-        self._findings.take(seconds(t_ns - self._log.start_ns), output.findings or ())
+        self._findings.take(seconds(t_ns - self._log.start_ns), output.findings or (), output.suspicion)
         self._compare("samples", t_ns, samples_text(samples))
         self._compare("estimate", t_ns, estimate_text(output))
         command = self._expected.get("command")

@@ -9,6 +9,7 @@ from controllers.safety.recorded_rules import StandingWheelsRule, ZeroReadingsRu
 from controllers.safety.settings import SafetySettings, make_drive_rules, make_rules
 from drivers.clock import nanoseconds
 from drivers.samples import AttitudeSample, BumperSample, RateSample, Sample
+from rover_hil.recording.findings import FindingList, finding_line
 
 ROLES = DeviceRoles(wheels="wheels", gyro="imu", required={"wheels": 0.1, "imu": 0.1})
 
@@ -69,6 +70,19 @@ def test_what_a_healthy_rover_may_show_once_is_told_the_second_time(
     assert causes(check, rule) == []
     assert causes(check, rule, grip) == ["grip"]
     assert causes(check, rule, grip) == []
+
+
+def test_a_doubt_that_is_no_finding_is_told_while_it_widens(scripted: tuple[DriveCheck, Scripted]) -> None:
+    check, rule = scripted
+    grip = StopReason("grip", "gyro or grip 1 %", Severity.DOUBT, yaw_rad=3.0)
+    told = FindingList()
+    for t_s, reasons in enumerate(([], [grip], [grip._replace(text="gyro or grip 2 %")], [], [grip])):
+        causes(check, rule, *reasons)
+        told.take(t_s, check.findings, check.doubt)
+    assert [finding_line(each) for each in (*told.doubts, *told.found)] == [
+        "doubt at 1.0 s: gyro or grip 1 %",
+        "finding at 4.0 s: gyro or grip 1 %",
+    ]
 
 
 def test_a_suspicion_of_the_estimator_is_a_finding(scripted: tuple[DriveCheck, Scripted]) -> None:
