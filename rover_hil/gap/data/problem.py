@@ -27,7 +27,7 @@ Key: TypeAlias = tuple[str, str]
 Point: TypeAlias = Mapping[Key, float]
 LARGEST = 1e150
 """Derivatives from here on are those of a machine that runs away; they cannot be squared."""
-VALUES_AT_ONCE = 8_000_000
+VALUES_AT_ONCE = 4_000_000
 """Predicted values that are made together, and that are kept for later use."""
 
 
