@@ -70,8 +70,8 @@ def check_gains(ranges: Mapping[str, tuple[float, float]], gains: Mapping[str, f
         low, high = ranges[name]
         if not low <= value <= high:
             raise ConfigError(
-                f"mission.{name} is {value:g}, outside {low:g} .. {high:g} {GAIN_UNITS[name]}: the gain was "
-                "not changed"
+                f"mission.{name} is {value:g}, outside {low:g} .. "
+                f"{high:g} {GAIN_UNITS[name]}: the gain was not changed"
             )
 
 

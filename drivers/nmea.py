@@ -111,8 +111,10 @@ def number(fields: dict[str, object], key: str, low: float, high: float) -> floa
     text = fields.get(key, "")
     if text == "":
         raise RejectedError("empty")
+    if not isinstance(text, str | int | float):
+        raise RejectedError("format")
     try:
-        value = float(str(text))
+        value = float(text)
     except ValueError as error:
         raise RejectedError("format") from error
     if not low <= value <= high:  # rejects NaN too

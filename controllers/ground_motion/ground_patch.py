@@ -61,8 +61,8 @@ class GroundPatch:
         else:
             if min(length_m, half_m) <= 0.0:
                 raise ConfigError(
-                    "the rig's camera sees no ground: check R_vehicle_camera (camera to vehicle) and "
-                    "t_vehicle_camera"
+                    "the rig's camera sees no ground: "
+                    "check R_vehicle_camera (camera to vehicle) and t_vehicle_camera"
                 )
             fine_m = float(np.sqrt(2 * half_m * length_m / VIEW_PIXELS))
             coarse_m = self._ray_pixel_m()
@@ -80,8 +80,8 @@ class GroundPatch:
         if self.visible.mean() < LEAST_VISIBLE:
             raise ConfigError(
                 f"the rig's camera sees {100 * self.visible.mean():.0f} % of the ground to use "
-                "(at least 25 % needed): check R_vehicle_camera (camera to vehicle), t_vehicle_camera and "
-                "contact_point"
+                "(at least 25 % needed): check R_vehicle_camera (camera to vehicle), "
+                "t_vehicle_camera and contact_point"
             )
         source = (pixels - 0.5) / 2 if self._halved else pixels
         grid = np.where(ahead[:, None], source, -1e4).reshape(*self.shape, 2).astype(np.float32)

@@ -101,8 +101,8 @@ def find_wheel_conflicts(wheels: Sequence[WheelSettings]) -> Iterator[str]:
     for (first, one), (second, other) in combinations(enumerate(wheels), 2):
         if math.dist((one.x_m, one.y_m), (other.x_m, other.y_m)) < CLOSEST_M:
             yield (
-                f"wheels {first} and {second} are at one place ({one.x_m:g}, {one.y_m:g}) m: correct x_m or "
-                "y_m of one of them"
+                f"wheels {first} and {second} are at one place ({one.x_m:g}, {one.y_m:g}) m: "
+                "correct x_m or y_m of one of them"
             )
     if not any(wheel.driven for wheel in wheels):
         yield "no wheel is driven: set driven = true for the wheels with a motor"

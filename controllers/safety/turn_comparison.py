@@ -62,8 +62,8 @@ class TurnComparison(StopRule):
         if cycle.is_still or self._straight_s >= STRAIGHT_S or greatest_rad >= GREATEST_TURN_RAD:
             why = self._explain() if greatest_rad >= LEAST_TURN_RAD else ""
             text = (
-                f"{self._gyro}: wheels {self._wheels.turn_rad:+.3f} rad, gyro {self._gyro_rad:+.3f} rad in "
-                f"this turn: {why}"
+                f"{self._gyro}: wheels {self._wheels.turn_rad:+.3f} rad, "
+                f"gyro {self._gyro_rad:+.3f} rad in this turn: {why}"
             )
             self._begin()
             if why:
@@ -116,13 +116,13 @@ def _explain_size(share: float) -> str:
         return "the gyro sends rad/s that are taken for deg/s"
     if abs(share) < NONE_LEFT:
         return (
-            f"the gyro measures {100.0 * share:.0f} % of it: no signal, wrong axis or scale, or wheels "
-            "without grip"
+            f"the gyro measures {100.0 * share:.0f} % of it: no signal, "
+            "wrong axis or scale, or wheels without grip"
         )
     if abs(share) > MORE:
         return (
-            f"the gyro measures {share:.2g} times as much: scale or unit of the gyro, ticks, radius or track "
-            "of the wheels"
+            f"the gyro measures {share:.2g} times as much: scale or unit of the gyro, "
+            "ticks, radius or track of the wheels"
         )
     if share < 0.0:
         return "opposite senses: sign or axis of the gyro, or wheels that slip"

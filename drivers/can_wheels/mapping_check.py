@@ -135,8 +135,8 @@ def _check_wrap(where: str, part: PositionSource, signal: Signal) -> None:
     most = abs(signal.scale) * 2**signal.length
     if part.wrap is not None and part.wrap > most:
         raise ConfigError(
-            f"{where}: wrap = {part.wrap:g} is more than signal '{signal.name}' can hold, {most:g}; "
-            "correct it"
+            f"{where}: wrap = {part.wrap:g} is more than signal '{signal.name}' can hold, "
+            f"{most:g}; correct it"
         )
 
 

@@ -63,8 +63,8 @@ class FloorCalibration(Calibration):
             (part is None) != (self.camera_matrix is None) for part in pose
         ):
             raise ValueError(
-                "give either scale_mm_per_px, or homography, or camera_matrix with rotation_vector and "
-                "translation_m"
+                "give either scale_mm_per_px, or homography, "
+                "or camera_matrix with rotation_vector and translation_m"
             )
         if self.camera_matrix is None and self.distortion:
             raise ValueError("distortion needs the camera_matrix it was found with: add it")

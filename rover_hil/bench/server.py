@@ -53,8 +53,8 @@ def bind(port: int) -> socket.socket:
     except OSError as error:
         listener.close()
         raise ConfigError(
-            f"port {port} cannot be used: {error.strerror}; end the program that uses it, or choose another "
-            "--port"
+            f"port {port} cannot be used: {error.strerror}; "
+            "end the program that uses it, or choose another --port"
         ) from error
     return listener
 

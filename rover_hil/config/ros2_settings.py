@@ -17,8 +17,8 @@ POSE_FIX = "/pose_fix"
 def _check_name(text: str) -> str:
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*", text):
         raise ValueError(
-            f"'{text}' is not a name of ROS: use letters, digits and _, parts separated by /, without one in "
-            "front"
+            f"'{text}' is not a name of ROS: use letters, digits and _, "
+            "parts separated by /, without one in front"
         )
     return text
 

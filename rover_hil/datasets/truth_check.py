@@ -191,8 +191,8 @@ def _turned_path(rows: LogRows, kinematics: Kinematics) -> str:
         return ""
     return (
         f"the truth goes {math.degrees(cmath.phase(sum_m2)):+.0f} deg aside of where the wheels go: "
-        "truth.marker.yaw_deg is not given, wheels are exchanged, or the distance is reversed; this drive "
-        "cannot tell which"
+        "truth.marker.yaw_deg is not given, wheels are exchanged, or the distance is reversed; "
+        "this drive cannot tell which"
     )
 
 

@@ -49,8 +49,8 @@ def check_frames(reception: Reception, settings: CameraSettings) -> list[Finding
                 CHECK,
                 reception.device,
                 f"no usable capture times{worst}",
-                "the source of the frames does not stamp them with this host's monotonic clock, or its "
-                "stamps stand still",
+                "the source of the frames does not stamp them "
+                "with this host's monotonic clock, or its stamps stand still",
                 "use a USB camera with the driver uvcvideo; otherwise the arrival counts as the capture",
             )
         )

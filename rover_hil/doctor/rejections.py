@@ -148,8 +148,8 @@ _ADVICE = {
         Level.PROBLEM,
         "a drive sends negative values in a signal that the DBC file calls unsigned: they would be read as "
         "the largest ones, such as 6553.5 A",
-        "in the DBC file of [devices.{device}] write - in place of + behind the bits of currents and speeds, "
-        "as in `48|16@1-`",
+        "in the DBC file of [devices.{device}] write - in place of + behind the bits "
+        "of currents and speeds, as in `48|16@1-`",
     ),
     "position_ambiguous": Advice(
         Level.PROBLEM,
@@ -243,8 +243,8 @@ _ADVICE_OF_TYPE = {
         "board_error": Advice(
             Level.PROBLEM,
             "the board reports an error in what it received or measured",
-            "end other programs that use the board (`sudo systemctl stop controld3`); switch the rover off "
-            "and on",
+            "end other programs that use the board (`sudo systemctl stop controld3`); "
+            "switch the rover off and on",
         ),
     },
     "xsens": {
@@ -310,8 +310,8 @@ _ADVICE_OF_TYPE = {
         "no_fault_report": Advice(
             Level.WARNING,
             "a controller does not answer when asked for its fault, so faults do not show",
-            "update its firmware (5.02 or later), and choose a host_id in [devices.{device}] that no other "
-            "node on the bus has",
+            "update its firmware (5.02 or later), "
+            "and choose a host_id in [devices.{device}] that no other node on the bus has",
         ),
     },
     "vectornav": {

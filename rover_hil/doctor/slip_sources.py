@@ -8,8 +8,8 @@ from rover_hil.run.excitation import for_real_rover
 
 LOOKS_LIKE_SLIP = (
     " (1 % of the camera's height or focal length is about 0.01 of slip; a focal length told too long, or a "
-    "height told too low, looks like slip: only pose fixes or `rover-hil calibrate scale CONFIG` "
-    "show it)"
+    "height told too low, looks like slip: "
+    "only pose fixes or `rover-hil calibrate scale CONFIG` show it)"
 )
 
 

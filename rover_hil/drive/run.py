@@ -258,8 +258,8 @@ def too_slow(result: RunResult, rate_hz: float) -> str:
         return ""
     return (
         f"this machine is too slow for loop.rate_hz = {rate_hz:g}, by a factor of {due / result.cycles:.2f}: "
-        f"{result.skipped} of {due} cycles were skipped. Lower the rate, end other programs, or use "
-        "--realtime"
+        f"{result.skipped} of {due} cycles were skipped. Lower the rate, "
+        "end other programs, or use --realtime"
     )
 
 

@@ -46,8 +46,8 @@ class LiveServer:
             )
         except Exception as error:
             raise ConfigError(
-                f"cannot open port {port} for viewers: {error}; end the program that uses it, or choose "
-                "another --live-port"
+                f"cannot open port {port} for viewers: {error}; end the program that uses it, "
+                "or choose another --live-port"
             ) from error
         self.port: int = self._server.port
 

@@ -21,8 +21,8 @@ Draw = Callable[[RunData, Summary], Figure | None]
 PICTURES: tuple[tuple[str, str, Draw], ...] = (
     (
         "Path",
-        "See where the paths part; the truth should lie inside the ellipses, two standard deviations of the "
-        "estimate.",
+        "See where the paths part; the truth should lie inside the ellipses, "
+        "two standard deviations of the estimate.",
         draw_path,
     ),
     (
@@ -81,8 +81,8 @@ PICTURES: tuple[tuple[str, str, Draw], ...] = (
     ),
     (
         "Innovations",
-        "See whether the sensors agree with the estimate: 95 % of the dots should lie inside the band of two "
-        "standard deviations.",
+        "See whether the sensors agree with the estimate: "
+        "95 % of the dots should lie inside the band of two standard deviations.",
         draw_innovations,
     ),
     (

@@ -78,8 +78,8 @@ def _find_unmeasured_conflict(draft: Draft) -> Iterator[str]:
         if wheel < rover.wheel_count:
             has, lacks = ("rover.wheels", name) if wheel in without else (f"device '{name}'", "rover.wheels")
             yield (
-                f"wheel {wheel} has an encoder by {has}, and none by {lacks}: give measured = false in both, "
-                "or in neither"
+                f"wheel {wheel} has an encoder by {has}, and none by {lacks}: "
+                "give measured = false in both, or in neither"
             )
 
 
@@ -101,8 +101,8 @@ def _find_steering_mistakes(draft: Draft) -> Iterator[str]:
     if missing:
         yield (
             f"rover.wheels: wheels {', '.join(missing)} steer, but device '{name}' has no steering "
-            "set-points for them: use can_wheels with a mapping that has steering_setpoint, or remove the "
-            "steering"
+            "set-points for them: use can_wheels with a mapping that has steering_setpoint, "
+            "or remove the steering"
         )
     for wheel, limits in steering.items():
         low_deg, high_deg = map(math.degrees, limits_rad.get(wheel, (-math.inf, math.inf)))

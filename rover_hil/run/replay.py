@@ -280,8 +280,8 @@ class _Comparer(_Replayer):
         recorded = self._log.parse(self._end, END_SHAPE)
         if recorded["cycles"] > self.result.cycles:
             raise LogError(
-                f"log {self._log.path} is damaged: its run had {recorded['cycles']} cycles, the log holds "
-                f"{self.result.cycles}"
+                f"log {self._log.path} is damaged: its run had {recorded['cycles']} cycles, "
+                f"the log holds {self.result.cycles}"
             )
         for name, was, now in _unequal_fields(
             END[1:], dict(recorded), self._end_again(recorded, self._output)

@@ -60,8 +60,8 @@ def traverse_drawings(states: Sequence[Traverse]) -> list[Drawing]:
         Drawing(
             "Slip ratio and slip angle over the roll",
             "See how much slip a roll towards uphill saves; beyond the slope's own angle the model slides "
-            "uphill. Hollow dots are boundary solutions: thrust to spare without slip. As in paper 001, "
-            "figure 12.",
+            "uphill. Hollow dots are boundary solutions: thrust to spare without slip. "
+            "As in paper 001, figure 12.",
             lambda: draw_slippage(states),
         ),
         Drawing(

@@ -35,8 +35,8 @@ def find_interface_mistake(settings: Ros2Settings) -> str:
     if settings.interface in names:
         return ""
     return (
-        f"ros2.interface: this computer has no network interface '{settings.interface}': name one of "
-        f"{', '.join(names)}"
+        f"ros2.interface: this computer has no network interface '{settings.interface}': "
+        f"name one of {', '.join(names)}"
     )
 
 
@@ -49,8 +49,8 @@ def require_domain(settings: Ros2Settings) -> int:
     domain = settings.domain_id()
     if domain is None:
         raise ConfigError(
-            f"ros2.domain: the environment variable {DOMAIN_VARIABLE} is not a number from 0 to 101: correct "
-            "it, or set the key"
+            f"ros2.domain: the environment variable {DOMAIN_VARIABLE} is not a number from 0 to 101: "
+            "correct it, or set the key"
         )
     return domain
 

@@ -90,8 +90,8 @@ def _notes(found: SlipIdentification, train_files: RunFiles, test_files: dict[st
         notes.append(f"{len(found.left_out)} runs on several surfaces are not trained on: {names}")
     if found.not_validated:
         notes.append(
-            f"{found.not_validated} of {len(found.trained_on)} runs are not cross-validated: too little "
-            "remains without them"
+            f"{found.not_validated} of {len(found.trained_on)} runs are not cross-validated: "
+            "too little remains without them"
         )
     for name, files in test_files.items():
         both = len(set(files.files) & {run.path for run in found.trained_on})

@@ -114,8 +114,8 @@ def _spans(run: MeasuredRun) -> tuple[list[tuple[int, int]], Counter[str]]:
         raise LogError(f"{run.path}: no window of its {run.truth} can be used: {counts}")
     if not spans or len(run.t_s) < SLIP_FIT.window.least_readings:
         raise LogError(
-            f"{run.path} holds less than {SLIP_FIT.window.length_s} s of camera and wheels together: "
-            "give a longer run"
+            f"{run.path} holds less than {SLIP_FIT.window.length_s} s of camera "
+            "and wheels together: give a longer run"
         )
     return spans, rejected
 

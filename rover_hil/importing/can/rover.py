@@ -29,8 +29,8 @@ def rover_of_log(name_or_path: str, mapping: Path | None) -> Config:
         table = read_config_table(name_or_path)
         if "devices" not in table and "rover" in table:
             raise ConfigError(
-                f"{name_or_path} has no [devices]: give the mapping of its wheels with --map, or a whole "
-                "configuration"
+                f"{name_or_path} has no [devices]: give the mapping of its wheels with --map, "
+                "or a whole configuration"
             )
         return can_config(load_config(name_or_path))
     bus = load_mapping(str(mapping))

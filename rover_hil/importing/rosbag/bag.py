@@ -191,8 +191,8 @@ class Bag:
     def _content(self, data: bytes, kind: str) -> Any:
         if len(data) > MOST_MESSAGE_BYTES:
             raise LogError(
-                f"{self._path}: a {kind} of {len(data)} bytes, {MOST_MESSAGE_BYTES} are allowed: leave the "
-                "topic out"
+                f"{self._path}: a {kind} of {len(data)} bytes, "
+                f"{MOST_MESSAGE_BYTES} are allowed: leave the topic out"
             )
         if self._is_ros1:
             return self._store.deserialize_ros1(data, kind)

@@ -327,8 +327,8 @@ class _Reader:
             raise LogError(
                 f"{self._table.path}, column '{name}': it wraps after {wrap:g}, and the wheel may "
                 "turn by more than half of that between two rows at limits.wheel_speed_rad_s = "
-                f"{self._rover.limits.wheel_speed_rad_s:g}: lower that limit if the wheels are slower, or "
-                "record faster"
+                f"{self._rover.limits.wheel_speed_rad_s:g}: "
+                "lower that limit if the wheels are slower, or record faster"
             )
         steps = steps - wrap * np.round(steps / wrap)
         values[known] = values[known[0]] + np.concatenate(([0.0], np.cumsum(steps)))

@@ -431,12 +431,12 @@ def _excitation_words(worth: Worth, *, is_virtual: bool, is_entered: bool) -> st
         return 'it must not be used on this ground: set use = "surfaces" in [slip], or leave [slip] out'
     if is_virtual:
         return (
-            "it passed on the simulated ground. On a real rover it stays off until a commissioning without "
-            "--virtual has passed"
+            "it passed on the simulated ground. "
+            "On a real rover it stays off until a commissioning without --virtual has passed"
         )
     if is_entered:
         return "it passed here: excite_real_rover = true is now in [slip]; on another ground commission again"
     return (
-        "it passed here: set excite_real_rover = true in [slip], or add --again --enter; on another ground "
-        "commission again"
+        "it passed here: set excite_real_rover = true in [slip], or add --again --enter; "
+        "on another ground commission again"
     )

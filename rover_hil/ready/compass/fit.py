@@ -205,8 +205,8 @@ def _fit_deviation(record: CompassRecord, source: str, date: dt.date) -> Compass
     headings = _headings(record, None)
     if not len(headings.t_s):
         raise LogError(
-            f"log {record.path}: '{record.device}' sent no magnetic headings (HDG or HDM): only these have "
-            "a deviation"
+            f"log {record.path}: '{record.device}' sent no magnetic headings (HDG or HDM): "
+            "only these have a deviation"
         )
     found = _deviation_and_lag(record, headings, 2)[1]
     lag_s = found if found > COMPASS_FIT.least_lag_s else 0.0
@@ -436,14 +436,14 @@ def _problem(record: CompassRecord, turns: int, covered: float, scale: float, er
     if abs(scale) > COMPASS_FIT.greatest_scale_error:
         return (
             f"the compass turns {1.0 + scale:.2f} times as far as the {record.reference}: one of them is "
-            "mounted the wrong way up, does not turn with the rover, or the rover's iron is stronger than "
-            "the earth's field"
+            "mounted the wrong way up, does not turn with the rover, "
+            "or the rover's iron is stronger than the earth's field"
         )
     if covered * COMPASS_FIT.sectors < COMPASS_FIT.least_covered:
         return (
             f"the headings cover only {100 * covered:.0f} % of the directions: turn evenly through all of "
-            "them; if the rover did, its iron is stronger than the earth's field, and the compass must be "
-            "moved away from it"
+            "them; if the rover did, its iron is stronger than the earth's field, "
+            "and the compass must be moved away from it"
         )
     if rms(error_deg) > COMPASS_FIT.greatest_rms_deg:
         return (

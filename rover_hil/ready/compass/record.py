@@ -89,8 +89,8 @@ def compass_of(config: Config, device: str | None) -> tuple[str, CompassSettings
         candidates = list(used or found)
         if not candidates:
             raise ConfigError(
-                "the configuration has no compass to calibrate: add a device of type nmea_compass or "
-                "witmotion"
+                "the configuration has no compass to calibrate: "
+                "add a device of type nmea_compass or witmotion"
             )
         if len(candidates) > 1:
             raise ConfigError(f"there are several compasses: choose one with --device {candidates[0]}")

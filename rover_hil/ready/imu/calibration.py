@@ -116,8 +116,8 @@ class GyroCalibration(FileProcedure[Turns, GyroResult]):
     def figures(self, record: Turns, result: GyroResult) -> Sequence[Drawing]:
         caption = (
             "See whether the line goes through the dots. Each dot is one second of turns. A low-pass lets "
-            "the share fall with the frequency; a delay gives the same lag at all frequencies and leaves the "
-            "share."
+            "the share fall with the frequency; "
+            "a delay gives the same lag at all frequencies and leaves the share."
         )
         return (
             Drawing("Share and lag of the gyro", caption, lambda: draw_response(record, result.response)),

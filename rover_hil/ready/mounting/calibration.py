@@ -133,8 +133,8 @@ class MountingCalibration(FileProcedure[MountingRecord, MountingFit]):
             return
         if self._is_log:
             raise ConfigError(
-                f"{record.inertial.path} holds no compass or camera that saw the turns: give them with "
-                "--made, like "
+                f"{record.inertial.path} holds no compass or camera that saw the turns: "
+                "give them with --made, like "
                 + ",".join("3" if number % 2 == 0 else "-3" for number in range(len(record.turns)))
             )
         self.made = [
@@ -160,8 +160,8 @@ class MountingCalibration(FileProcedure[MountingRecord, MountingFit]):
             if len(self.made) != len(turns) or not are_turns:
                 times = ", ".join(f"{turn.start_s:.0f} to {turn.end_s:.0f} s" for turn in turns)
                 raise ConfigError(
-                    f"--made gives {len(self.made)} turns, the log holds {len(turns)}: {times}; give one "
-                    "for each"
+                    f"--made gives {len(self.made)} turns, the log holds {len(turns)}: "
+                    f"{times}; give one for each"
                 )
             return math.tau * np.array(self.made), COUNTED, TURN_SD_DEG
         name = next(iter(record.inertial.references))

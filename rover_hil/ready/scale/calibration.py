@@ -71,8 +71,8 @@ class ScaleCalibration(FileProcedure[Sequence[ScaleRecord], ScaleFit]):
     def configure(self, request: Request, config: Config | None) -> Path | None:
         if config is None or config.ground_motion is None:
             raise ConfigError(
-                f"{request.source}: the scale is of a camera with [ground_motion]: name a configuration with "
-                "it, and its rig"
+                f"{request.source}: the scale is of a camera with [ground_motion]: "
+                "name a configuration with it, and its rig"
             )
         self._rig = config.ground_motion.rig
         return request.out
@@ -137,8 +137,8 @@ class ScaleCalibration(FileProcedure[Sequence[ScaleRecord], ScaleFit]):
 
     def figures(self, record: Sequence[ScaleRecord], result: ScaleFit) -> Sequence[Drawing]:
         caption = (
-            "See whether the blue dots lie around zero, without a trend. A trend, or single pieces far off, "
-            "is ground that slips."
+            "See whether the blue dots lie around zero, without a trend. A trend, "
+            "or single pieces far off, is ground that slips."
         )
         return (Drawing("Camera against known travel", caption, lambda: draw_scale(result)),)
 

@@ -82,8 +82,8 @@ def _problem(factor: Factor) -> str:
         )
     if factor.half_width > GREATEST_HALF_WIDTH:
         return (
-            f"the factor is uncertain by {100 * factor.half_width:.1f} %: drive further, on ground that does "
-            "not slip"
+            f"the factor is uncertain by {100 * factor.half_width:.1f} %: "
+            "drive further, on ground that does not slip"
         )
     return ""
 

@@ -264,8 +264,8 @@ def _drive_of(
         console.print(f"  {key}: signal {value['signal']} of {value['message']}, {value['unit']}")
     if not ask_yes("Is that right?", default=True):
         raise ConfigError(
-            f"{dbc}: write the mapping by hand, docs/how-to/drive_your_own_rover.md, or rename signals and "
-            "units"
+            f"{dbc}: write the mapping by hand, docs/how-to/drive_your_own_rover.md, "
+            "or rename signals and units"
         )
     if guess.needs_ticks:
         ticks = ask_number("Encoder ticks per turn of the encoder", 1, 1e8)

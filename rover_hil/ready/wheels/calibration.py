@@ -164,8 +164,8 @@ class WheelsCalibration(FileProcedure[Sequence[Odometry], WheelsFit]):
         for drive in drives[: len(self.lines)]:
             if drive.distance_m < LEAST_DISTANCE_M:
                 raise LogError(
-                    f"log {drive.path}: the rover drove {drive.distance_m:.2f} m, {LEAST_DISTANCE_M:g} m are "
-                    "needed"
+                    f"log {drive.path}: the rover drove {drive.distance_m:.2f} m, "
+                    f"{LEAST_DISTANCE_M:g} m are needed"
                 )
         for drive in drives[len(self.lines) :]:
             if abs(drive.turn_rad) < LEAST_TURN_RAD:
