@@ -24,7 +24,7 @@ import pytest
 from drivers.clock import nanoseconds, seconds
 from rover_hil.app.program import main
 from rover_hil.config import Config
-from rover_hil.drive import run
+from rover_hil.drive import run_surroundings
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.run.replay import replay
@@ -252,7 +252,7 @@ def _run_program(folder: Path) -> None:
     sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
     sys.argv = ["rover-hil", "run", str(folder / "rover.toml"), "--out", str(folder / "out")]
     # The report takes longer than the drive, and is tested elsewhere.
-    setattr(run, "write_report", lambda log_path, out: '{"stops": []}')  # noqa: B010
+    setattr(run_surroundings, "write_report", lambda log_path, out: '{"stops": []}')  # noqa: B010
     main()
 
 

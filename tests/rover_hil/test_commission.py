@@ -206,9 +206,9 @@ def test_a_real_run_without_a_passed_commissioning_does_not_excite_the_yaw(
         show(None)
         raise LogError("enough")
 
-    monkeypatch.setattr("rover_hil.drive.run._status_line", lambda output: "")
-    monkeypatch.setattr("rover_hil.drive.run.run_real", drive)
-    monkeypatch.setattr("rover_hil.drive.run.run_virtual", drive)
+    monkeypatch.setattr("rover_hil.drive.run_surroundings._status_line", lambda output: "")
+    monkeypatch.setattr("rover_hil.run.driving.run_real", drive)
+    monkeypatch.setattr("rover_hil.run.driving.run_virtual", drive)
     command("run", "robotino", "--out", "a")
     assert command.error.count("the yaw excitation is off, and slip is not compensated") == 1
     assert "excite_real_rover = true in [slip]" in command.error

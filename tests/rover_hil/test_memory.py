@@ -17,7 +17,7 @@ from rover_hil.console.memory import (
     require_loading_memory,
     sentence_of,
 )
-from rover_hil.drive import run
+from rover_hil.drive import run_surroundings
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.writer import LogWriter
 from tests.rover_hil.command import Command, assert_one_sentence
@@ -79,7 +79,7 @@ def test_memory_that_ends_in_a_drive_leaves_a_log_and_the_command_for_its_report
             raise MemoryError
 
     with monkeypatch.context() as patch:
-        patch.setattr(run, "_display", lambda *_: show)
+        patch.setattr(run_surroundings, "display", lambda *_: show)
         assert command("run", "robotino", "--virtual", "--duration", "60", "--out", "a") == 2
     assert_one_sentence(
         command.error, "too little memory", "commanded to stop", "`rover-hil replay a/run.mcap --out a`"
@@ -95,7 +95,7 @@ def test_memory_that_ends_in_the_report_leaves_the_command_for_it(
     def fail(*_: object) -> str:
         raise MemoryError
 
-    monkeypatch.setattr(run, "write_report", fail)
+    monkeypatch.setattr(run_surroundings, "write_report", fail)
     assert command("run", "robotino", "--virtual", "--duration", "4", "--out", "a") == 2
     assert_one_sentence(command.error, "the drive has ended", "`rover-hil replay a/run.mcap --out a`")
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-import rover_hil.drive.run as run_command
+import rover_hil.drive.run_surroundings as run_command
 import rover_hil.gap.command.find as gap_command
 from drivers.errors import ConfigError
 from rover_hil.pages.atomic_write import unfinished, write_file, write_files

@@ -13,7 +13,7 @@ from drivers.errors import ConfigError, NotConnectedError
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.samples import WheelCommand, WheelSample
 from rover_hil.config import read_config_text
-from rover_hil.drive.run import too_slow as run_too_slow
+from rover_hil.drive.run_surroundings import too_slow as run_too_slow
 from rover_hil.drive.simulate import simulate, too_slow
 from rover_hil.run.executive import RunResult
 from tests.rover_hil.command import started

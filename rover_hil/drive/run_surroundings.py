@@ -1,0 +1,154 @@
+"""What surrounds a run of `rover-hil run`: other programs, viewers, the line of the state, the report."""
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from pathlib import Path
+
+from rich.live import Live
+from rich.text import Text
+
+from controllers.control_loop import StepOutput
+from controllers.safety import Mode
+from drivers.clock import PacedClock
+from drivers.errors import ConfigError
+from rover_hil.config import Config
+from rover_hil.connect.connections import connected
+from rover_hil.console.memory import ShortOfMemoryError, sentence_of
+from rover_hil.console.output import can_tell
+from rover_hil.live.server import HOST, LiveServer
+from rover_hil.recording.writer import Mirror
+from rover_hil.report.write import write_report
+from rover_hil.run.driving import StatusDisplay
+from rover_hil.run.executive import End, Operator, RunResult
+from rover_hil.terminal import Terminal
+
+SLOW_SHARE = 0.02
+"""Of the cycles of a real run; with more skipped the user is told."""
+
+
+def connection(
+    config: Config, clock: PacedClock | None, messages: Terminal, odometry_to: str | None, *, is_paced: bool
+) -> AbstractContextManager[Operator | None]:
+    """Return what connects a run with other programs; a simulated one only while its time is real."""
+    if is_paced:
+        return connected(config, clock, odometry_to)
+    if odometry_to is not None or (config.ros2 is not None and config.ros2.commands):
+        what = "ros2.commands" if odometry_to is None else "--odometry-to"
+        raise ConfigError(f"{what}: other programs live in real time: add --realtime to --virtual")
+    if config.ros2 is not None:
+        messages.print("ROS 2 is not connected: add --realtime, and simulated time passes like real time")
+    return nullcontext()
+
+
+def report(log_path: Path, folder: Path, messages: Terminal) -> str | None:
+    """Write the report; returns the summary as JSON, or None after ctrl-C."""
+    try:
+        with messages.status("writing report"):
+            return write_report(log_path, folder)
+    except KeyboardInterrupt:
+        messages.print(
+            f"no report yet: `rover-hil replay {log_path} --out {folder}` writes it", soft_wrap=True
+        )
+        return None
+    except Exception as error:
+        raise without_memory(error, "the drive has ended", log_path, folder) from error
+
+
+def without_memory(error: Exception, what: str, log_path: Path, folder: Path) -> Exception:
+    """Return an error that is due to too little memory as one that says what to do with the log."""
+    reason = sentence_of(error)
+    if not reason or not log_path.exists():
+        return error
+    return ShortOfMemoryError(
+        f"{reason}; {what}, and the log so far is {log_path}: with more memory "
+        f"`rover-hil replay {log_path} --out {folder}` writes the report"
+    )
+
+
+def display(live: Live, messages: Terminal, note: str) -> StatusDisplay:
+    """Return what shows the state of a run; a note is printed once, when the run has begun."""
+    notes = [note] if note else []
+
+    def show(output: StepOutput) -> None:
+        if notes:
+            messages.print(notes.pop(), soft_wrap=True)
+        if can_tell():  # a terminal that ctrl-S has stopped would hold the loop
+            live.update(_status_line(output), refresh=True)
+
+    return show
+
+
+def extended(config: Config, model: Path, messages: Terminal, *, virtual: bool) -> Config:
+    """Return the configuration of a simulated rover with the effects of a model; says what they change."""
+    if not virtual:
+        raise ConfigError(f"{model}: --model is for the simulated rover: add --virtual")
+    from rover_hil.drive.extended_simulation import extend_simulation
+
+    simulation, changed_values = extend_simulation(config, model)
+    for line in changed_values:
+        messages.print(line)
+    return config.model_copy(update={"simulation": simulation})
+
+
+@contextmanager
+def live_mirror(port: int | None, messages: Terminal) -> Iterator[Mirror | None]:
+    """Give what streams records to viewers on a port, and say where it is; None without a port.
+
+    Raises:
+        ConfigError: The library is missing, or the port cannot be used.
+    """
+    if port is None:
+        yield None
+        return
+    with LiveServer(port) as server:
+        messages.print(f"live: open ws://{HOST}:{server.port} in Foxglove or Lichtblick")
+        yield server.publish
+
+
+def result_line(result: RunResult, stops: int) -> str:
+    """Return how a run ended, in one line."""
+    parts = [result.reason, f"{result.duration_s:.1f} s"]
+    if stops:
+        parts.append(f"{stops} safety stop{'s' if stops > 1 else ''}")
+    if result.watchdog_interventions:
+        times = result.watchdog_interventions
+        parts.append(f"{times} stop{'s' if times > 1 else ''} by the watchdog")
+    if result.log_pause_s:
+        parts.append(f"log not written for {result.log_pause_s:.1f} s")
+    if result.skipped:
+        parts.append(f"{result.skipped} of {result.cycles + result.skipped} cycles skipped")
+    return ", ".join(parts)
+
+
+def tell_slowness(result: RunResult, rate_hz: float, messages: Terminal, *, virtual: bool) -> None:
+    """Tell the user of a real rover when the machine did not keep up with the loop."""
+    words = "" if virtual else too_slow(result, rate_hz)
+    if words:
+        messages.print(words, soft_wrap=True)
+
+
+def too_slow(result: RunResult, rate_hz: float) -> str:
+    """Return what to tell a user whose machine does not keep up with the loop; "" where it does."""
+    due = result.cycles + result.skipped
+    if result.skipped <= SLOW_SHARE * due:
+        return ""
+    return (
+        f"this machine is too slow for loop.rate_hz = {rate_hz:g}, by a factor of {due / result.cycles:.2f}: "
+        f"{result.skipped} of {due} cycles were skipped. Lower the rate, "
+        "end other programs, or use --realtime"
+    )
+
+
+def went_well(result: RunResult, duration_s: float | None) -> bool:
+    """Return whether the run ended as asked: mission finished, user's end, or time limit while driving."""
+    if result.end is End.TIME_OVER:
+        return duration_s is not None and result.mode is Mode.RUNNING
+    return result.end in (End.FINISHED, End.STOPPED_BY_USER)
+
+
+def _status_line(output: StepOutput) -> Text:
+    estimate = output.estimate
+    return Text(
+        f"{output.mode.value:<15} x {estimate.x_m:+7.3f} m  y {estimate.y_m:+7.3f} m  "
+        f"yaw {estimate.yaw_rad:+6.3f} rad  {output.reason}"
+    )
