@@ -1,4 +1,9 @@
-"""What a measurement model is."""
+"""What a measurement model is.
+
+The turn by a moving gyro and the wheels' constraint are no measurement models but inputs of the transition,
+see `transition.MotionTransition`: the state holds no velocity and no yaw rate that a reading could be
+compared with.
+"""
 
 from typing import NamedTuple, Protocol
 
