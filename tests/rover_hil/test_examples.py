@@ -82,7 +82,7 @@ EXAMPLES = sorted({line for text in TEXTS for line in examples_of(text)})
 
 @pytest.mark.parametrize("line", EXAMPLES)
 def test_every_example_parses(line: str) -> None:
-    arguments = spread(shlex.split(line, comments=True)[1:])
+    arguments = [each for each in spread(shlex.split(line, comments=True)[1:]) if each != "--help"]
     item: Any = get_command(app)
     if arguments and arguments[0] == "--install-completion":
         return  # to parse it is to install it

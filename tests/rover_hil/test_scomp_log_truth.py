@@ -155,9 +155,16 @@ def test_without_parameters_those_of_the_log_are_used(
     log = write_drive(tmp_path / "run.mcap", is_seen=lambda _: False)
     config = load_config("el-dorado")
     assert config.scomp is not None
-    assert run_scomp(log, params=None, out=tmp_path / "own.csv", online=False, as_json=True) == 0
-    assert "no --params: those of [scomp] in the log are used" in json.loads(capsys.readouterr().out)["notes"]
-    params = tmp_path / "params.toml"
-    params.write_text(parameters_text(config.scomp.parameters), "utf-8")
-    assert run_scomp(log, params=params, out=tmp_path / "given.csv", online=False, as_json=True) == 0
-    assert (tmp_path / "own.csv").read_text() == (tmp_path / "given.csv").read_text()
+    own, same, other = (tmp_path / name for name in ("own.toml", "same.toml", "other.toml"))
+    same.write_text(parameters_text(config.scomp.parameters), "utf-8")
+    other.write_text(parameters_text(ScompParameters()), "utf-8")
+    found = {}
+    for params in (None, same, other):
+        out = (params or own).with_suffix(".csv")
+        assert run_scomp(log, params=params, out=out, online=False, as_json=True) == 0
+        found[out.stem] = json.loads(capsys.readouterr().out)
+    note = "no --params: those of [scomp] and [filter] in the log are used"
+    assert [name for name, each in found.items() if note in each["notes"]] == ["own"]
+    # The parameters of slip are the same; the noise of the gyro is that of the log's [filter].
+    assert found["own"]["mean_slip"] == pytest.approx(found["same"]["mean_slip"], abs=0.002)
+    assert abs(found["other"]["mean_slip"] - found["same"]["mean_slip"]) > 0.01
