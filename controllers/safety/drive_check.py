@@ -66,19 +66,21 @@ class DriveCheck:
             suspicion: Why the wheels may not measure the motion, by the estimator; "" for no such reason.
         """
         reasons = self._rules.reasons(cycle)
-        found = [reason for reason in reasons if self._is_found(reason)]
+        confirmed_reasons = [reason for reason in reasons if self._is_found(reason)]
         self.findings = tuple(
             Finding(cause=reason.cause, text=reason.text)
-            for reason in found
+            for reason in confirmed_reasons
             if reason.cause not in self._lasting
         )
         if suspicion and suspicion not in self._lasting:
             self.findings += (Finding(cause=SUSPICION, text=suspicion),)
-        self._lasting = {suspicion, *(reason.cause for reason in found)}
+        self._lasting = {suspicion, *(reason.cause for reason in confirmed_reasons)}
         self.doubts = list(self._rules.doubts(reasons))
-        unfound = (each.text for each in reasons if each.severity is Severity.DOUBT and each not in found)
+        unfound = (
+            each.text for each in reasons if each.severity is Severity.DOUBT and each not in confirmed_reasons
+        )
         self.doubt = next(unfound, "")
-        self.is_open |= any(reason.leaves_motion_open for reason in found)
+        self.is_open |= any(reason.leaves_motion_open for reason in confirmed_reasons)
         recoverable = {reason.cause for reason in reasons if reason.severity in OF_HEALTHY_ROVERS}
         for cause in recoverable.union(self._suspected):
             # It is found where it comes again after it had ended.

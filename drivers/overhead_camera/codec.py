@@ -71,14 +71,16 @@ class OverheadCameraCodec:
         if isinstance(frame, Rejection):
             return (frame,)
         markers = self._finder.find(frame.image)
-        found = [marker.corners_px for marker in markers if marker.marker_id == self._settings.marker_id]
-        if len(found) != 1:
-            return (Rejection("ambiguous" if found else "no_marker"),)
-        if _side_px(found[0]) < LEAST_CELL_PX * self._cells:
+        corner_sets = [
+            marker.corners_px for marker in markers if marker.marker_id == self._settings.marker_id
+        ]
+        if len(corner_sets) != 1:
+            return (Rejection("ambiguous" if corner_sets else "no_marker"),)
+        if _side_px(corner_sets[0]) < LEAST_CELL_PX * self._cells:
             return (Rejection("marker_small"),)
-        if self._match(frame.image, found[0]) < LEAST_MATCH:
+        if self._match(frame.image, corner_sets[0]) < LEAST_MATCH:
             return (Rejection("blurred"),)
-        return (self._locate(frame, found[0]),)
+        return (self._locate(frame, corner_sets[0]),)
 
     def reset(self) -> None:
         """Forget the newest stamp."""

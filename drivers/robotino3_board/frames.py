@@ -43,22 +43,22 @@ class FrameScanner:
 
     def feed(self, payload: bytes) -> list[bytes | Rejection]:
         """Return the bodies of the frames that `payload` completes, and one rejection per run of others."""
-        found: list[bytes | Rejection] = []
+        frames: list[bytes | Rejection] = []
         for byte in payload:
             if byte == HEAD:
                 if self._is_inside:
-                    self._lose(found, _FRAMING)
+                    self._lose(frames, _FRAMING)
                 self._frame.clear()
                 self._is_inside, self._is_escaped = True, False
             elif not self._is_inside:
-                self._lose(found, _FRAMING)
+                self._lose(frames, _FRAMING)
             elif byte == ESCAPE and not self._is_escaped:
                 self._is_escaped = True
             else:
                 self._frame.append(byte ^ MANGLE if self._is_escaped else byte)
                 self._is_escaped = False
-                self._check_end(found)
-        return found
+                self._check_end(frames)
+        return frames
 
     def _check_end(self, found: list[bytes | Rejection]) -> None:
         frame = self._frame

@@ -188,22 +188,22 @@ class FrameScanner:
     def feed(self, data: bytes) -> list[bytes | Rejection]:
         """Return the frames that `data` completes, and one "framing" for each run of discarded bytes."""
         buffer = self._rest + data
-        found: list[bytes | Rejection] = []
+        frames: list[bytes | Rejection] = []
         used = 0
         head = _find_head(buffer, 0)
         while (end := head + self._frame_size) <= len(buffer):
             if buffer.startswith(TAIL, end - len(TAIL)):
                 if head > used:
-                    found.append(_FRAMING)
-                found.append(buffer[head:end])
+                    frames.append(_FRAMING)
+                frames.append(buffer[head:end])
                 used = end
                 head = _find_head(buffer, end)
             else:
                 head = _find_head(buffer, head + 1)
         if head > used:
-            found.append(_FRAMING)
+            frames.append(_FRAMING)
         self._rest = buffer[head:]
-        return found
+        return frames
 
     def reset(self) -> None:
         """Forget a half-received frame."""

@@ -36,7 +36,7 @@ class MessageScanner:
     def feed(self, payload: bytes) -> list[Message | Rejection]:
         """Return the messages that `payload` completes, and a rejection for each run of other bytes."""
         data = self._rest + payload
-        found: list[Message | Rejection] = []
+        messages: list[Message | Rejection] = []
         position = 0
         while position < len(data):
             end = _end_of(data, position)
@@ -44,17 +44,17 @@ class MessageScanner:
                 break
             if end > 0 and sum(data[position + 1 : end]) & 0xFF == 0:
                 header = 6 if data[position + 3] == EXTENDED else 4
-                found.append(Message(data[position + 2], data[position + header : end - 1]))
+                messages.append(Message(data[position + 2], data[position + header : end - 1]))
                 self._is_lost = False
                 position = end
                 continue
             if not self._is_lost:
-                found.append(_CHECKSUM if end else _FRAMING)
+                messages.append(_CHECKSUM if end else _FRAMING)
             self._is_lost = True
             next_head = data.find(HEAD[0], position + 1)
             position = len(data) if next_head < 0 else next_head
         self._rest = data[position:]
-        return found
+        return messages
 
 
 def _end_of(data: bytes, start: int) -> int | None:

@@ -73,8 +73,8 @@ def _resolve(target: str) -> tuple[socket.AddressFamily, tuple[object, ...]]:
             f"{OPTION}: '{target}' is not HOST:PORT with a port from 1 to {MOST_PORTS}, as localhost:5005"
         )
     try:
-        found = socket.getaddrinfo(host.strip("[]") or LOCALHOST, int(port), type=socket.SOCK_DGRAM)
+        addresses = socket.getaddrinfo(host.strip("[]") or LOCALHOST, int(port), type=socket.SOCK_DGRAM)
     except OSError as error:
         raise ConfigError(f"{OPTION}: cannot find '{host}': {error.strerror}; correct the host") from error
-    family, _, _, _, address = found[0]
+    family, _, _, _, address = addresses[0]
     return family, address

@@ -252,8 +252,8 @@ def _add_candump(raw: BinaryIO, collector: _Collector, on_frames: Callable[[int]
         text, newline, rest = (rest + block).rpartition(b"\n")
         if not newline:
             return False
-        found = _CANDUMP.findall(text + newline)
-        is_plain = len(found) == text.count(b"\n") + 1 and collector.add_lines(found)
+        frame_texts = _CANDUMP.findall(text + newline)
+        is_plain = len(frame_texts) == text.count(b"\n") + 1 and collector.add_lines(frame_texts)
         if not is_plain or size > CAN_LOG_BYTES or len(collector.t_s) > CAN_FRAMES:
             return False
         on_frames(len(collector.t_s))

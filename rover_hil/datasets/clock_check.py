@@ -70,7 +70,7 @@ def _residual(
     wheels: DrivePath, places: DrivePath, factor: float, within_s: tuple[float, float] = (-math.inf, math.inf)
 ) -> float:
     """Return the share of the motion that a clock leaves, at its best beginning; infinite without enough."""
-    found = math.inf
+    least_rms = math.inf
     start_s = wheels.t_s[0]
     for offset_s in np.arange(-GREATEST_OFFSET_S, GREATEST_OFFSET_S + 0.5 * STEP_S, STEP_S).tolist():
         begin_s, end_s = _span(wheels, places, factor, offset_s)
@@ -86,8 +86,8 @@ def _residual(
         if max(factor, 1.0 / factor) >= FAR and not SCALES[0] <= scale <= SCALES[1]:
             continue
         left = [_left(own, true) for own, true in pairs]
-        found = min(found, math.sqrt(sum(left) / len(left)))
-    return found
+        least_rms = min(least_rms, math.sqrt(sum(left) / len(left)))
+    return least_rms
 
 
 def _left(own: Array, true: Array) -> float:

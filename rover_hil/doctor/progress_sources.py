@@ -9,11 +9,11 @@ from rover_hil.run.excitation import for_real_rover
 
 def describe_progress(config: Config) -> str:
     """Return what a rover notices of wheels in the air, digging in, a wall and a stuck wheel."""
-    found = list(_sources(config))
-    if not found:
-        found = ["nothing notices wheels in the air, a rover that has dug in, or a wall"]
+    sources = list(_sources(config))
+    if not sources:
+        sources = ["nothing notices wheels in the air, a rover that has dug in, or a wall"]
     stall_s = config.safety.stall_s
-    return "; ".join([*found, f"a wheel that sticks stops it after {stall_s:g} s, by its encoder"])
+    return "; ".join([*sources, f"a wheel that sticks stops it after {stall_s:g} s, by its encoder"])
 
 
 def _sources(config: Config) -> Iterator[str]:

@@ -75,10 +75,10 @@ def _frames(
 ) -> Iterator[can.Message]:
     for message in log.messages():
         on_message()
-        found = _frame_of(log, message, channels)
-        if found is not None:
-            counts[str(found.channel)] = counts.get(str(found.channel), 0) + 1
-            yield found
+        frame = _frame_of(log, message, channels)
+        if frame is not None:
+            counts[str(frame.channel)] = counts.get(str(frame.channel), 0) + 1
+            yield frame
 
 
 def _frame_of(log: LogReader, message: LogMessage, channels: Mapping[str, str]) -> can.Message | None:

@@ -78,7 +78,7 @@ def trace_angles(
     source, rig, telemetry = drive.source, drive.rig, drive.telemetry
     geometry = rig.geometry()
     estimator = TraceEstimator(geometry, chosen)
-    found: list[FrameAngle] = []
+    angles: list[FrameAngle] = []
     code = EXIT_OK
     with ExitStack() as resources:
         writer = None
@@ -91,12 +91,12 @@ def trace_angles(
                 for item in estimate(source, rig, telemetry, estimator):
                     if writer is not None:
                         writer.add(item.number, item.grey, item.angle, geometry.wheel_width_m)
-                    found.append(replace(item, grey=NO_PIXELS))
+                    angles.append(replace(item, grey=NO_PIXELS))
                     progress.advance(task)
         except KeyboardInterrupt:
             code = EXIT_INTERRUPTED
-        write_file(out, "\n".join([HEADER, *map(csv_row, found)]) + "\n")
-    _report(found, out, chosen, as_json=as_json)
+        write_file(out, "\n".join([HEADER, *map(csv_row, angles)]) + "\n")
+    _report(angles, out, chosen, as_json=as_json)
     return code
 
 

@@ -81,13 +81,15 @@ class LogFrames:
         t_s = (t_ns - self._log.start_ns) / 1e9
         speeds_m_s = _wheel_speeds_m_s(config.rover.wheel_radius_m, rows, t_ns)
         rates = [_newest(rows, name, t_ns) for name in RATES]
-        found: dict[int, TelemetryRow] = {}
+        rows_by_stamp: dict[int, TelemetryRow] = {}
         for number, (time_s, speed_m_s, x, y, z) in enumerate(
             zip(t_s.tolist(), speeds_m_s.tolist(), *(rate.tolist() for rate in rates), strict=True)
         ):
             known_rates = (x, y, z) if np.isfinite(x + y + z) else None
-            found[number] = TelemetryRow(time_s, speed_m_s if np.isfinite(speed_m_s) else None, known_rates)
-        return found
+            rows_by_stamp[number] = TelemetryRow(
+                time_s, speed_m_s if np.isfinite(speed_m_s) else None, known_rates
+            )
+        return rows_by_stamp
 
 
 def _camera_of(config: Config, path: Path) -> str:

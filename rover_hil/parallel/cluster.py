@@ -138,8 +138,8 @@ class ClusterExecutor(Executor):
 
 def _check_address(address: str) -> None:
     """Check the form of an address: what dask says of a wrong one takes 20 s and is no sentence."""
-    found = ADDRESS.fullmatch(address)
-    if found is None or not 0 < int(found["port"]) <= MOST_PORT:
+    match = ADDRESS.fullmatch(address)
+    if match is None or not 0 < int(match["port"]) <= MOST_PORT:
         raise ConfigError(
             f"--cluster '{address}' is no address of a scheduler: write it with its port, like "
             "tcp://192.168.1.5:8786"

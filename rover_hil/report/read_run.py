@@ -298,14 +298,14 @@ class _Collector:
         return {name: local_headings(series, first_motion_s) for name, series in found.items() if series}
 
     def _innovations(self) -> dict[str, InnovationData]:
-        found: dict[str, InnovationData] = {}
+        innovations: dict[str, InnovationData] = {}
         for (kind, name), rows in self._rows.items():
             if kind == "innovation":
                 t_s, residual, deviation, accepted = np.array(rows).T
-                found[name] = InnovationData(
+                innovations[name] = InnovationData(
                     t_s=t_s, residual=residual, deviation=deviation, is_accepted=accepted
                 )
-        return found
+        return innovations
 
     def _slip(self) -> SlipData | None:
         if not self._slips:

@@ -41,12 +41,12 @@ def thin(series: Series, bins: int = THIN_BINS) -> Series:
 def visible_spans(t_s: Array, keys: Sequence[str]) -> list[tuple[float, float]]:
     """Return start and end of each stretch with a key that is not empty; gaps too short to see are closed."""
     least_s = VISIBLE_SHARE * float(t_s[-1] - t_s[0])
-    found: list[tuple[float, float]] = []
+    points: list[tuple[float, float]] = []
     for start_s, end_s, key in spans(t_s, keys):
         if not key:
             continue
-        if found and start_s - found[-1][1] < least_s:
-            found[-1] = found[-1][0], end_s
+        if points and start_s - points[-1][1] < least_s:
+            points[-1] = points[-1][0], end_s
         else:
-            found.append((start_s, end_s))
-    return found
+            points.append((start_s, end_s))
+    return points

@@ -136,16 +136,16 @@ def _slip_facts(slip: SlipSummary) -> list[Fact]:
 
 
 def _compensation_facts(summary: Summary) -> list[Fact]:
-    found: list[Fact] = []
+    facts: list[Fact] = []
     if summary.slip is not None:
-        found += _slip_facts(summary.slip)
+        facts += _slip_facts(summary.slip)
     if summary.ground is not None:
-        found += _ground_facts(summary.ground)
+        facts += _ground_facts(summary.ground)
     if summary.drift is not None:
-        found += _drift_facts(summary.drift)
+        facts += _drift_facts(summary.drift)
     if summary.crab is not None:
-        found.append(_crab_fact(summary.crab))
-    return found
+        facts.append(_crab_fact(summary.crab))
+    return facts
 
 
 def _ground_facts(ground: GroundSummary) -> list[Fact]:

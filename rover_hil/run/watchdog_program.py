@@ -162,11 +162,11 @@ class ProcThreads:
         ticks: dict[str, int] = {}
         try:
             for task in os.listdir(self._tasks):
-                found = _STAT.match(_read(f"{self._tasks}/{task}/stat"))
-                if found is None:
+                stat_match = _STAT.match(_read(f"{self._tasks}/{task}/stat"))
+                if stat_match is None:
                     continue
-                state = found[1].decode()
-                ticks[task] = int(found[2]) + int(found[3])
+                state = stat_match[1].decode()
+                ticks[task] = int(stat_match[2]) + int(stat_match[3])
                 if state in _STOPPED_STATES:
                     share = 0.0
                 elif state == "R":

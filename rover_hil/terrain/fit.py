@@ -97,8 +97,8 @@ def intervals_of_plates(plates: PlateFit) -> dict[str, Interval]:
 
 def soil_of_plates(start: AnyAngleSoil, plates: PlateFit) -> AnyAngleSoil:
     """Return the start with k and n of the plates."""
-    found = {"plate_modulus_pa": plates.modulus_pa.value, "plate_exponent": plates.exponent.value}
-    return start.model_copy(update=found)
+    constants = {"plate_modulus_pa": plates.modulus_pa.value, "plate_exponent": plates.exponent.value}
+    return start.model_copy(update=constants)
 
 
 def fit_soil(
@@ -137,8 +137,8 @@ def fit_soil(
     means = wheel_tests.means()
     if 3 * len(means.cell) <= len(free):
         raise ModelError(f"wheel tests: {len(means.cell)} cells are too few to fit {len(free)} numbers")
-    found = _least_squares(_make_misfit(means, wheel, begin, free, plates), begin, free, calls)
-    return _result(found, begin, free, plates, len(means.cell))
+    solution = _least_squares(_make_misfit(means, wheel, begin, free, plates), begin, free, calls)
+    return _result(solution, begin, free, plates, len(means.cell))
 
 
 @dataclass(frozen=True, slots=True)

@@ -149,10 +149,10 @@ def announced_soil(name: str) -> SoilSettings:
     Raises:
         ConfigError: No such soil, not TOML, or a number outside its range.
     """
-    found = load_terrain_soil(name)
-    for note in found.notes:
+    terrain_soil = load_terrain_soil(name)
+    for note in terrain_soil.notes:
         say(f"note: {note}")
-    return found.soil
+    return terrain_soil.soil
 
 
 def _load_rover(name: str) -> SlopeRover:

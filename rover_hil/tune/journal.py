@@ -63,13 +63,13 @@ class Journal:
             self._append(head)
             return
         try:
-            found = json.loads(lines[0])
-            if found["schema"] != SCHEMA:
+            header = json.loads(lines[0])
+            if header["schema"] != SCHEMA:
                 raise ValueError
             self._attempts = {one.number: one for one in map(_ATTEMPTS.validate_json, lines[1:])}
         except (ValueError, KeyError, TypeError, ValidationError) as error:
             raise ConfigError(f"{path} is no study, or damaged: choose another --out") from error
-        if found != head:
+        if header != head:
             raise ConfigError(f"{path} was begun with another configuration: choose another --study")
 
     def attempts(self) -> list[Attempt]:

@@ -102,17 +102,17 @@ def reversals_per_s(set_points_rad_s: Array, period_s: float, amplitude_rad_s: f
 
 def _reversals(values: Sequence[float], amplitude: float) -> list[int]:
     """Return the indices at which the values have gone back by `amplitude` from their last extreme."""
-    found: list[int] = []
+    indices: list[int] = []
     direction, lowest, highest = 0, math.inf, -math.inf
     for index, value in enumerate(values):
         lowest, highest = min(lowest, value), max(highest, value)
         falls, rises = highest - value >= amplitude, value - lowest >= amplitude
         if (falls and direction >= 0) or (rises and direction <= 0):
             if direction:
-                found.append(index)
+                indices.append(index)
             direction = 1 if rises and direction <= 0 else -1
             lowest = highest = value
-    return found
+    return indices
 
 
 def _along(corners: Array) -> Array:

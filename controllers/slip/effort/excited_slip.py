@@ -187,20 +187,20 @@ class ExcitedSlip:
         if not response.reason and not is_travel and self.slip.source is SlipSource.EXCITATION:
             return self.slip
         travel = DrivenTravel(abs(travelled_m) / self._settings.window_s, force_n)
-        found = self._read(response, travelled_m, travel)
+        reading = self._read(response, travelled_m, travel)
         self._was_off = False
-        self._follow_response(response, found.problem, abs(travelled_m))
+        self._follow_response(response, reading.problem, abs(travelled_m))
         if self._is_doubted:
-            found = found._replace(problem=found.problem or GYRO_WAS_WRONG)
+            reading = reading._replace(problem=reading.problem or GYRO_WAS_WRONG)
             self._is_doubted = False
-        self.reading = (found, travel)
+        self.reading = (reading, travel)
         self.drift_rad = 0.0
         if self._learned is not None:
-            found, self._not_learned = self._learned.read(found, travel)
-            self.drift_rad = 0.0 if self._not_learned else self._learned.drift_per_slip * found.slip
-        reason = found.problem
+            reading, self._not_learned = self._learned.read(reading, travel)
+            self.drift_rad = 0.0 if self._not_learned else self._learned.drift_per_slip * reading.slip
+        reason = reading.problem
         self._valid_windows = 0 if reason else self._valid_windows + 1
-        slip, sd, source = found.slip, found.sd, SlipSource.EXCITATION
+        slip, sd, source = reading.slip, reading.sd, SlipSource.EXCITATION
         if reason and known is not None and not known.reason:
             slip, sd, source, reason = known.slip, known.sd, known.source, ""
         elif reason:
@@ -238,9 +238,9 @@ class ExcitedSlip:
             per_slip_m2=per_slip_m2(self._kinematics, self._radius_m, direction_rad),
         )
         read = read_slip_by_unknown_gyro if self._gyro is None else read_slip
-        found = read(body, travel, lever)
+        reading = read(body, travel, lever)
         by_gyro = "" if self.in_place is None else self.in_place.reason
-        return found._replace(problem=found.problem or by_gyro)
+        return reading._replace(problem=reading.problem or by_gyro)
 
     def _problem(self, response: ExcitationResponse, travelled_m: complex) -> str:
         """Return why this window says nothing about slip; empty where it does."""

@@ -103,13 +103,13 @@ class GroundKnowledge:
         self._window, self._age_s = window, 0.0
         if not window.problem:
             self._usable_age_s = 0.0
-        found = self._recognition.step(window)
+        recognised = self._recognition.step(window)
         by_map = KnownSlip(
-            slip=found.slip,
-            drift_rad=found.drift_rad,
-            sd=found.sd,
+            slip=recognised.slip,
+            drift_rad=recognised.drift_rad,
+            sd=recognised.sd,
             source=SlipSource.MAP,
-            reason=found.reason,
+            reason=recognised.reason,
         )
         self._known = self._choose(by_map, window)
         return self._known

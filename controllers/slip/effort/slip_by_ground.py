@@ -41,9 +41,9 @@ class SlipByGround:
         numbers, noise_m = EFFORT.fixes, math.sqrt(self._noise_m2)
         if self._travel_m < max(EFFORT.free.window_m, noise_m / numbers.greatest_sd):
             return None
-        found = self._slip(noise_m)
+        slip = self._slip(noise_m)
         self._begin_anew()
-        return found
+        return slip
 
     def _slip(self, noise_m: float) -> SlipAtForce | None:
         straight_m = abs(self._rolled_m)

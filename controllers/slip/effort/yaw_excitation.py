@@ -235,10 +235,12 @@ def _fit_sinusoid(frequency_hz: float, t_s: Array, values: Array) -> _Sinusoid:
     # Not numpy's sine: its last bits depend on the processor.
     waves = [[math.cos(angle), math.sin(angle)] for angle in phase.tolist()]
     columns = np.column_stack((np.array(waves), np.ones(len(t_s)), t_s - t_s.mean()))
-    found = solve(product(columns.T, columns), product(columns.T, values)[:, None])[:, 0]
-    square = float(np.mean((values - product(columns, found)) ** 2))
+    coefficients = solve(product(columns.T, columns), product(columns.T, values)[:, None])[:, 0]
+    square = float(np.mean((values - product(columns, coefficients)) ** 2))
     noise = math.sqrt(2.0 * square / max(1, len(t_s) - columns.shape[1]))
-    return _Sinusoid(complex(found[0], -found[1]), noise, float(found[2]), math.sqrt(2.0 * square))
+    return _Sinusoid(
+        complex(coefficients[0], -coefficients[1]), noise, float(coefficients[2]), math.sqrt(2.0 * square)
+    )
 
 
 def sensor_response(frequency_hz: float, gyro: GyroResponse | None, wheel_age_s: float) -> complex:

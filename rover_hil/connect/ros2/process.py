@@ -129,8 +129,8 @@ class _Server:
             for message, writer, sent_ns in take():
                 yield {"writer": writer, "stamp_ns": sent_ns, "is_pressed": message.data}
         for message, _, _ in () if self._fixes is None else self._fixes():
-            found = read_fix(message, self._map_frame, now_ns, wall_time_ns())
-            yield {"wrong": found} if isinstance(found, str) else {"fix": found}
+            fix = read_fix(message, self._map_frame, now_ns, wall_time_ns())
+            yield {"wrong": fix} if isinstance(fix, str) else {"fix": fix}
 
     def _hand_over(self) -> None:
         """Send what waits; of too much only emergency stops that are pressed and the newest are kept."""

@@ -146,9 +146,9 @@ def _minimise(
 
     begin = np.array([getattr(start, name) for name in names])
     begin = np.where(is_lag, np.log(start.lag_s), begin / scale)
-    found = least_squares(residual, begin, jac=jacobian, method="lm", max_nfev=evaluations, xtol=1e-6)
-    model = model_of(found.x)
-    return model, _refine_delays(problem, model, start_delay_s), float(found.cost)
+    solution = least_squares(residual, begin, jac=jacobian, method="lm", max_nfev=evaluations, xtol=1e-6)
+    model = model_of(solution.x)
+    return model, _refine_delays(problem, model, start_delay_s), float(solution.cost)
 
 
 def _refine_delays(problem: MotorProblem, model: MotorModel, delay_s: Array) -> Array:

@@ -51,31 +51,31 @@ def identify_slip(
     train_files = find_runs(train)
     test_files = {str(path): find_runs([path]) for path in test}
     with open_calls(cluster) as calls, show_progress() as progress:
-        count = len(train_files.files) + sum(len(found.files) for found in test_files.values())
+        count = len(train_files.files) + sum(len(maps_found.files) for maps_found in test_files.values())
         task = progress.add_task("identifying", total=count + SLIP_FIT.validation.folds + 1)
 
         def advance() -> None:
             progress.advance(task)
 
         used = read_all(train_files.files, motor, advance, calls)
-        found = identify_slip_maps(used, advance, calls)
+        maps_found = identify_slip_maps(used, advance, calls)
         tests: dict[str, Errors] = {}
         for name, files in test_files.items():
             runs = read_all(files.files, motor, advance, calls)
-            if found.scale.mm_per_px is None and any(run.camera_in_pixels for run in runs):
+            if maps_found.scale.mm_per_px is None and any(run.camera_in_pixels for run in runs):
                 raise LogError(
                     f"{name} is in pixels, but no training run gives a camera scale: train on such runs too"
                 )
-            tests[name] = score_runs(found.maps, runs, found.scale.m_per_px)
+            tests[name] = score_runs(maps_found.maps, runs, maps_found.scale.m_per_px)
             used = [*used, *runs]
     rejected = sum((Counter(run.rejected) for run in used), Counter[str]())
-    notes = [*_notes(found, train_files, test_files), *log_notes(used, rejected)]
+    notes = [*_notes(maps_found, train_files, test_files), *log_notes(used, rejected)]
     if as_json:
-        print_json(result_record(found, tests, notes))
+        print_json(result_record(maps_found, tests, notes))
     else:
-        print_result(Terminal(), found, tests, notes)
+        print_result(Terminal(), maps_found, tests, notes)
     if out is not None:
-        write_slip_map(slip_map_file(found, motor, train), out)
+        write_slip_map(slip_map_file(maps_found, motor, train), out)
     return EXIT_OK
 
 

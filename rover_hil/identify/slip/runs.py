@@ -46,7 +46,7 @@ def find_runs(paths: Sequence[Path]) -> RunFiles:
     Raises:
         LogError: A path does not exist, or no file has a known ending.
     """
-    found: set[Path] = set()
+    files: set[Path] = set()
     other_files: set[Path] = set()
     for path in paths:
         if not path.exists():
@@ -59,10 +59,10 @@ def find_runs(paths: Sequence[Path]) -> RunFiles:
             raise LogError(
                 f"{path} holds no run with a camera: expected files that end in {', '.join(SUFFIXES)}"
             )
-        found.update(runs)
+        files.update(runs)
         of_runs = {marks_file(run) for run in runs}
         other_files.update(set(inside) - set(runs) - of_runs)
-    return RunFiles(tuple(sorted(found)), tuple(sorted(other_files)))
+    return RunFiles(tuple(sorted(files)), tuple(sorted(other_files)))
 
 
 def _is_motor_record(path: Path) -> bool:

@@ -84,10 +84,10 @@ def write_can_as_log(frames: CanFrames, config: Config, out: Path) -> Iterator[C
         ConfigError: The devices do not fit the rover.
     """
     contents = Contents()
-    found = _ask_devices(frames, config)
-    _check_motion(frames, config, found)
-    places = np.flatnonzero(np.isin(frames.identifiers, np.array(found.identifiers, np.uint32)))
-    _note_rest(frames, places, found, contents)
+    answers = _ask_devices(frames, config)
+    _check_motion(frames, config, answers)
+    places = np.flatnonzero(np.isin(frames.identifiers, np.array(answers.identifiers, np.uint32)))
+    _note_rest(frames, places, answers, contents)
     contents.evidence = Evidence(sections=frozenset({"imu"} if config.roles.gyro else ()))
     start_s = float(frames.t_s[places[0]])
     records = (CanRecord(t_ns, payload) for t_ns, payload in timed_payloads(frames, places, start_s))

@@ -140,16 +140,16 @@ class Bag:
                 messages = reader.messages(self._connections(reader, section))
             while True:
                 with self._named_failures():
-                    found = next(messages, None)
-                if found is None:
+                    first_message = next(messages, None)
+                if first_message is None:
                     return
-                connection, recorded_ns, _ = found
+                connection, recorded_ns, _ = first_message
                 if not isinstance(recorded_ns, int):
                     raise LogError(
                         f"{self._path} is damaged: the time of a message on {connection.topic} is "
                         f"{str(recorded_ns)[:40]!r}, not a number: {FIX}"
                     )
-                yield found
+                yield first_message
         finally:
             with self._named_failures():
                 reader.close()

@@ -205,10 +205,10 @@ def _pose(
 ) -> tuple[Floats, Floats, View]:
     """Return rotation camera to vehicle, position in the vehicle frame, and the corners on the ground."""
     image = _ground_picture(ground)
-    found = find_corners(image, board) if image.size else None
-    if found is None:
+    corners = find_corners(image, board) if image.size else None
+    if corners is None:
         raise ConfigError(f"{ground} does not show the board on the ground: all of it must be in view")
-    flat, pixels = found
+    flat, pixels = corners
     best: tuple[Floats, Floats, View] | None = None
     # A chessboard is symmetric to half a turn; the camera looks back, away from the vehicle's nose.
     for turned in (False, True) if board.kind == "chessboard" else (False,):

@@ -116,9 +116,9 @@ def learn_bracket(
         speed_m_s=_range([label.speed_m_s for label in labels]),
         force_n=_range(forces_n) if len(forces_n) == len(labels) else None,
     )
-    found = _learn(labels, driven, PLAIN)
+    learned = _learn(labels, driven, PLAIN)
     if len(labels) >= LEAST_SMOOTH:
-        found = min(found, _learn(labels, driven, SMOOTH), key=lambda each: each.residual_sd)
+        learned = min(learned, _learn(labels, driven, SMOOTH), key=lambda each: each.residual_sd)
     drift_per_slip, drift_sd_rad = _learn_drift(labels)
     return LearnedBracket(
         source=source,
@@ -127,9 +127,9 @@ def learn_bracket(
         drift_sd_rad=drift_sd_rad,
         learned_on=learned_on,
         windows=len(labels),
-        weights=tuple(found.weights.tolist()),
-        covariance=tuple(found.covariance.ravel().tolist()),
-        residual_sd=found.residual_sd,
+        weights=tuple(learned.weights.tolist()),
+        covariance=tuple(learned.covariance.ravel().tolist()),
+        residual_sd=learned.residual_sd,
         secant_range=driven.secant,
         width_range=driven.width,
         speed_range_m_s=driven.speed_m_s,

@@ -112,7 +112,7 @@ def _fit(turns: Turns, blocks: Array, start: tuple[float, float]) -> ResponseFit
         predicted = predict(numbers)
         return measured - float(predicted @ measured) / float(predicted @ predicted) * predicted
 
-    found = least_squares(
+    solution = least_squares(
         rest,
         start,
         bounds=(
@@ -122,15 +122,15 @@ def _fit(turns: Turns, blocks: Array, start: tuple[float, float]) -> ResponseFit
         x_scale=(0.01, 0.01),
         diff_step=1e-3,
     )
-    predicted = predict(found.x)
+    predicted = predict(solution.x)
     return ResponseFit(
         gain=float(predicted @ measured) / float(predicted @ predicted),
-        delay_s=float(found.x[0]),
-        lag_s=float(found.x[1]),
+        delay_s=float(solution.x[0]),
+        lag_s=float(solution.x[1]),
         gain_sd=0.0,
         delay_sd_s=0.0,
         lag_sd_s=0.0,
-        residual=float(np.std(found.fun) / np.std(measured)),
+        residual=float(np.std(solution.fun) / np.std(measured)),
         seconds=len(blocks) * TURNS.block_s,
     )
 

@@ -228,8 +228,8 @@ def _blocks(reference: YawTrack, track: YawTrack) -> list[float]:
 
 
 def _inside(t_s: Array, start_s: float) -> Flags:
-    found: Flags = (t_s >= start_s) & (t_s < start_s + TIMING.block_s)
-    return found
+    is_in_block: Flags = (t_s >= start_s) & (t_s < start_s + TIMING.block_s)
+    return is_in_block
 
 
 def _rest(t_s: Array, values: Array) -> Array:

@@ -70,16 +70,18 @@ def fit(
     plates = waited_for(lambda: _plates(data), "reading plate tests")
     tests = None if plates_only else _wheel_tests(data, wheel_name)
     with open_calls(cluster) as calls:
-        found = waited_for(lambda: fit_soil(plates, tests, wheel, start, names, calls), "fitting")
+        fitted_soil = waited_for(lambda: fit_soil(plates, tests, wheel, start, names, calls), "fitting")
     if output.folder is not None:
-        _write(output.folder, f"{data.name}, wheel {wheel_name}", found, wheel, plates, tests, soil_name)
-    table = fit_table(found, soil_name)
-    residual = None if math.isnan(found.residual) else found.residual
+        _write(
+            output.folder, f"{data.name}, wheel {wheel_name}", fitted_soil, wheel, plates, tests, soil_name
+        )
+    table = fit_table(fitted_soil, soil_name)
+    residual = None if math.isnan(fitted_soil.residual) else fitted_soil.residual
     rows = table.records()
     record = {
-        "fitted": [row for row in rows if row["name"] in found.intervals],
-        "not_fitted": [row for row in rows if row["name"] in not_fitted(found)],
-        "cells": found.cells,
+        "fitted": [row for row in rows if row["name"] in fitted_soil.intervals],
+        "not_fitted": [row for row in rows if row["name"] in not_fitted(fitted_soil)],
+        "cells": fitted_soil.cells,
         "weighted_residual": residual,
     }
     output.show([table], record)
