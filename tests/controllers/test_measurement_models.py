@@ -67,7 +67,6 @@ def trace() -> TraceAngle:
         arm_s=0.0,
         yaw_rate_rad_s=0.0,
         bias_slope_s=0.0,
-        noise_share=0.4,
         variance_rad2=1e-4,
     )
 

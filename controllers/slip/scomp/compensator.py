@@ -298,7 +298,10 @@ class ScompCompensator:
         rate_sd_rad_s = SCOMP.motion.wheel_walk_rad_sqrt_s
         if is_gyro:
             rate_sd_rad_s = parameters.gyro.walk_rad_sqrt_s / math.sqrt(SCOMP.correction.rate_memory_s)
-        sd_rad, usual_sd_rad = reading.theta_sd_rad, parameters.trace.noise_rad
+        # The states hold the usual error of a trace; one that tells a larger deviation, or a direction
+        # without a trace, has more.
+        usual_rad = parameters.trace.noise_rad if reading.detected else 0.0
+        more_rad2 = max(0.0, (reading.theta_sd_rad or 0.0) ** 2 - usual_rad**2)
         model = TraceAngle(
             model=self._states.model,
             tilt=self._states.tilt,
@@ -307,8 +310,7 @@ class ScompCompensator:
             arm_s=arm_s,
             yaw_rate_rad_s=self._yaw_rate_rad_s,
             bias_slope_s=arm_s if is_gyro else 0.0,
-            noise_share=1.0 if sd_rad is None else sd_rad / usual_sd_rad,
-            variance_rad2=SCOMP.correction.trace_grain_rad**2 + (arm_s * rate_sd_rad_s) ** 2,
+            variance_rad2=SCOMP.correction.trace_grain_rad**2 + more_rad2 + (arm_s * rate_sd_rad_s) ** 2,
         )
         measured = (parameters.trace.sign * angle_rad,)
         (innovation,) = estimate.correct(model, measured)

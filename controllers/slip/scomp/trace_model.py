@@ -14,11 +14,10 @@ from controllers.slip.scomp.motion_model import GAIN, RESIDUAL, TRACE_NOISE, TRA
 class TraceAngle:
     """Direction of the rear wheel's velocity in the body, eq 2 of paper 000.
 
-        a = atan(tan(g + beta) - w b / v) + k n + o
+        a = atan(tan(g + beta) - w b / v) + n + o
 
     with the steering angle g, the slip angle beta, the yaw rate w, the rear axle at b behind the centre of
-    mass, the speed v, and the correlated and constant errors n and o of the trace. The reading tells its own
-    standard deviation; k is that over the one of the state n.
+    mass, the speed v, and the correlated and constant errors n and o of the trace.
 
     Attributes:
         model: Of the slip angle.
@@ -28,7 +27,6 @@ class TraceAngle:
         arm_s: b / v.
         yaw_rate_rad_s: w.
         bias_slope_s: Derivative of the angle over the bias of the gyro; 0 where w is not the gyro's.
-        noise_share: k; 1 for a reading that tells no deviation.
         variance_rad2: Of the white noise of a reading.
     """
 
@@ -39,7 +37,6 @@ class TraceAngle:
     arm_s: float
     yaw_rate_rad_s: float
     bias_slope_s: float
-    noise_share: float
     variance_rad2: float
 
     @property
@@ -59,9 +56,8 @@ class TraceAngle:
         wheel_rad = math.atan(math.tan(course_rad) - self.arm_s * self.yaw_rate_rad_s)
         row = np.zeros((1, len(state)))
         slopes = row[0, self.block]
-        slopes[[RESIDUAL, TRACE_OFFSET]] = 1.0
-        slopes[TRACE_NOISE] = self.noise_share
+        slopes[[RESIDUAL, TRACE_NOISE, TRACE_OFFSET]] = 1.0
         slopes[GAIN] = self.tilt.expected_drift_rad
         row[0, BIAS] = self.bias_slope_s
-        value_rad = wheel_rad + self.noise_share * values.item(TRACE_NOISE) + values.item(TRACE_OFFSET)
+        value_rad = wheel_rad + values.item(TRACE_NOISE) + values.item(TRACE_OFFSET)
         return Expected(np.array([value_rad]), row, np.array([self.variance_rad2]))
