@@ -152,9 +152,16 @@ class Page:
         return next(item for item in self._buttons() if item.text.strip() == text)
 
     def click(self, text: str) -> None:
-        """Click a button as soon as it is enabled."""
+        """Click a button as soon as it is enabled and rests: a page that still grows moves it aside."""
         button = self.button(text)
         self.wait(button.is_enabled, f"button {text!r} is not enabled")
+        places = [button.rect]
+
+        def rests() -> bool:
+            places.append(button.rect)
+            return places[-1] == places[-2]
+
+        self.wait(rests, f"button {text!r} does not rest")
         button.click()
 
     def links(self, start: str) -> "list[WebElement]":
