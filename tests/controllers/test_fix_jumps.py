@@ -11,8 +11,6 @@ from controllers.estimation.pose_filter import PoseFilter
 from controllers.estimation.pose_fixes import WayBack
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.transition import Turn
-from controllers.safety.estimate_rules import FixJumpRule, UnseenSettings
-from controllers.safety.reasons import Cycle
 from drivers.samples import UNKNOWN_YAW_STD_RAD, PoseFixSample
 from tests.controllers.floor_fixes import FIX
 
@@ -96,11 +94,3 @@ def test_the_first_contradiction_in_a_row_decides() -> None:
     jumps.agree(0j, 0.02, 5.0)
     assert not jumps.is_off(0.2 + 0j, 0.02, 5.1)
     assert jumps.is_off(0.3 + 0j, 0.02, 5.1)
-
-
-def test_the_rule_names_the_device_as_long_as_its_places_are_off() -> None:
-    rule = FixJumpRule(UnseenSettings())
-    assert not [*rule.check(Cycle(now_ns=0, jumped_m={"gnss": 0.1 + 0j}))]
-    for _ in range(2):
-        (reason,) = rule.check(Cycle(now_ns=0, jumped_m={"gnss": 0.6 - 0.8j}))
-        assert reason.text.startswith("gnss: its places jumped by 1.00 m")

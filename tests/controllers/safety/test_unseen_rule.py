@@ -8,7 +8,7 @@ from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.measurement_model import Measured
 from controllers.roles import DeviceRoles
 from controllers.safety import SafetySupervisor
-from controllers.safety.estimate_rules import DisplacedFixRule, UnseenMotionRule, UnseenSettings
+from controllers.safety.estimate_rules import DisplacedFixRule, FixJumpRule, UnseenMotionRule, UnseenSettings
 from controllers.safety.reasons import Cycle, Severity, StopReason
 from controllers.safety.rule_set import RuleSet
 from controllers.safety.settings import SafetySettings
@@ -114,3 +114,11 @@ def test_a_displaced_fix_that_was_taken_stops_beyond_the_limits_of_unseen_motion
         )
         for by in ("displaced by 0.51 m", "turned by 1.51 rad")
     ]
+
+
+def test_the_rule_names_the_device_as_long_as_its_places_are_off() -> None:
+    rule = FixJumpRule(UnseenSettings())
+    assert not [*rule.check(Cycle(now_ns=0, jumped_m={"gnss": 0.1 + 0j}))]
+    for _ in range(2):
+        (reason,) = rule.check(Cycle(now_ns=0, jumped_m={"gnss": 0.6 - 0.8j}))
+        assert reason.text.startswith("gnss: its places jumped by 1.00 m")
