@@ -200,7 +200,9 @@ def value_of(message: Message, frame: can.Message, signal: str) -> float:
     """Return a signal of a frame."""
     held = message.decode(bytes(frame.data), decode_choices=False)
     assert isinstance(held, dict)
-    return float(str(held[signal]))
+    value = held[signal]
+    assert isinstance(value, int | float)
+    return float(value)
 
 
 def car(folder: Path) -> Measured:

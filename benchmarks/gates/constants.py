@@ -34,7 +34,7 @@ from benchmarks.ftrace.scores import figures as figures_of_trace
 from benchmarks.ftrace.scores import together
 from benchmarks.safety import missions
 from benchmarks.safety.missions import drive, robotino
-from benchmarks.sensitivity import FACTORS, varied
+from benchmarks.sensitivity.table import FACTORS, varied
 from controllers.motion.settings import RectangleMission
 from controllers.safety import Mode
 from drivers.clock import wall_time_text

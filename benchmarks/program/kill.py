@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import TypedDict
 
 import numpy as np
 
@@ -24,7 +25,16 @@ PROGRAM = str(Path(sys.executable).with_name("rover-hil"))
 BAR_MS = 1000
 
 
-def kill_once(folder: Path, name: str, delay_s: float) -> dict[str, object]:
+class Killed(TypedDict):
+    """What the log of a killed run holds."""
+
+    killed_after_s: float
+    missing_ms: float
+    cycles: int
+    replay_differences: int
+
+
+def kill_once(folder: Path, name: str, delay_s: float) -> Killed:
     """Run, kill after `delay_s` of logging, and return what the log holds."""
     clock = SystemClock()
     process = subprocess.Popen(
@@ -76,8 +86,8 @@ def main() -> int:
         finally:
             simulator.send_signal(signal.SIGINT)
             simulator.wait()
-    worst_ms = max(float(str(row["missing_ms"])) for row in rows)
-    differences = sum(int(str(row["replay_differences"])) for row in rows)
+    worst_ms = max(row["missing_ms"] for row in rows)
+    differences = sum(row["replay_differences"] for row in rows)
     print(
         json.dumps(
             {"seed": arguments.seed, "worst_missing_ms": worst_ms, "bar_ms": BAR_MS, "rows": rows}, indent=2

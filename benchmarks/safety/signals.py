@@ -19,7 +19,7 @@ import tempfile
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -90,9 +90,22 @@ def wait_for_log(process: subprocess.Popen[bytes], path: Path) -> None:
         clock.sleep_until(clock.now_ns() + nanoseconds(0.005))
 
 
+class Signalled(TypedDict):
+    """What came of a signal."""
+
+    signal: str
+    in_drive: bool
+    after_s: float
+    end: str
+    exit_code: int
+    was_moving: bool
+    moved_s: float
+    is_lost: bool
+
+
 def signal_once(
     folder: Path, name: str, number: signal.Signals, delay_s: float, *, in_drive: bool
-) -> dict[str, object]:
+) -> Signalled:
     """Run, send the signal `delay_s` after the start or the begin of the drive; return what came of it."""
     clock = SystemClock()
     start_ns = clock.now_ns()
@@ -173,8 +186,8 @@ def main() -> int:
         "start_s": round(start_s, 2),
         "lost": len(lost),
         "ends": Counter(f"{row['end']}, {row['signal']}: {row['exit_code']}" for row in rows),
-        "signalled_while_moving": sum(bool(row["was_moving"]) for row in rows),
-        "longest_motion_after_s": max(float(str(row["moved_s"])) for row in rows),
+        "signalled_while_moving": sum(row["was_moving"] for row in rows),
+        "longest_motion_after_s": max(row["moved_s"] for row in rows),
         "bar_s": BAR_S,
         "lost_rows": lost,
     }

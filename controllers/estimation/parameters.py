@@ -1,7 +1,7 @@
 """Every tuned number of odometry, gyro and pose filter that is not a setting of `[filter]`.
 
 Provenance: chosen by hand, no record of the data. Units are in the names; other numbers are ratios. A
-result's sensitivity to each number is printed by `python -m benchmarks.robotino.parameter_sensitivity`.
+result's sensitivity to each number is printed by `python -m benchmarks.sensitivity effort estimation`.
 """
 
 from dataclasses import dataclass

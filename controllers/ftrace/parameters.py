@@ -2,7 +2,7 @@
 
 Provenance, unless a group or a line states another: unknown; chosen by hand on development drives of the
 simulated rear scene (seeds below 1000). Units are in the names; other numbers are ratios. A result's
-sensitivity to each number is printed by `python -m benchmarks.ftrace.parameter_sensitivity`.
+sensitivity to each number is printed by `python -m benchmarks.sensitivity ftrace`.
 """
 
 from dataclasses import dataclass, replace

@@ -3,7 +3,7 @@
 Provenance, unless a line states another: chosen by hand, no record of the data. What is fitted to drives is
 in the file of slip maps (`rover-hil identify slip`, `identify probe`), not here. Units are in the names;
 other numbers are ratios. A result's sensitivity to each number is printed by
-`python -m benchmarks.robotino.parameter_sensitivity`.
+`python -m benchmarks.sensitivity effort estimation`.
 """
 
 import math

@@ -2,7 +2,7 @@
 
 `rover-hil identify scomp` fits `ScompParameters` to a drive. The numbers of `SCOMP` were chosen by hand, no
 record of the data; a result's sensitivity to each is printed by
-`python -m benchmarks.four_wheels.parameter_sensitivity`.
+`python -m benchmarks.sensitivity scomp`.
 """
 
 import math

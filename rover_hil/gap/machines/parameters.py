@@ -3,7 +3,7 @@
 Provenance, unless a line states another: chosen by hand, not fitted, no record of a comparison. Development
 cases are those below 1000 of `tests/nature/machines`. Units are in the names; other numbers are ratios. A
 result's sensitivity to each number is printed by
-`python -m benchmarks.gap.parameter_sensitivity --of machines`.
+`python -m benchmarks.sensitivity machines`.
 """
 
 from dataclasses import dataclass

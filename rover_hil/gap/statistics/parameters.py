@@ -3,7 +3,7 @@
 Provenance, unless a line states another: chosen by hand, not fitted, no record of a comparison. Development
 cases are those from 10000 on of the side slope (`benchmarks/gap/cases.py`). Units are in the names; other
 numbers are ratios. A result's sensitivity to each number is printed by
-`python -m benchmarks.gap.parameter_sensitivity --of statistics`.
+`python -m benchmarks.sensitivity statistics`.
 """
 
 from dataclasses import dataclass

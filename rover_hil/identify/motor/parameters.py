@@ -2,7 +2,7 @@
 
 Provenance: chosen by hand, no record of the data; none was fitted. Units are in the names; other numbers are
 ratios. A result's sensitivity to each number is printed by
-`python -m benchmarks.identify.parameter_sensitivity --of motor`. Constants of the motor and of the board are
+`python -m benchmarks.sensitivity motor`. Constants of the motor and of the board are
 where they are used, and so is the confidence of the intervals.
 """
 

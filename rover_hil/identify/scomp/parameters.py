@@ -2,7 +2,7 @@
 
 Provenance, unless a line states another: chosen by hand, no record of the data. Units are in the names; other
 numbers are ratios. A result's sensitivity to each number is printed by
-`python -m benchmarks.identify.parameter_sensitivity --of scomp`.
+`python -m benchmarks.sensitivity scomp_fit`.
 """
 
 import math

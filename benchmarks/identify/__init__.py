@@ -1,1 +1,0 @@
-"""Benchmarks of the identification of motors, slip maps and sComp."""

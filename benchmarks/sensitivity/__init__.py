@@ -1,0 +1,1 @@
+"""How much results depend on tuned numbers."""
