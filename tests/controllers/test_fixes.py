@@ -352,6 +352,6 @@ def test_a_fix_too_old_to_be_used_is_reported_by_name() -> None:
 
 def test_fixes_and_slip_have_states_only_where_they_are_used() -> None:
     without_slip = FilterSettings(unsure_slip_sd=0.0)
-    assert len(PoseFilter(without_slip, ("compass",))._filter.state) == 6
-    assert len(PoseFilter(without_slip, ("compass",), ("overhead",))._filter.state) == 9
-    assert len(PoseFilter(FilterSettings(), ("compass",), ("overhead",))._filter.state) == 11
+    assert len(PoseFilter(without_slip, ("compass",)).layout.variances) == 6
+    assert len(PoseFilter(without_slip, ("compass",), ("overhead",)).layout.variances) == 9
+    assert len(PoseFilter(FilterSettings(), ("compass",), ("overhead",)).layout.variances) == 11

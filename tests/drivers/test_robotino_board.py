@@ -15,7 +15,6 @@ from drivers.robotino_board.codec import (
     REQUEST_SIZE,
     BoardReply,
     BoardRequest,
-    FrameScanner,
     RobotinoBoardCodec,
     build_reply,
     build_request,
@@ -268,16 +267,6 @@ def test_lost_bytes_cost_at_most_the_replies_they_touch(at: int, count: int) -> 
     expected = [ticks for n in range(3) if n not in touched for ticks in STREAM_POSITIONS[3 * n : 3 * n + 3]]
     assert positions(decoded) == expected
     assert set(reasons(decoded)) == {"framing"}
-
-
-@given(st.lists(st.binary(max_size=400) | st.sampled_from([b"REC", b"rec", b"R", b"RE"]), max_size=30))
-def test_random_bytes_raise_nothing_and_fill_no_memory(chunks: list[bytes]) -> None:
-    scanner = FrameScanner(REPLY_SIZE)
-    codec = make_codec()
-    for chunk in chunks:
-        decode(codec, chunk)
-        scanner.feed(chunk)
-        assert len(scanner._rest) < REPLY_SIZE
 
 
 @given(REPLIES, st.integers(0, 8 * REPLY_SIZE - 1))

@@ -110,10 +110,9 @@ def test_a_burst_is_reported_as_one(pause_s: float, cause: str) -> None:
     received = reception(*headings(*times_s), start_s=0.0, pause_s=pause_s)
     (finding,) = check_streams(received, [HEADING], is_required=True)
     assert finding.level is Level.WARNING
-    assert finding.what == (
-        "heading: silent for 1.960 s, the limit max_age_s is 0.18 s; 200 samples came in one burst of "
-        "0.020 s, so the rate is unknown"
-    )
+    silence, burst = finding.what.split("; ")
+    assert silence == "heading: silent for 1.960 s, the limit max_age_s is 0.18 s"
+    assert burst.startswith("200 samples came in one burst of 0.020 s, ")
     assert cause in finding.cause
 
 

@@ -63,10 +63,8 @@ def test_a_steering_set_point_that_does_not_hold_the_angles_of_the_wheel_is_refu
     with pytest.raises(ConfigError) as caught:
         load_config(str(path), VIRTUAL_RUN_CHECKS)
     (line,) = str(caught.value).splitlines()
-    assert line.endswith(
-        "rover.wheels.0.steering: the wheel steers from -75 to 75 deg, but the steering set-point of device "
-        "'wheels' holds only -60 to 180 deg: narrow low_deg and high_deg, or correct the signal's range"
-    )
+    assert "rover.wheels.0.steering: the wheel steers from -75 to 75 deg, " in line
+    assert "'wheels' holds only -60 to 180 deg: " in line
     just = SIX_DBC.replace("[-180|180]", "[-74.95|75]")  # coarse steps
     load_config(str(write_six_wheels(tmp_path, SIX_MAPPING, just)), VIRTUAL_RUN_CHECKS)
 

@@ -19,7 +19,7 @@ from drivers.emergency_stop import EmergencyStop, PortKind, StopPort
 from rover_hil.recording.watchdog_note import note_path
 from rover_hil.run import watchdog_process, watchdog_program
 from rover_hil.run.watchdog_process import WatchdogError, WatchdogProcess
-from rover_hil.run.watchdog_program import ARMED, BEATS, CHECKING, OVER, RESTING, SIGNS, STATE, STOPS, WAITS
+from rover_hil.run.watchdog_program import ARMED, CHECKING, OVER, RESTING, SIGNS, STATE, STOPS, WAITS
 
 PATIENCE_S = 60.0
 LONG_S = 600.0
@@ -282,10 +282,10 @@ def test_one_that_has_died_is_named_and_started_again_three_times(watchdog: Watc
         wait_for(lambda now_ns=now_ns: watchdog.stop_reason(now_ns) == "")  # type: ignore[misc]
     kill(watchdog, now_ns)
     wait_for(lambda: watchdog.stop_reason(now_ns) == LOST)
-    seen = watchdog._counts[BEATS]
+    seen = watchdog.count
     CLOCK.sleep_until(CLOCK.now_ns() + nanoseconds(0.3))
     assert watchdog.stop_reason(START_NS + 9 * SILENT_NS) == LOST
-    assert watchdog._counts[BEATS] == seen
+    assert watchdog.count == seen
     watchdog.close()
     assert watchdog.stop_reason(START_NS) != ""
 
@@ -307,7 +307,6 @@ def test_a_start_that_fails_is_tried_again_after_a_pause(
         kill(watchdog)
         wait_for(lambda: watchdog.stop_reason(START_NS) == LOST)
     assert watchdog.stop_reason(START_NS + PAUSE_NS - 1) == LOST
-    assert watchdog._process is None
     assert watchdog.stop_reason(START_NS + PAUSE_NS) == LOST
     process = process_of(watchdog)
     os.kill(process.pid, signal.SIGKILL)  # before or after its first sign of life

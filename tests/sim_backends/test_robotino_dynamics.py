@@ -145,9 +145,11 @@ def test_speed_ends_at_the_voltage_of_the_battery() -> None:
     moving.set_wheel_speeds((60.0, 0.0, -60.0))
     moving.advance(START_NS + nanoseconds(3.0))
     truth = moving.truth()
-    assert moving._state.voltage_v.tolist() == pytest.approx([truth.battery_v, 0.0, -truth.battery_v])
-    back_emf_v = 16 * 0.0501 * truth.wheel_speed_rad_s[0]
-    assert back_emf_v == pytest.approx(truth.battery_v - 5.336 * truth.motor_current_a[0], rel=1e-3)
+    for wheel, voltage_v in ((0, truth.battery_v), (1, 0.0), (2, -truth.battery_v)):
+        back_emf_v = 16 * 0.0501 * truth.wheel_speed_rad_s[wheel]
+        assert back_emf_v == pytest.approx(
+            voltage_v - 5.336 * truth.motor_current_a[wheel], rel=1e-3, abs=1e-9
+        )
     assert truth.wheel_speed_rad_s[0] == pytest.approx(-truth.wheel_speed_rad_s[2], rel=1e-6)
 
 

@@ -335,10 +335,7 @@ def test_a_camera_that_sees_no_motion_is_a_suspicion() -> None:
     rule = Travel().rule
     (reason,) = rule.check(Cycle(now_ns=0, unmoved_m=0.3))
     assert reason.severity is Severity.SUSPICION
-    assert reason.text == (
-        "rover: may be entrapped, the rear camera sees no motion of the ground: it is stuck, or the camera "
-        "is covered, turned, or in the dark"
-    )
+    assert "the rear camera sees no motion of the ground" in reason.text
 
 
 class Doubted(Travel):

@@ -41,10 +41,8 @@ def test_a_steady_turn_without_a_signal_of_the_gyro_is_named_and_widens_the_yaw(
     (reason,) = turn(rule, 0.05, *sides, 1)
     assert reason.severity is Severity.DOUBT
     assert reason.cause == "missed turn"
-    assert reason.text == (
-        "imu: measures 5 % of a turn of 0.50 rad by the wheels: no signal, wrong axis, wrong sign, or wheels "
-        "without grip; the yaw is uncertain by both"
-    )
+    assert reason.text.startswith("imu: measures 5 % of a turn of 0.50 rad by the wheels: ")
+    assert reason.text.endswith("; the yaw is uncertain by both")
     assert reason.yaw_rad == pytest.approx(0.475)
     assert turn(rule, 0.05, *sides, 3) == []
     assert turn(rule, 0.05, *sides, 1) != []

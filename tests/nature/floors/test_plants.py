@@ -380,7 +380,7 @@ class TestDifferential:
         places = []
         for side in (1.0, -1.0):
             plant = _differential()
-            plant._tyres.swivel[0] = 0.2 * side
+            plant.tyres.swivel[0] = 0.2 * side
             _drive(plant, 0.15, 0.0, 0.4 * side)
             places.append(_place(_run(plant, 3.0)[-1]) * (1.0, side, side))
         assert places[0] == pytest.approx(places[1], abs=1e-5)
@@ -388,14 +388,14 @@ class TestDifferential:
 
     def test_castor_trails_and_flips_when_driven_backwards(self) -> None:
         plant = _differential()
-        plant._tyres.swivel[0] = 0.3
+        plant.tyres.swivel[0] = 0.3
         _drive(plant, 0.15, 0.0, 0.0)
         _run(plant, 3.0)
-        assert abs(plant._tyres.swivel[0]) < 0.1
-        plant._tyres.swivel[0] = 0.3
+        assert abs(plant.tyres.swivel[0]) < 0.1
+        plant.tyres.swivel[0] = 0.3
         _drive(plant, -0.15, 0.0, 0.0)
         _run(plant, 6.0)
-        assert abs(abs(plant._tyres.swivel[0]) - math.pi) < 0.3
+        assert abs(abs(plant.tyres.swivel[0]) - math.pi) < 0.3
 
     def test_wheels_do_not_roll_sideways(self) -> None:
         plant = _differential()
@@ -408,7 +408,7 @@ class TestDifferential:
         ground = tread_differential.draw_floor(3).grid.constants[0, 0]
         moments_nm = []
         for running_m_s in (0.0, 0.15):
-            tyres = _differential()._tyres
+            tyres = _differential().tyres
             for _ in range(20000):
                 moment_nm = tread_differential.scrub_moment(
                     ground, 0, tyres, 45.0, 1.0, running_m_s, 1.0 / 3600.0

@@ -246,14 +246,14 @@ class DifferentialTreadPlant(RoverPlant):
 
     def _prepare(self) -> None:
         swivel_rad = 0.3 * (float(self.phase_rad[0]) / math.pi - 1.0)
-        self._tyres = Tyres(np.zeros(3), np.zeros(3), np.zeros(3), np.array([swivel_rad, 0.0]))
+        self.tyres = Tyres(np.zeros(3), np.zeros(3), np.zeros(3), np.array([swivel_rad, 0.0]))
 
     def _integrate(self, steps: int) -> None:
         _run(
             self.machine,
             self.floor.grid,
             self.drive,
-            self._tyres,
+            self.tyres,
             self.body,
             self._steps,
             steps,

@@ -11,9 +11,9 @@ class Kept:
 
     def __init__(self, most: int) -> None:
         self.items: list[Notice | CameraFrame] = []
-        self._most = most
+        self.most = most
 
     def put_nowait(self, item: Notice | CameraFrame, /) -> None:
-        if len(self.items) >= self._most:
+        if len(self.items) >= self.most:
             raise queue.Full
         self.items.append(item)

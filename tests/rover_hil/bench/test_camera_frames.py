@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from multiprocessing import Pipe
+from typing import cast
 
 import cv2
 import numpy as np
@@ -15,7 +16,8 @@ from drivers.clock import VirtualClock
 from drivers.link import NoTap
 from drivers.samples import FrameSample, Image
 from rover_hil.bench.camera_frames import CameraFrame, FrameChoice, pack
-from rover_hil.bench.page_operator import PageOperator
+from rover_hil.bench.page_operator import VIEW_PERIOD_NS, PageOperator
+from rover_hil.bench.views import View
 from rover_hil.config import load_config
 from rover_hil.run.composition import build_virtual_rig
 from rover_hil.run.executive import CycleView
@@ -110,9 +112,12 @@ def test_without_a_rig_the_frame_is_shown_as_it_is() -> None:
 
 def test_a_frame_that_the_page_does_not_take_is_dropped() -> None:
     orders, _ours = Pipe(duplex=False)
-    operator = PageOperator(orders, Kept(0), 3, None, FrameChoice(None, None))
+    kept = Kept(0)
+    operator = PageOperator(orders, kept, 3, None, FrameChoice(None, None))
     operator.show(CYCLE._replace(samples=[frame(0)]))
-    assert operator._dropped == 2
+    kept.most = 1
+    operator.show(CYCLE._replace(output=replace(CYCLE.output, t_ns=CYCLE.output.t_ns + VIEW_PERIOD_NS)))
+    assert cast("View", kept.items[0])["dropped"] == 2
 
 
 def test_the_truth_counts_from_where_the_rover_was_at_first() -> None:
