@@ -22,8 +22,9 @@ $(STAMP): pyproject.toml constraints.txt
 run: setup
 	$(BIN)/rover-hil run robotino --virtual
 
+# One worker more than cores: some tests wait for emulated devices in real time.
 test: setup
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow and not nightly"
+	$(BIN)/python -m pytest -n $$(($$(nproc) + 1)) --dist loadfile -m "not slow and not nightly"
 
 # Processes, browsers, clusters and whole tutorials: minutes. Installs Chromium, its driver and groff where they are missing.
 test-slow: setup

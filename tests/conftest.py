@@ -11,6 +11,8 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import pytest
 from hypothesis import settings
 
+from tests.once import share_in
+
 pytest_plugins = ["tests.processor_time"]
 
 settings.register_profile("any_machine", deadline=None)
@@ -37,6 +39,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if item.get_closest_marker("rover") is not None:
             item.add_marker(skip)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _shared_folder(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Let the workers of a session share what one of them has computed (`tests.once`)."""
+    folder = tmp_path_factory.getbasetemp()
+    share_in(folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder)
 
 
 @pytest.fixture

@@ -5,9 +5,9 @@
 Drawn is from functions whose text is the same in both states, so that the same mutants meet the tests of
 then and of now; compiled functions are left out, no trace tells who calls them. Each mutant is tried in a
 copy of its state with the unmarked tests of its package's folder that call its function, as
-`benchmarks.program.branch_coverage` has found: the quickest files of tests, `BUDGET_S` of processor time
-together. One that lives in a single state meets all of them there. What was tried is kept in
-`build/mutants`. Exits with 1 where fewer are killed here.
+`benchmarks.program.branch_coverage` has found in the other state: the quickest files of tests, `BUDGET_S`
+of processor time together. One that lives in a single state meets all of them there. What was tried is kept
+in `build/mutants`. Exits with 1 where fewer are killed here.
 """
 
 import argparse
@@ -25,18 +25,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import coverage
+import pytest
 from mutmut.mutation.file_mutation import create_mutations
 
-from benchmarks.program.branch_coverage import FOLDER, PACKAGES, PARTS, UNMARKED
+from benchmarks.program.branch_coverage import FOLDER, PACKAGES, UNMARKED
 
 OF_EACH_PACKAGE = 15
 BUDGET_S = 30.0
-LIMIT_S = 450.0
-TESTS = {package: (f"tests/{package}/",) for package in PACKAGES} | {
+FOLDERS = {package: (f"tests/{package}/",) for package in PACKAGES} | {
     "drivers": ("tests/drivers/", "tests/conformance/")
 }
+MEASURED = {package: (package,) for package in PACKAGES} | {"rover_hil": ("folders", "commands", "runs")}
+"""Parts of `benchmarks.program.branch_coverage` that run these folders."""
 COMPILED = ("_compiled", "compiled(", "njit(")
-NOT_COPIED = shutil.ignore_patterns(".git", ".venv", ".cache", "build", "*.png")
+NOT_COPIED = shutil.ignore_patterns(".git", ".venv", ".cache", "build")
 TRIED = Path("build/mutants")
 
 
@@ -76,16 +78,22 @@ def main() -> int:
     drawn = draw(functions[0], functions[1], asked.seed)
     more = asked.more
     for mutant in drawn:
-        for state, known in zip(states, functions, strict=True):
-            if more and not (state / TRIED / mutant.key).exists():
+        known = [each[mutant.package][mutant.text] for each in functions]
+
+        def tried(state: Path, function: Function, budget_s: float) -> str:
+            files = tests_of(states[1], known[1], mutant.package, budget_s)  # noqa: B023 - called at once
+            return attempt(state, function, mutant, files)  # noqa: B023
+
+        for state, function in zip(states, known, strict=True):
+            if more and not read(state, mutant):
                 more -= 1
-                keep(state, mutant, attempt(state, known[mutant.package][mutant.text], mutant, BUDGET_S))
+                keep(state, mutant, tried(state, function, BUDGET_S))
         answers = [read(state, mutant) for state in states]
         if more and sorted(answers) == ["killed", "lives"]:
             more -= 1
-            state, known = [*zip(states, functions, strict=True)][answers.index("lives")]
-            answer = attempt(state, known[mutant.package][mutant.text], mutant, float("inf"))
-            keep(state, mutant, answer if answer == "killed" else "lives with all")
+            alive = answers.index("lives")
+            answer = tried(states[alive], known[alive], float("inf"))
+            keep(states[alive], mutant, answer if answer == "killed" else "lives with all")
     return report(states, functions[0], drawn)
 
 
@@ -146,9 +154,9 @@ def mutations(package: str, text: str) -> list[Mutant]:
     return [Mutant(package, text, textwrap.indent(code, indent)) for code in codes]
 
 
-def attempt(state: Path, function: Function, mutant: Mutant, budget_s: float) -> str:
-    """Run the tests of a function on its mutant; return "killed" or "lives"."""
-    files = tests_of(state, function, TESTS[mutant.package], budget_s)
+def attempt(state: Path, function: Function, mutant: Mutant, files: list[str]) -> str:
+    """Run files of tests on a mutant of a state; return "killed" or "lives"."""
+    files = [file for file in files if (state / file).exists()]
     if not files:
         return "lives"
     with tempfile.TemporaryDirectory() as folder:
@@ -158,48 +166,42 @@ def attempt(state: Path, function: Function, mutant: Mutant, budget_s: float) ->
         path = copy / function.path
         source = path.read_text("utf-8")
         path.write_text(source.replace(mutant.text, mutant.mutated), "utf-8")
-        command = [
-            sys.executable,
-            "-m",
-            "pytest",
-            "-x",
-            "-q",
-            "-n",
-            "0",
-            "-m",
-            UNMARKED,
-            "-p",
-            "no:cacheprovider",
-        ]
-        try:
-            done = subprocess.run(
-                [*command, *files],
-                cwd=copy,
-                env=os.environ | {"PYTHONPATH": str(copy)},
-                check=False,
-                timeout=LIMIT_S,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )
-        except subprocess.TimeoutExpired:
-            return "killed"
-    return "lives" if done.returncode in (0, 5) else "killed"
+        if passes(copy, files):
+            return "lives"
+        path.write_text(source, "utf-8")
+        if not passes(copy, ["--last-failed", *files]):
+            msg = f"a test of {', '.join(files)} fails without the mutant, too"
+            raise RuntimeError(msg)
+    return "killed"
 
 
-def tests_of(state: Path, function: Function, folders: tuple[str, ...], budget_s: float) -> list[str]:
+def passes(copy: Path, arguments: list[str]) -> bool:
+    """Run tests until the first one fails; one that takes too long has failed."""
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-m", UNMARKED, "-o", "timeout=60"]
+    done = subprocess.run(
+        [*command, *arguments],
+        cwd=copy,
+        env=os.environ | {"PYTHONPATH": str(copy)},
+        check=False,
+        stdout=subprocess.DEVNULL,
+    )
+    return done.returncode in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
+
+
+def tests_of(measured: Path, function: Function, package: str, budget_s: float) -> list[str]:
     """Return the files of tests that call a function: the quickest, one at least."""
     used_s: dict[str, float] = {}
     callers: set[str] = set()
-    for part in PARTS:
-        used_s |= json.loads((state / FOLDER / part).with_suffix(".json").read_text("utf-8"))
-        data = coverage.CoverageData(str(state / FOLDER / part))
+    for part in MEASURED[package]:
+        used_s |= json.loads((measured / FOLDER / part).with_suffix(".json").read_text("utf-8"))
+        data = coverage.CoverageData(str(measured / FOLDER / part))
         data.read()
-        for line, contexts in data.contexts_by_lineno(str(state / function.path)).items():
+        for line, contexts in data.contexts_by_lineno(str(measured / function.path)).items():
             if function.first_line <= line <= function.last_line:
                 callers |= set(contexts)
     chosen: list[str] = []
     for file in sorted(callers & used_s.keys(), key=used_s.__getitem__):
-        if file.startswith(folders) and (not chosen or used_s[file] <= budget_s):
+        if file.startswith(FOLDERS[package]) and (not chosen or used_s[file] <= budget_s):
             chosen.append(file)
             budget_s -= used_s[file]
     return chosen

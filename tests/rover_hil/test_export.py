@@ -3,6 +3,7 @@
 import csv
 import errno
 import json
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,21 +16,18 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from drivers.link import CameraImage, Received
-from rover_hil.config import load_config
 from rover_hil.exporting.tables import read_tables
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.writer import LogWriter
-from rover_hil.run.driving import run_virtual
 from tests.rover_hil.command import Command, assert_one_sentence
+from tests.rover_hil.conftest import ROBOTINO_S
 
-CYCLES = 50
+CYCLES = round(50 * ROBOTINO_S)
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("export") / "run.mcap"
-    run_virtual(load_config("robotino"), path, 1.0, None)
-    return path
+def log(robotino_log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return Path(shutil.copy(robotino_log, tmp_path_factory.mktemp("export") / "run.mcap"))
 
 
 def rows_of(path: Path) -> list[Mapping[str, str]]:
@@ -49,7 +47,7 @@ def test_csv_holds_every_record_with_units_and_the_truth(command: Command, log: 
     assert isinstance(last, dict)
     assert float(truth[-1]["x_m"]) == last["x_m"]
     assert float(truth[-1]["wheel_speed3_rad_s"]) == last["wheel_speed_rad_s"][2]
-    assert float(truth[-1]["t_s"]) == pytest.approx(1.0)
+    assert float(truth[-1]["t_s"]) == pytest.approx(ROBOTINO_S)
     assert {"estimate_x_m", "estimate_covariance_yaw_yaw", "command_speed1_rad_s"} <= set(estimate[0])
     assert {row["wheel"] for row in wheels} == {"0", "1", "2"}
     assert "voltage_v" not in wheels[0]
@@ -58,7 +56,7 @@ def test_csv_holds_every_record_with_units_and_the_truth(command: Command, log: 
 def test_the_folder_of_a_run_stands_for_its_log(command: Command, log: Path, tmp_path: Path) -> None:
     assert command("export", str(log.parent), "--csv", "--out", str(tmp_path / "tables")) == 0
     assert command("replay", str(log.parent)) == 0
-    assert "50 cycles replayed, every output identical" in command.out
+    assert f"{CYCLES} cycles replayed, every output identical" in command.out
     assert command("replay", str(tmp_path / "tables")) == 2
     assert_one_sentence(command.error, "run.mcap")
 
@@ -71,10 +69,9 @@ def test_parquet_has_the_rows_of_csv(command: Command, log: Path, tmp_path: Path
     assert table["mode"] == expected.column("mode")
 
 
-def test_a_bag_holds_poses_wheels_rates_and_pictures(tmp_path: Path, command: Command) -> None:
+def test_a_bag_holds_poses_wheels_rates_and_pictures(log: Path, tmp_path: Path, command: Command) -> None:
     path = tmp_path / "run.mcap"
-    run_virtual(load_config("robotino"), tmp_path / "drive.mcap", 0.5, None)
-    source = LogReader(tmp_path / "drive.mcap")
+    source = LogReader(log)
     jpeg = cv2.imencode(".jpg", np.full((20, 30, 3), 90, np.uint8))[1].tobytes()
     with LogWriter(path, source.start_ns, source.config_json, source.attachments, "virtual") as writer:
         for message in source.messages():

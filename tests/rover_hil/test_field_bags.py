@@ -61,7 +61,9 @@ def import_it(
     command: Command, bag: Path, *, imu: bool = True, joints: tuple[str, ...] = JOINTS, more: str = ""
 ) -> int:
     names = ", ".join(f'"{name}"' for name in joints)
-    text = f'rover = "{ROVER}"\n[wheels]\ntopic = "/joint_states"\njoints = [{names}]\n{more}\n'
+    rover = ROVER.read_text("utf-8").replace("rate_hz = 50\ntime_limit_s", "rate_hz = 20\ntime_limit_s")
+    Path("rover.toml").write_text(rover.replace('"docs/', f'"{ROOT}/docs/'), "utf-8")
+    text = f'rover = "rover.toml"\n[wheels]\ntopic = "/joint_states"\njoints = [{names}]\n{more}\n'
     text += '[imu]\ntopic = "/imu"\n' if imu else ""
     Path("topics.toml").write_text(text + '[truth]\ntopic = "/pose"\n', "utf-8")
     return command("import", "rosbag", str(bag), "--topics", "topics.toml", "--out", "drive.mcap")

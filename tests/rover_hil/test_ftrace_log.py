@@ -8,7 +8,6 @@ import pytest
 
 from controllers.ground_motion.rig import RigFile
 from drivers.errors import ConfigError, LogError
-from rover_hil.config import load_config
 from rover_hil.datasets.log import read_drive
 from rover_hil.ftrace.command import trace_angles
 from rover_hil.ftrace.log_frames import LogFrames
@@ -68,11 +67,9 @@ def test_each_frame_has_the_speed_and_the_rates_of_its_time(el_dorado_log: Path)
     assert [frame.number for frame in frames] == list(range(frames.count))
 
 
-def test_a_log_without_a_camera_is_refused_in_one_sentence(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    run_virtual(load_config("robotino"), path, 0.3, None)
+def test_a_log_without_a_camera_is_refused_in_one_sentence(robotino_log: Path, tmp_path: Path) -> None:
     with pytest.raises(LogError, match="holds no frames of a rear camera: give the log of a rover"):
-        measure(path, tmp_path / "angles.csv")
+        measure(robotino_log, tmp_path / "angles.csv")
     assert not (tmp_path / "angles.csv").exists()
 
 

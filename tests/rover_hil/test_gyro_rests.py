@@ -13,7 +13,8 @@ from rover_hil.recording.reader import LogReader
 from tests.rover_hil.command import Command
 
 SEED = 35
-COLUMNS = """time = { column = "t" }
+COLUMNS = """rate_hz = 20
+time = { column = "t" }
 [increments]
 distance = { column = "distance" }
 turn = { column = "turn" }

@@ -21,7 +21,8 @@ wheels = [
 wheel_speed_rad_s = 30
 wheel_acceleration_rad_s2 = 100
 """
-COLUMNS = """time = { column = "t" }
+COLUMNS = """rate_hz = 10
+time = { column = "t" }
 [[wheel]]
 position = { column = "l", unit = "ticks", ticks_per_turn = 1000 }
 speed = { column = "ls", unit = "rad/s" }

@@ -10,7 +10,8 @@ from tests.rover_hil.command import Command
 from tests.rover_hil.test_import_oddities import ROVER
 
 PERIOD_S, DURATION_S = 0.05, 60.0
-WHEELS = """time = { column = "t" }
+WHEELS = """rate_hz = 10
+time = { column = "t" }
 [[wheel]]
 position = { column = "l", unit = "rad" }
 [[wheel]]

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -10,21 +11,18 @@ import pytest
 from mcap.reader import SeekingReader, make_reader
 
 from drivers.driver import DeviceState, Health
-from rover_hil.config import load_config
 from rover_hil.recording.json_schema import topic_schema
 from rover_hil.recording.views import diagnostics_view
-from rover_hil.run.driving import run_virtual
 from tests.rover_hil.command import Command
+from tests.rover_hil.conftest import ROBOTINO_S
 
 LAYOUTS = Path(__file__).parents[2] / "docs" / "examples" / "layouts"
-CYCLES = 100
+CYCLES = round(50 * ROBOTINO_S)
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("readers") / "run.mcap"
-    run_virtual(load_config("robotino"), path, CYCLES / 50, None)
-    return path
+def log(robotino_log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return Path(shutil.copy(robotino_log, tmp_path_factory.mktemp("readers") / "run.mcap"))
 
 
 def reader_of(stream: BinaryIO) -> SeekingReader:

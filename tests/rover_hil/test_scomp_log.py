@@ -8,9 +8,7 @@ import pytest
 
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import LogError
-from rover_hil.config import load_config
 from rover_hil.recording.reader import LogReader
-from rover_hil.run.driving import run_virtual
 from rover_hil.scomp.files import ReadDrive, read_drive
 from rover_hil.scomp.odometry import estimate_track
 from tests.rover_hil.conftest import EL_DORADO_S
@@ -70,8 +68,6 @@ def test_the_path_counts_the_slip(log: Path) -> None:
     assert any(innovation.name == "trace" for innovation in result.innovations)
 
 
-def test_a_rover_with_three_wheels_has_no_trace_to_follow(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    run_virtual(load_config("robotino"), path, 0.5, None)
+def test_a_rover_with_three_wheels_has_no_trace_to_follow(robotino_log: Path) -> None:
     with pytest.raises(LogError, match="four wheels"):
-        read_drive(path)
+        read_drive(robotino_log)

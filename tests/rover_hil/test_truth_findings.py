@@ -33,7 +33,7 @@ def columns(kind: str, order: tuple[int, ...], signs: tuple[int, ...], factor: f
     """Return a file of columns for the motion capture sets, with faults planted."""
     ticks, gear = (64 / factor, 43.7) if kind == "diff" else (1024 / factor, 12.0)
     usual = 1 if kind == "diff" else -1  # the ticks of the omnidirectional robot count the other way round
-    text = "header_lines = 0\ntime = { column = 1 }\n"
+    text = "rate_hz = 10\nheader_lines = 0\ntime = { column = 1 }\n"
     for place, sign in zip(order, signs, strict=True):
         text += (
             f"[[wheel]]\nstep = {{ column = {5 + place}, unit = 'ticks', ticks_per_turn = {ticks!r}, "

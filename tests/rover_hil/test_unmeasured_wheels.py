@@ -97,7 +97,9 @@ def test_a_recorded_drive_follows_its_circle(
     command: Command, tmp_path: Path, name: str, quantity: str
 ) -> None:
     sections = write_drive(tmp_path, ROVERS[name], quantity)
-    Path("columns.toml").write_text(f'time = {{ column = "t" }}\n{sections}{rover_of(ROVERS[name])}{LIMITS}')
+    Path("columns.toml").write_text(
+        f'rate_hz = 20\ntime = {{ column = "t" }}\n{sections}{rover_of(ROVERS[name])}{LIMITS}'
+    )
     table = str(tmp_path / "drive.csv")
     assert command("import", "table", table, "--columns", "columns.toml", "--out", "drive.mcap") == 0, (
         command.error

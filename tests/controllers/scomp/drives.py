@@ -1,7 +1,5 @@
 """Simulated field tests as the estimators read them."""
 
-from functools import cache
-
 import numpy as np
 
 from rover_hil.identify.scomp.fit import Identification, identify
@@ -9,16 +7,17 @@ from rover_hil.scomp.columns import drive_of
 from rover_hil.scomp.drive import Drive, TruePath
 from rover_hil.scomp.odometry import Result, estimate_track
 from tests.nature.four_wheel_drive import MOUNDS, SIDEWAYS, Recorded, field_test
+from tests.once import computed_once
 
 SEED = 11
 
 
-@cache
+@computed_once
 def sideways() -> Recorded:
     return field_test(SIDEWAYS, SEED)
 
 
-@cache
+@computed_once
 def mounds() -> Recorded:
     return field_test(MOUNDS, SEED)
 
@@ -29,12 +28,12 @@ def read(recorded: Recorded) -> tuple[Drive, TruePath]:
     return drive_of(recorded.log, "simulated")[0], path
 
 
-@cache
+@computed_once
 def fitted() -> Identification:
     return identify(*read(sideways()))
 
 
-@cache
+@computed_once
 def estimated(which: str, *, online: bool) -> Result:
     """Return a field test with the parameters of the first."""
     recorded = {"sideways": sideways, "mounds": mounds}[which]()
