@@ -31,7 +31,7 @@ from mutmut.mutation.file_mutation import create_mutations
 from benchmarks.program.branch_coverage import FOLDER, PACKAGES, UNMARKED
 
 OF_EACH_PACKAGE = 15
-BUDGET_S = 30.0
+BUDGET_S = 12.0
 FOLDERS = {package: (f"tests/{package}/",) for package in PACKAGES} | {
     "drivers": ("tests/drivers/", "tests/conformance/")
 }
