@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.cases import first_often
 from tests.rover_hil.command import Command
 from tests.rover_hil.field_bags import ARC, CORNER, JOINTS, Bag, Segment, States, write_bag
 from tests.rover_hil.test_field_bags import CORNER_END, FIELD_BAGS, end_of, field_reports, import_it
@@ -64,7 +65,7 @@ def findings_of(command: Command) -> list[dict[str, object]]:
     return found
 
 
-@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("drive", first_often(DRIVES))
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_wrong_sensor_is_named_or_the_region_contains_the_truth(
     command: Command, tmp_path: Path, drive: str, fault: str
@@ -78,7 +79,7 @@ def test_a_wrong_sensor_is_named_or_the_region_contains_the_truth(
         assert str(finding["text"]) in told
 
 
-@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("drive", first_often(DRIVES))
 @pytest.mark.parametrize("imu", ["gyro", "shaking", "none"])
 def test_sound_drives_have_no_finding_and_the_right_pose(
     command: Command, tmp_path: Path, drive: str, imu: str
