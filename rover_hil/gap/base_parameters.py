@@ -1,8 +1,8 @@
 """When a base parameter far from its nominal value is the finding.
 
-Premises, tested on the runs: the interval is narrower than the prior's; with the nominal value neither the
-other base parameters, nor an effect, nor a free term explains the runs as well; on locked runs the fitted
-value closes the gap that the nominal one leaves.
+Premises, tested on the runs: the interval, by the runs alone, has no value in common with the prior's; with
+the nominal value neither the other base parameters, nor an effect, nor a free term explains the runs as well;
+on locked runs the fitted value closes the gap that the nominal one leaves.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -52,14 +52,15 @@ def judged(rows: Sequence[FittedBase], trial_of: Callable[[str], Trial]) -> list
 
 
 def _judged(row: FittedBase, trial_of: Callable[[str], Trial]) -> FittedBase:
-    low, high = row.ci95
-    if high - low > 2.0 * HALF_WIDTHS * row.prior_sd or low <= row.nominal <= high:
-        return replace(row, why="not decided, its interval is wider than what was known before")
+    (low, high), known = row.ci95, HALF_WIDTHS * row.prior_sd
+    if low <= row.nominal + known and high >= row.nominal - known:
+        return replace(row, why="not decided, its interval and what was known before have values in common")
     trial = trial_of(row.name)
     if () in trial.equals:
         return replace(row, why="other base parameters explain the runs as well")
     if trial.equals:
-        names = ", ".join((row.name, *(trial.sizes.get(one) or " and ".join(one) for one in trial.equals)))
+        own = f"{row.name} ({row.value:.4g}, {low:.4g} to {high:.4g})"
+        names = ", ".join((own, *(trial.sizes.get(one) or " and ".join(one) for one in trial.equals)))
         return replace(
             row, why=f"not decided, these explain the runs equally: {names}", equals=list(trial.equals)
         )

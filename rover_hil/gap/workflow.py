@@ -20,6 +20,7 @@ from rover_hil.gap.machines.next_run.planned import require_durations
 from rover_hil.gap.machines.next_run.proposal import propose_run
 from rover_hil.gap.machines.next_run.words import option_table, proposal_sentence
 from rover_hil.gap.machines.parameters import MACHINES
+from rover_hil.gap.machines.released_fit import released_fit
 from rover_hil.gap.machines.steady import steady_machine
 from rover_hil.gap.machines.verdict import decide_machine
 from rover_hil.gap.plan import Plan, TooFewRunsError, make_plan, require_runs
@@ -98,8 +99,9 @@ def _with_base_parameters(analysis: Analysis, seed: int, advance: Callable[[str]
     if machine is None:
         return analysis
     fitted = machine.best if verdict.effects else machine.base
-    trial_of: Callable[[str], Trial] = partial(machine_trial, machine, fitted, machine.locked, seed)
     advance("comparing base parameters with their nominal values")
+    fitted, problem = released_fit(machine.problem, fitted)
+    trial_of: Callable[[str], Trial] = partial(machine_trial, machine, problem, fitted, machine.locked, seed)
     rows = judged(machine_bases(machine, fitted), trial_of)
     return replace(analysis, verdict=with_base_parameters(verdict, rows))
 

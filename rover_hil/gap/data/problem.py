@@ -147,12 +147,20 @@ class Problem:
         model: The simulator.
         observations: Measured values.
         held: Base parameters that are not fitted but taken as nominal.
+        released: Base parameters whose prior is as wide as that of an effect.
     """
 
-    def __init__(self, model: Model, observations: Observations, held: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        model: Model,
+        observations: Observations,
+        held: Sequence[str] = (),
+        released: Sequence[str] = (),
+    ) -> None:
         self.model = model
         self.observations = observations
         self.held = tuple(held)
+        self.released = tuple(released)
         self.evaluations = 0
         self.sites = [group.site for group in observations.groups]
         self._memory: dict[tuple[tuple[Key, float], ...], Array] = {}
@@ -229,7 +237,7 @@ class Problem:
             Free(
                 key=("", item.name),
                 mean=item.nominal,
-                sd=item.prior_sd,
+                sd=(DATA.fit.weak if item.name in self.released else 1.0) * item.prior_sd,
                 lower=item.lower,
                 upper=item.upper,
                 start=item.nominal,

@@ -19,6 +19,7 @@ from rover_hil.gap.machines.localise import ResidualLocation, localise_residuals
 from rover_hil.gap.machines.machine_fit import EvidenceKind, MachineFit, MachineFits
 from rover_hil.gap.machines.output_terms import equal_terms, equations_of, term_scores
 from rover_hil.gap.machines.parameters import MACHINES
+from rover_hil.gap.machines.released_fit import released_fit
 from rover_hil.gap.machines.residual_equations import Equation
 from rover_hil.gap.machines.run_scatter import RunScatter, run_scatter
 from rover_hil.gap.machines.search import (
@@ -161,6 +162,9 @@ def analyse_machine(
     if findings.p_remaining <= MACHINES.tests.alpha:
         advance("searching a missing term")
         findings = _with_drafts(findings, fits, locked, rng)
+    if findings.best.names:
+        best, problem = released_fit(problem, findings.best)
+        findings = replace(findings, best=best, problem=problem)
     return findings
 
 

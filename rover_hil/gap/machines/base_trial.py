@@ -6,12 +6,13 @@ from dataclasses import fields, replace
 import numpy as np
 
 from rover_hil.gap.base_parameters import Trial
-from rover_hil.gap.data.problem import Problem, run_of
+from rover_hil.gap.data.problem import Key, Problem, run_of
 from rover_hil.gap.machines.analysis import MachineFindings, has_ports, likeness
 from rover_hil.gap.machines.free_terms import free_terms, search_terms, strength_of
 from rover_hil.gap.machines.holdout import hold_out
 from rover_hil.gap.machines.machine_fit import EvidenceKind, MachineFit, MachineFits
 from rover_hil.gap.machines.parameters import MACHINES
+from rover_hil.gap.machines.released_fit import released_fit
 from rover_hil.gap.machines.search import best_shapes, is_equal, is_within_noise, score_effects
 from rover_hil.gap.machines.sizes import size_of
 from rover_hil.gap.statistics.score import one_sided_z
@@ -24,7 +25,7 @@ def machine_bases(findings: MachineFindings, found: MachineFit) -> list[FittedBa
     """Return the base parameters of a fit with their intervals."""
     items = {item.name: item for item in findings.machine.parameters}
     rows = []
-    for free, pull in zip(found.fit.free, found.fit.pull, strict=True):
+    for free in found.fit.free:
         effect, name = free.key
         if effect or run_of(free.key) or name not in items:
             continue
@@ -37,32 +38,39 @@ def machine_bases(findings: MachineFindings, found: MachineFit) -> list[FittedBa
                 prior_sd=item.prior_sd,
                 value=size.value,
                 ci95=(size.low, size.high),
-                pull=float(pull),
+                pull=(size.value - item.nominal) / item.prior_sd,
             )
         )
     return rows
 
 
 def machine_trial(
-    findings: MachineFindings, found: MachineFit, locked: Sequence[Run], seed: int, name: str
+    findings: MachineFindings,
+    problem: Problem,
+    found: MachineFit,
+    locked: Sequence[Run],
+    seed: int,
+    name: str,
 ) -> Trial:
     """Return what the runs say of a base parameter, compared with its nominal value.
 
     Args:
         findings: On the machine.
+        problem: That the fit solves, without the priors that it contradicts.
         found: The fit that is reported: the base or the named explanation.
         locked: Runs for the validation.
         seed: Of the intervals.
         name: The base parameter.
     """
     machine = findings.machine
-    held = Problem(machine, findings.problem.observations, (name,))
+    held = Problem(machine, problem.observations, (name,), problem.released)
     cards = [card for card in machine.effects if card.releases != name]
-    fits = MachineFits(held, cards)
     begin = {key: value for key, value in found.fit.point.items() if key != ("", name)}
-    part = fits.best(found.names, {}, begin)
-    equals: list[tuple[str, ...]] = [()] if _is_as_good(part, found, part) else []
-    sizes: dict[tuple[str, ...], str] = {}
+    part, held = released_fit(held, MachineFits(held, cards).best(found.names, {}, begin))
+    fits = MachineFits(held, cards)
+    others = tuple(one for one in held.released if one not in problem.released)
+    equals: list[tuple[str, ...]] = [others] if _is_as_good(part, found, part) else []
+    sizes = {others: " and ".join(f"{one} ({_size_text(part, ('', one))})" for one in others)}
     if not equals:
         ranked = sorted(best_shapes(score_effects(fits, part)), key=one_sided_z, reverse=True)
         chosen = [one.direction for one in ranked[: MACHINES.terms.most_fitted] if one_sided_z(one) > 0.0]
@@ -70,18 +78,24 @@ def machine_trial(
         rivals = fits.fit_all(options)
         good = [one for one in rivals if _is_as_good(one, found, part)]
         equals += [one.names for one in good]
-        sizes = {one.names: " and ".join(_size_text(fits, one, name) for name in one.names) for one in good}
+        sizes = {
+            one.names: " and ".join(_effect_text(fits, one, effect) for effect in one.names) for one in good
+        }
     if not equals and has_ports(machine):
         equals += _terms(_held_machine(machine, name), held, found, part)
     holdout = hold_out(machine, locked, part, found, np.random.default_rng(seed))
     return Trial(equals=tuple(equals), closure=holdout.closure, improved=holdout.improved, sizes=sizes)
 
 
-def _size_text(fits: MachineFits, found: MachineFit, effect: str) -> str:
+def _effect_text(fits: MachineFits, found: MachineFit, effect: str) -> str:
     item = fits.cards[effect].parameters[0]
-    size = size_of(found, (effect, item.name))
     unit = "" if item.unit == "1" else f" {item.unit}"
-    return f"{effect} ({item.name} {size.value:.3g}{unit}, {size.low:.3g} to {size.high:.3g})"
+    return f"{effect} ({item.name} {_size_text(found, (effect, item.name), unit)})"
+
+
+def _size_text(found: MachineFit, key: Key, unit: str = "") -> str:
+    size = size_of(found, key)
+    return f"{size.value:.3g}{unit}, {size.low:.3g} to {size.high:.3g}"
 
 
 def _held_machine(machine: StateModel, name: str) -> StateModel:

@@ -39,9 +39,14 @@ def test_a_proven_value_is_named_and_told_first() -> None:
 @pytest.mark.parametrize(
     ("row", "trial", "answer", "why"),
     [
-        (replace(TRACK, ci95=(0.201, 0.22)), PROVEN, Answer.NOT_IDENTIFIABLE, "wider than"),
+        (replace(TRACK, ci95=(0.201, 0.22)), PROVEN, Answer.NOT_IDENTIFIABLE, "values in common"),
         (TRACK, replace(PROVEN, equals=((),)), Answer.NOT_IDENTIFIABLE, "other base parameters"),
-        (TRACK, replace(PROVEN, equals=(("slip",),)), Answer.NAMED_SET, "equally: track, slip"),
+        (
+            TRACK,
+            replace(PROVEN, equals=(("slip",),)),
+            Answer.NAMED_SET,
+            "equally: track (0.21, 0.2095 to 0.2105), slip",
+        ),
         (TRACK, replace(PROVEN, closure=None), Answer.NOT_IDENTIFIABLE, "too small to prove"),
         (TRACK, replace(PROVEN, closure=0.3), Answer.NOT_IDENTIFIABLE, "30% of the gap"),
         (TRACK, replace(PROVEN, improved=0.5), Answer.NOT_IDENTIFIABLE, "50% of the runs"),
@@ -80,7 +85,7 @@ def test_what_replaces_a_value_stays_in_the_set_beside_a_proven_one() -> None:
     verdict = with_base_parameters(left, rows)
     assert verdict.verdict is Answer.PARTLY_NAMED
     assert verdict.confidence_set == [["track", "radius"], ["track", "slip"]]
-    assert "equally: radius, slip (share 0.04, 0.03 to 0.05)." in verdict.sentence
+    assert "equally: radius (0.21, 0.2095 to 0.2105), slip (share 0.04, 0.03 to 0.05)." in verdict.sentence
 
 
 def test_a_value_within_its_prior_changes_nothing() -> None:
@@ -112,10 +117,43 @@ def test_a_wrong_gain_of_a_machine_is_named_in_every_file(command: Callable[[], 
     verdict = json.loads((folder / VERDICT_NAME).read_text("utf-8"))
     assert (verdict["verdict"], verdict["confidence_set"]) == ("NAMED", [["gain"]]), verdict["sentence"]
     gain = verdict["base_parameters"][0]
-    assert gain["ci95"][0] < 8.0 < gain["ci95"][1]
+    # How often intervals hold the truth is counted over seeds, in test_released_fit.py.
+    assert gain["value"] == pytest.approx(8.0, rel=0.01)
+    assert gain["ci95"][0] > 7.5
     written = read_model_file(folder / MODEL_NAME).parameters
     assert written["gain"].value == gain["value"]
     assert written["damping"].value == 4.0
     page = (folder / REPORT_NAME).read_text("utf-8")
     assert "Wrong in the model: gain is " in page
     assert "wrong in the model</td>" in page
+
+
+def test_a_value_that_another_base_parameter_replaces_is_told_with_it() -> None:
+    """Gain and supply stand side by side in the product: the runs cannot say which of them is wrong."""
+    model = axis(gain=7.0)
+    supply = replace(model.parameters[0], name="supply", unit="1", nominal=1.0, prior_sd=0.1 / 7.0)
+    model = replace(
+        model,
+        parameters=(*model.parameters, replace(supply, lower=0.1, upper=5.0)),
+        derivative=lambda x, u, p, port: {
+            "speed": port("acceleration", p.gain * p.supply * u.voltage - p.damping * x.speed)
+        },
+    )
+    verdict = analyse(model, measured_runs(8)).verdict
+    assert verdict.verdict is Answer.NAMED_SET, verdict.sentence
+    assert sorted(verdict.confidence_set) == [["gain"], ["supply"]]
+    assert "explain the runs equally" in verdict.sentence
+
+
+def test_effect_and_base_parameters_of_the_model_file_are_those_of_the_verdict(tmp_path: Path) -> None:
+    """With friction in the runs and a wrong gain, both come from one fit without the prior of the gain."""
+    analysis = analyse(axis(gain=7.0), measured_runs(8, dry=4.0))
+    write_results(tmp_path, analysis, "axis", "")
+    verdict, file = analysis.verdict, read_model_file(tmp_path / MODEL_NAME)
+    (friction,) = verdict.effects
+    for name, number in friction.parameters.items():
+        assert file.effects[friction.name][name].value == number.value
+    for one in verdict.base_parameters:
+        assert file.parameters[one.name].value == one.value, one.name
+    gain = next(one for one in verdict.base_parameters if one.name == "gain")
+    assert gain.value == pytest.approx(8.0, rel=0.02)
