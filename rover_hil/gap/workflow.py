@@ -9,6 +9,7 @@ from drivers.errors import ModelError
 from rover_hil.gap.base_parameters import Trial, judged, with_base_parameters
 from rover_hil.gap.checks import missing_values, object_to
 from rover_hil.gap.data.observed_model import ObservedModel
+from rover_hil.gap.data.pieces import stable_pieces
 from rover_hil.gap.data.problem import is_steady
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.machines.analysis import analyse_machine
@@ -141,9 +142,13 @@ def _analyse(
         machine, open_runs, locked_runs = _as_machine(model, runs, open_runs, locked_runs, advance)
     except ModelError as error:
         return refused(Answer.BAD_DATA, str(error), plan)
+    advance("looking for unstable records")
+    open_runs, told = stable_pieces(machine, open_runs)
+    locked_runs, also_told = stable_pieces(machine, locked_runs)
     found = analyse_machine(machine, open_runs, locked_runs, seed, advance, announce)
     shown = machine if isinstance(model, Machine) else model
     verdict = decide_machine(found)
+    verdict = replace(verdict, warnings=(*told, *also_told, *verdict.warnings))
     return Analysis(model=shown, verdict=verdict, runs=tuple(runs), plan=plan, machine=found)
 
 

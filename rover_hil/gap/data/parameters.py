@@ -32,6 +32,11 @@ class RunParameters:
     least_units: int = 3  # units under test that are left out one by one; with fewer, runs are
     # Greatest difference of times from even ones, and of steps from those of the model, over a step.
     step_share: float = 0.01
+    # Samples in a row that a recorder may have dropped: inputs between are held or interpolated, not known.
+    most_dropped: int = 3
+    # Of an error at the start while the time since then doubles: that of a position by a constant jerk. What
+    # grows more, grows exponentially.
+    most_growth: float = 8.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

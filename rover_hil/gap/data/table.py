@@ -3,6 +3,7 @@
 A row is a steady experiment, or a sample of a series where several rows carry the same `run`. Columns:
 `run`, the model's conditions, its channels, its inputs. Units are part of the header, `current [A]`, or of
 the name, `speed_rad_s`; they must be those of the model. The times of a series are `t_s` or `time [s]`.
+A few samples that a recorder dropped, as the times show, are missing values of the channels.
 """
 
 import re
@@ -13,8 +14,10 @@ import numpy as np
 
 from drivers.errors import ConfigError
 from rover_hil.datasets.csv_table import CsvTable, read_csv
+from rover_hil.gap.data.derivatives import Indices
 from rover_hil.gap.data.parameters import DATA
 from sim_backends.models.interface import Array, DrivenModel, Machine, Model, Run
+from sim_backends.state_model.model import StateModel
 
 TIME = "t_s"
 OTHER_TIME = "time"
@@ -63,7 +66,7 @@ def _run(
     model: Model,
     path: Path,
     name: str,
-    index: "np.ndarray[tuple[int, ...], np.dtype[np.intp]]",
+    index: Indices,
     table: Mapping[str, Array],
 ) -> Run:
     conditions = {}
@@ -74,19 +77,34 @@ def _run(
                 f"{path}, run {name}: {condition} changes within the run; it must be one number"
             )
         conditions[condition] = float(values[0])
-    inputs = _input_names(model)
+    series = {name: table[name][index] for name in _input_names(model)}
+    measured = {item.name: table[item.name][index] for item in model.channels if item.name in table}
+    missing: dict[str, tuple[int, int]] = {}
     if isinstance(model, Machine) and TIME in table:
-        even = _even_times(table[TIME][index], f"{path}, run {name}", model.step_s)
-        table = {**table, TIME: table[TIME].copy()}
-        table[TIME][index] = even
-    return Run(
-        name=name,
-        conditions=conditions,
-        inputs={key: table[key][index] for key in inputs},
-        measured={
-            channel.name: table[channel.name][index] for channel in model.channels if channel.name in table
-        },
-    )
+        times, place = _even_times(table[TIME][index], f"{path}, run {name}", model.step_s)
+        dropped = (times.size - place.size, times.size)
+        missing = {one: dropped for one in series if one != TIME and dropped[0]}
+        is_held = not isinstance(model, StateModel) or model.is_held
+        series = {key: _bridged(values, place, is_held=is_held) for key, values in series.items()}
+        series |= {TIME: times} if TIME in series else {}
+        measured = {key: _with_gaps(values, place) for key, values in measured.items()}
+    return Run(name=name, conditions=conditions, inputs=series, measured=measured, missing=missing)
+
+
+def _bridged(values: Array, place: Indices, *, is_held: bool) -> Array:
+    """Return an input at all samples, given those at some places: held, or interpolated."""
+    every = np.arange(place[-1] + 1)
+    if is_held:
+        return values[np.searchsorted(place, every, side="right") - 1]
+    filled: Array = np.interp(every, place, values)
+    return filled
+
+
+def _with_gaps(values: Array, place: Indices) -> Array:
+    """Return a channel at all samples, NaN where there was none."""
+    found = np.full(place[-1] + 1, np.nan)
+    found[place] = values
+    return found
 
 
 def _columns(cells: CsvTable, units: Mapping[str, str]) -> dict[str, str]:
@@ -97,42 +115,52 @@ def _columns(cells: CsvTable, units: Mapping[str, str]) -> dict[str, str]:
     return columns
 
 
-def _even_times(t_s: Array, where: str, step_s: float | None) -> Array:
-    """Return the times of a series without what rounding in the file did to them.
+def _even_times(t_s: Array, where: str, step_s: float | None) -> tuple[Array, Indices]:
+    """Return even times without what rounding in the file did to them, and which of them the samples have.
 
     Raises:
-        ConfigError: Times are missing, do not increase, are uneven, or contradict the model.
+        ConfigError: Times are missing, do not increase, are uneven, or contradict the model, or many samples
+            in a row were dropped.
     """
     missing = int(np.sum(~np.isfinite(t_s)))
     if missing:
         raise ConfigError(f"{where}: {missing} of {t_s.size} times are missing; every sample needs its time")
     if t_s.size < 2:
-        return t_s
+        return t_s, np.arange(t_s.size)
     steps = np.diff(t_s)
     if steps.min() <= 0.0:
-        place = float(t_s[int(np.argmin(steps))])
+        place_s = float(t_s[int(np.argmin(steps))])
         raise ConfigError(
-            f"{where}: the time does not increase after {place:g} s; give each record its own name in a "
+            f"{where}: the time does not increase after {place_s:g} s; give each record its own name in a "
             "column 'run'"
         )
-    step = float(t_s[-1] - t_s[0]) / (t_s.size - 1)
-    even = t_s[0] + step * np.arange(t_s.size)
-    error_s = float(np.abs(steps - step).max())
-    if error_s > DATA.runs.step_share * step and max(error_s, np.abs(even - t_s).max()) > _rounding_s(
+    counts = np.maximum(np.round(steps / np.median(steps)), 1.0).astype(np.intp)
+    place = np.concatenate(([0], np.cumsum(counts)))
+    step = float(t_s[-1] - t_s[0]) / int(place[-1])
+    even = t_s[0] + step * np.arange(place[-1] + 1)
+    errors_s = np.abs(steps - step * counts)
+    error_s = float(errors_s.max())
+    if error_s > DATA.runs.step_share * step and max(error_s, np.abs(even[place] - t_s).max()) > _rounding_s(
         t_s, step
     ):
-        place = float(t_s[int(np.argmax(np.abs(steps - step)))])
+        place_s = float(t_s[int(np.argmax(errors_s))])
         raise ConfigError(
             f"{where}: samples are {steps.min():.4g} to {steps.max():.4g} s apart, most unevenly near "
-            f"{place:g} s: interpolate to equal steps"
+            f"{place_s:g} s: interpolate to equal steps"
+        )
+    if counts.max() > DATA.runs.most_dropped + 1:
+        widest = int(np.argmax(counts))
+        raise ConfigError(
+            f"{where}: {counts[widest] - 1} samples are missing after {t_s[widest]:g} s, and at most "
+            f"{DATA.runs.most_dropped} in a row can be bridged: give what follows its own name in a column "
+            "'run'"
         )
     if step_s is not None and abs(step - step_s) > DATA.runs.step_share * step_s:
         raise ConfigError(
             f"{where}: samples are {step:.4g} s apart, the model has step_s = {step_s:g}: correct step_s, or "
             "leave it out and the times of the data are used"
         )
-    times: Array = even
-    return times
+    return even, place
 
 
 def _rounding_s(t_s: Array, step_s: float) -> float:

@@ -141,7 +141,7 @@ def test_a_value_that_another_base_parameter_replaces_is_told_with_it() -> None:
     )
     verdict = analyse(model, measured_runs(8)).verdict
     assert verdict.verdict is Answer.NAMED_SET, verdict.sentence
-    assert sorted(verdict.confidence_set) == [["gain"], ["supply"]]
+    assert sorted(map(list, verdict.confidence_set)) == [["gain"], ["supply"]]
     assert "explain the runs equally" in verdict.sentence
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from drivers.errors import ConfigError
 from rover_hil.gap.data.table import read_table
+from sim_backends.state_model.model import StateModel
 from tests.rover_hil.gap_machines.small_machine import MODEL, small_runs, table_text
 
 TIMED = replace(MODEL, step_s=None)
@@ -48,17 +49,41 @@ def test_times_that_contradict_the_step_of_the_model_are_refused(tmp_path: Path)
 
 def test_uneven_times_are_refused_with_their_place(tmp_path: Path) -> None:
     lines = table_text(small_runs(), time="time [s]").splitlines(keepends=True)
-    del lines[31]
+    lines[31] = lines[31].replace("run0,3", "run0,2.96", 1)
     with pytest.raises(
-        ConfigError, match=r"run run0: samples are 0\.1 to 0\.2 s apart, most unevenly near 2\.9 s"
+        ConfigError, match=r"run run0: samples are 0\.06 to 0\.14 s apart, most unevenly near 2\.9\d* s"
     ):
         read_table(TIMED, _written(tmp_path, "".join(lines)))
 
 
-def test_a_gap_is_not_taken_for_rounding(tmp_path: Path) -> None:
-    lines = table_text(small_runs(), time="time [s]", step_s=1.0).splitlines(keepends=True)
+@pytest.mark.parametrize(("step_s", "model"), [(0.1, TIMED), (1.0, TIMED), (0.1, MODEL)])
+def test_a_dropped_sample_is_a_missing_value(tmp_path: Path, step_s: float, model: StateModel) -> None:
+    lines = table_text(small_runs(), time="time [s]", step_s=step_s).splitlines(keepends=True)
+    whole = read_table(model, _written(tmp_path, "".join(lines)))[0]
     del lines[31]
-    with pytest.raises(ConfigError, match="most unevenly near 29 s"):
+    (run, *_) = read_table(model, _written(tmp_path, "".join(lines)))
+    (channel,) = whole.measured
+    seen = np.delete(np.arange(60), 30)
+    assert np.flatnonzero(np.isnan(run.measured[channel])).tolist() == [30]
+    assert np.array_equal(run.measured[channel][seen], whole.measured[channel][seen])
+    assert np.array_equal(run.inputs["power"][seen], whole.inputs["power"][seen])
+    assert run.inputs["power"][30] == whole.inputs["power"][29]  # held
+    assert run.missing == {"power": (1, 60)}
+    if model.step_s is None:
+        assert np.allclose(run.inputs["t_s"], step_s * np.arange(60))
+
+
+def test_an_input_that_is_not_held_is_interpolated_where_samples_were_dropped(tmp_path: Path) -> None:
+    lines = table_text(small_runs(), time="time [s]").splitlines(keepends=True)
+    del lines[31:33]
+    power = read_table(replace(TIMED, is_held=False), _written(tmp_path, "".join(lines)))[0].inputs["power"]
+    assert np.allclose(np.diff(power[29:33]), (power[32] - power[29]) / 3.0)
+
+
+def test_many_dropped_samples_in_a_row_are_refused(tmp_path: Path) -> None:
+    lines = table_text(small_runs(), time="time [s]").splitlines(keepends=True)
+    del lines[31:35]
+    with pytest.raises(ConfigError, match=r"4 samples are missing after 2\.9 s, and at most 3 in a row"):
         read_table(TIMED, _written(tmp_path, "".join(lines)))
 
 
