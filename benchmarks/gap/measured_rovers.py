@@ -1,10 +1,10 @@
 """`rover-hil gap rover` on the circles of measured robots, beside the reference fit of their trajectories.
 
-    python -m benchmarks.gap.measured_rovers DATA [--runs 6]
+    python -m benchmarks.gap.measured_rovers DATA [--runs 6] [--robot diff]
 
-DATA holds `diff` and `omni3` of the optiodom recordings. The reference was fitted and stored before the first
-comparison (`benchmarks.gap.reference_rovers`). The tricycle has no sensor on its rear wheels; a configuration
-of wheels needs one on each, so it is not among them.
+DATA holds `diff`, `omni3` and `tricyc` of the optiodom recordings. The reference was fitted and stored before
+the first comparison (`benchmarks.gap.reference_rovers`). The rear wheels of the tricycle have neither a motor
+nor a sensor.
 """
 
 import argparse
@@ -25,20 +25,33 @@ from rover_hil.recording.schema import TRUTH
 from rover_hil.recording.writer import LogWriter
 
 REFERENCE = Path(__file__).parent / "references" / "optiodom_circles.json"
-RADII_M = {"diff": 0.042, "omni3": 0.051}
-TICKS = {"diff": 43.7 * 64.0, "omni3": 12.0 * 1024.0}
-MASSES_KG = {"diff": 3.0, "omni3": 8.0}
+RADII_M = {"diff": 0.042, "omni3": 0.051, "tricyc": 0.0325}
+TICKS = {"diff": 43.7 * 64.0, "omni3": 12.0 * 1024.0, "tricyc": 1600.0}
+MASSES_KG = {"diff": 3.0, "omni3": 8.0, "tricyc": 3.0}
 
 
-def wheels_of(robot: str) -> list[dict[str, float]]:
-    """Return the wheels by the data sheet, in the order of the ticks."""
+MOTOR = "{ stall_torque_nm = 4.0, no_load_rad_s = 20.0, stall_current_a = 8.0 }"
+
+
+def wheels_of(robot: str) -> list[dict[str, float | str]]:
+    """Return the wheels by the data sheet, in the order of the ticks; then those without a sensor."""
     if robot == "diff":
-        return [{"x_m": 0.0, "y_m": -0.1}, {"x_m": 0.0, "y_m": 0.1}]
-    found = []
+        return [{"x_m": 0.0, "y_m": -0.1, "motor": MOTOR}, {"x_m": 0.0, "y_m": 0.1, "motor": MOTOR}]
+    if robot == "tricyc":
+        front: dict[str, float | str] = {
+            "x_m": 0.15,
+            "y_m": 0.0,
+            "steering": "{ low_deg = -90.0, high_deg = 90.0 }",
+            "motor": MOTOR,
+        }
+        # How far apart the rear wheels are is not published, and does not matter: they share an axle.
+        left: dict[str, float | str] = {"x_m": 0.0, "y_m": 0.08, "driven": "false"}
+        return [front, left, {**left, "y_m": -0.08}]
+    found: list[dict[str, float | str]] = []
     for angle_deg in (210.0, -30.0, 90.0):
         angle = np.radians(angle_deg)
         place = {"x_m": float(-0.195 * np.sin(angle)), "y_m": float(0.195 * np.cos(angle))}
-        found.append({**place, "angle_deg": angle_deg, "roller_deg": 90.0})
+        found.append({**place, "angle_deg": angle_deg, "roller_deg": 90.0, "motor": MOTOR})
     return found
 
 
@@ -48,29 +61,40 @@ def config_text(robot: str) -> str:
     head, tail = text[: text.index("[[rover.wheels]]")], text[text.index("[loop]") :]
     lines = []
     for wheel in wheels_of(robot):
-        numbers = {**wheel, "radius_m": RADII_M[robot]}
-        lines += ["[[rover.wheels]]", *(f"{name} = {value:.6f}" for name, value in numbers.items())]
-        lines.append("motor = { stall_torque_nm = 4.0, no_load_rad_s = 20.0, stall_current_a = 8.0 }")
+        keys = {**wheel, "radius_m": RADII_M[robot]}
+        lines.append("[[rover.wheels]]")
+        lines += [
+            f"{name} = {value}" if isinstance(value, str) else f"{name} = {value:.6f}"
+            for name, value in keys.items()
+        ]
     tail = tail.replace("mass_kg = 8.0", f"mass_kg = {MASSES_KG[robot]}")
     if robot != "diff":
         tail = tail[: tail.index("[[simulation.plant.castors]]")].replace(
-            "centre_of_mass_x_m = -0.03", "centre_of_mass_x_m = 0.0"
+            "centre_of_mass_x_m = -0.03", f"centre_of_mass_x_m = {0.05 if robot == 'tricyc' else 0.0}"
         )
         tail = tail.replace("can/differential.toml", "can/mecanum.toml")
     return head + "\n".join(lines) + "\n\n" + tail
 
 
-def write_log(path: Path, config: Config, run: Array, ticks: float) -> None:
+def write_log(path: Path, config: Config, run: Array, robot: str) -> None:
     """Write a recorded drive as a log, the motion capture on /truth."""
+    ticks, is_steered = TICKS[robot], robot == "tricyc"
     path.parent.mkdir(parents=True)
     text = config.model_dump_json(by_alias=True).encode()
-    angles_rad = np.cumsum(run[:, 4:], axis=0) * 2.0 * np.pi / ticks
+    turned = run[:, 4:5] if is_steered else run[:, 4:]
+    angles_rad = np.cumsum(turned, axis=0) * 2.0 * np.pi / ticks
     yaw_rad = np.unwrap(run[:, 3])
     with LogWriter(path, START_NS, text, collect_data_files(config), "virtual") as log:
         for row, angles, yaw in zip(run, angles_rad, yaw_rad, strict=True):
             t_ns = START_NS + round(row[0] * 1e9)
             samples: list[Sample] = [
-                WheelSample(device="wheels", t_ns=t_ns, wheel=wheel, position_rad=float(angle))
+                WheelSample(
+                    device="wheels",
+                    t_ns=t_ns,
+                    wheel=wheel,
+                    position_rad=float(angle),
+                    steering_rad=float(row[5]) if is_steered else None,
+                )
                 for wheel, angle in enumerate(angles)
             ]
             pose = {"t_ns": t_ns, "x_m": float(row[1]), "y_m": float(row[2]), "yaw_rad": float(yaw)}
@@ -85,11 +109,14 @@ def main() -> None:
     )
     parser.add_argument("data", type=Path)
     parser.add_argument("--runs", type=int, default=6)
+    parser.add_argument("--robot", choices=sorted(RADII_M), help="one of them only")
     arguments = parser.parse_args()
     data = arguments.data.resolve()
     os.chdir(ROOT)
     reference = json.loads(REFERENCE.read_text("utf-8"))
     for robot, radius_m in RADII_M.items():
+        if arguments.robot not in (None, robot):
+            continue
         text = config_text(robot)
         file = Path(tempfile.gettempdir()) / f"measured_{robot}.toml"
         file.write_text(text, "utf-8")
@@ -103,7 +130,7 @@ def main() -> None:
         def write(
             path: Path, config: Config = config, runs: Iterator[Array] = runs, robot: str = robot
         ) -> None:
-            write_log(path, config, next(runs), TICKS[robot])
+            write_log(path, config, next(runs), robot)
 
         verdict = verdict_of(text, write, len(chosen))
         print(f"\n{robot}, {len(chosen)} runs, {verdict['seconds']:.0f} s: {verdict['verdict']}")

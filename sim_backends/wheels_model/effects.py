@@ -1,7 +1,9 @@
 """Effects that may be missing in the drive of a rover on any set of wheels: one card each."""
 
+from collections.abc import Sequence
+
 from sim_backends.models.drive_effects import GYRO_SCALE, gyro_bias
-from sim_backends.models.interface import EffectCard, Values, parameter
+from sim_backends.models.interface import EffectCard, Parameter, Values, parameter
 
 DIRECTIONS_DEG = (0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)
 
@@ -91,64 +93,71 @@ ROTATION_CENTRE = EffectCard(
 )
 
 
-def uneven_wheel(wheels: int) -> EffectCard:
-    """Return the card of one wheel of another radius."""
+def uneven_wheel(wheels: Sequence[int]) -> EffectCard:
+    """Return the card of one wheel of another radius, of these numbers."""
     return EffectCard(
         name="uneven_wheel",
         sentence="One wheel is larger or smaller than the others.",
         place="kinematics: distance per turn of one wheel",
         parameters=(
             parameter("error", "1", 0.0, 0.03, -0.5, 0.5, "its radius over the configured one, less one"),
-            parameter("wheel", "1", 1.0, 0.01, 1.0, float(wheels), "number in the configuration, from 1"),
+            _number(wheels),
         ),
-        shape_grid={"wheel": tuple(float(wheel + 1) for wheel in range(wheels))},
+        shape_grid={"wheel": tuple(map(float, wheels))},
         claims=("turns a straight drive to the side of the smaller wheel", "the same share at every speed"),
         experiment="a straight drive at two speeds",
         source="wear, air pressure",
     )
 
 
-def steering_offset(wheels: int) -> EffectCard:
-    """Return the card of one wheel that is mounted at another steering angle."""
+def steering_offset(wheels: Sequence[int]) -> EffectCard:
+    """Return the card of one wheel that is mounted at another steering angle, of these numbers."""
     return EffectCard(
         name="steering_offset",
         sentence="One wheel points in another direction than its steering angle.",
         place="steering of one wheel",
         parameters=(
             parameter("angle_deg", "deg", 0.0, 3.0, -45.0, 45.0, "true angle at a measured angle of 0"),
-            parameter("wheel", "1", 1.0, 0.01, 1.0, float(wheels), "number in the configuration, from 1"),
+            _number(wheels),
         ),
-        shape_grid={"wheel": tuple(float(wheel + 1) for wheel in range(wheels))},
+        shape_grid={"wheel": tuple(map(float, wheels))},
         claims=("turns a straight drive, by the same angle per distance in both directions",),
         experiment="a straight drive with all steering set-points at 0",
         source="zero of the steering encoder",
     )
 
 
-def effects_of(wheels: int, *, steers: bool, skids: bool) -> tuple[EffectCard, ...]:
-    """Return all cards of a rover with so many wheels.
+def _number(wheels: Sequence[int]) -> Parameter:
+    first, last = float(min(wheels)), float(max(wheels))
+    room = 0.0 if last > first else 0.4  # bounds differ, and round to the number
+    return parameter(
+        "wheel", "1", first, 0.01, first - room, last + room, "number in the configuration, from 1"
+    )
+
+
+def effects_of(driven: Sequence[int], steered: Sequence[int], *, skids: bool) -> tuple[EffectCard, ...]:
+    """Return all cards of a rover.
 
     Args:
-        wheels: Their number.
-        steers: Some of them are steered.
+        driven: Numbers of its wheels with a motor, from 1.
+        steered: Numbers of those that steer.
         skids: Wheels of two axles are fixed, so that a turn drags them sideways.
     """
-    cards = (
+    return (
         WHEEL_RADIUS,
         BASE_RADIUS,
-        uneven_wheel(wheels),
+        *((uneven_wheel(driven),) if len(driven) > 1 else ()),
         CONTACT_STIFFNESS,
         ROLLING_RESISTANCE,
         SIDE_SLOPE,
         LATENCY,
         gyro_bias("rad/s", 0.005, 0.3, "gyro_bias_rad_s"),
         GYRO_SCALE,
+        *((steering_offset(steered), STEERING_RATIO) if steered else ()),
+        *((ROTATION_CENTRE,) if skids else ()),
     )
-    if steers:
-        return (*cards, steering_offset(wheels), STEERING_RATIO)
-    return (*cards, ROTATION_CENTRE) if skids else cards
 
 
 def of_wheel(values: Values, wheel: int, name: str) -> float:
-    """Return a number of a card that concerns one wheel; 0 for the other wheels."""
-    return values[name] if round(values["wheel"]) == wheel else 0.0
+    """Return a number of a card that concerns one wheel; 0 for the other wheels, and without the card."""
+    return values[name] if values and round(values["wheel"]) == wheel else 0.0

@@ -37,7 +37,7 @@ class Wheels(NamedTuple):
     """What the wheels do in n windows.
 
     Attributes:
-        rim_m_s: Speed of the rims, shape (n, wheels).
+        rim_m_s: Speed of the rims, shape (n, wheels); NaN of a wheel that no sensor shows: it rolls freely.
         along_rad: Direction in which each wheel rolls, in the body frame, of the same shape.
         place_m: x, y of each contact, wheels first, then castors, shape (contacts, 2).
     """
@@ -123,7 +123,15 @@ def _add_wheel(
     vy = twist[1] + twist[2] * x
     ux = vx - rim * dx
     uy = vy - rim * dy
-    if math.isnan(rover.roller[wheel]):
+    if math.isnan(rim):
+        # No motor turns it: its rim is as fast as the ground, and it grips sideways only.
+        rim = 0.0
+        aside = -dy * vx + dx * vy
+        grip = load * _traction(contact, aside, math.sqrt(vx * vx + vy * vy + CREEP_M_S * CREEP_M_S))
+        xx = grip * dy * dy
+        xy = -grip * dx * dy
+        yy = grip * dx * dx
+    elif math.isnan(rover.roller[wheel]):
         passing = math.sqrt(rim * rim + CREEP_M_S * CREEP_M_S)
         passing = max(passing, math.sqrt(vx * vx + vy * vy))
         grip = load * _traction(contact, math.sqrt(ux * ux + uy * uy), passing)

@@ -34,7 +34,7 @@ CHANNELS = (
 class WheelsModel:
     """A `Model` of the drive of a rover on any set of wheels.
 
-    Condition: mean speed of a drive.
+    Condition: mean speed of a drive. Wheels without a motor may lack a sensor: then they roll freely.
 
     Args:
         settings: The rover and its ground; patches of the site are not in the model.
@@ -52,15 +52,18 @@ class WheelsModel:
         self._surface: Surface = settings.site.surfaces[settings.site.floor]
         self.wheel_count = len(settings.wheels)
         self.steers = any(wheel.steering is not None for wheel in settings.wheels)
-        self.parameters: tuple[Parameter, ...] = _parameters(self.wheel_count)
+        self.driven = tuple(number for number, one in enumerate(settings.wheels, start=1) if one.driven)
+        self.parameters: tuple[Parameter, ...] = _parameters(self.driven)
         axles = {wheel.x_m for wheel in settings.wheels if wheel.roller_deg is None}
         self.effects: tuple[EffectCard, ...] = effects_of(
-            self.wheel_count, steers=self.steers, skids=not self.steers and len(axles) > 1
+            self.driven,
+            tuple(number for number, one in enumerate(settings.wheels, start=1) if one.steering is not None),
+            skids=not self.steers and len(axles) > 1,
         )
         steering = {f"steering_{wheel}_rad": "rad" for wheel in self._numbers} if self.steers else {}
         self.input_units: Mapping[str, str] = {
             "t_s": "s",
-            **{f"wheel_{wheel}_rad_s": "rad/s" for wheel in self._numbers},
+            **{f"wheel_{wheel}_rad_s": "rad/s" for wheel in self.driven},
             **steering,
             HEADING: "rad",
         }
@@ -101,12 +104,13 @@ class WheelsModel:
 
     def _wheels(self, run: Run, base: Values, active: Mapping[str, Values]) -> Wheels:
         common = 1.0 + base["radius_error"] + active["wheel_radius"]["error"]
-        rims, along = [], []
+        rims, along, t_s = [], [], run.inputs["t_s"]
         for index, wheel in enumerate(self._numbers):
-            own = base.get(_own_error(wheel), 0.0) + of_wheel(active["uneven_wheel"], wheel, "error")
+            own = base.get(_own_error(wheel), 0.0) + of_wheel(active.get("uneven_wheel", {}), wheel, "error")
             radius_m = float(self._rover.radius_m[index]) * (common + own)
-            rims.append(radius_m * run.inputs[f"wheel_{wheel}_rad_s"])
-            angle = np.full(rims[-1].shape, float(self._rover.angle[index]))
+            turning = run.inputs.get(f"wheel_{wheel}_rad_s")
+            rims.append(np.full(t_s.shape, np.nan) if turning is None else radius_m * turning)
+            angle = np.full(t_s.shape, float(self._rover.angle[index]))
             if self.steers:
                 offset_deg = of_wheel(active["steering_offset"], wheel, "angle_deg")
                 ratio = 1.0 + active["steering_ratio"]["error"]
@@ -158,12 +162,19 @@ def _own_error(wheel: int) -> str:
     return f"wheel_{wheel}_error"
 
 
-def _parameters(wheels: int) -> tuple[Parameter, ...]:
+def _parameters(driven: Sequence[int]) -> tuple[Parameter, ...]:
+    last = driven[-1]
     uneven = (
         parameter(
-            _own_error(wheel), "1", 0.0, 0.002, -0.3, 0.3, f"radius of wheel {wheel} over the last, less one"
+            _own_error(wheel),
+            "1",
+            0.0,
+            0.002,
+            -0.3,
+            0.3,
+            f"radius of wheel {wheel} over wheel {last}, less one",
         )
-        for wheel in range(1, wheels)
+        for wheel in driven[:-1]
     )
     return (
         parameter("radius_error", "1", 0.0, 0.003, -0.5, 0.5, "of the configured radius of all wheels"),

@@ -56,22 +56,25 @@ def _run(model: WheelsModel, drive: RecordedDrive, name: str, rng: np.random.Gen
     poses = drive.true_poses()
     true_s = drive.seconds(poses.t_ns)
     width_s = _window_s(poses, true_s, name)
-    wheels = [drive.rows[f"enc{wheel}_rad"] for wheel in range(1, model.wheel_count + 1)]
-    if any(len(one) < DATA.runs.least_rows for one in wheels):
+    numbers = range(1, model.wheel_count + 1)
+    wheels = {number: drive.rows[f"enc{number}_rad"] for number in numbers}
+    # A wheel without a motor need not have a sensor: it rolls as the ground does.
+    wheels = {number: one for number, one in wheels.items() if number in model.driven or len(one)}
+    if any(len(one) < DATA.runs.least_rows for one in wheels.values()):
         raise LogError(f"log {name} holds too few wheel positions: give the log of a drive")
-    times_s = [drive.seconds(one.t_ns) for one in wheels]
-    first_s = max(float(true_s[0]), *(float(t_s[0]) for t_s in times_s))
-    last_s = min(float(true_s[-1]), *(float(t_s[-1]) for t_s in times_s))
+    times_s = {number: drive.seconds(one.t_ns) for number, one in wheels.items()}
+    first_s = max(float(true_s[0]), *(float(t_s[0]) for t_s in times_s.values()))
+    last_s = min(float(true_s[-1]), *(float(t_s[-1]) for t_s in times_s.values()))
     windows = windows_over(first_s, last_s, f"log {name}")
     if windows.middle_s[1] - windows.middle_s[0] < width_s:
         count = max(int((last_s - first_s) / width_s), DATA.windows.least)
         windows = Windows(np.linspace(first_s, last_s, count + 1))
     forward, left, turn = body_rates(windows, true_s, poses.x_m, poses.y_m, poses.yaw_rad)
     inputs = {"t_s": windows.middle_s, HEADING: np.interp(windows.middle_s, true_s, poses.yaw_rad)}
-    for number, (t_s, readings) in enumerate(zip(times_s, wheels, strict=True), start=1):
-        inputs[f"wheel_{number}_rad_s"] = windows.rate(t_s, readings.value)
-        if model.steers:
-            inputs[f"steering_{number}_rad"] = _steering(drive, number, windows)
+    for number, readings in wheels.items():
+        inputs[f"wheel_{number}_rad_s"] = windows.rate(times_s[number], readings.value)
+    if model.steers:
+        inputs |= {f"steering_{number}_rad": _steering(drive, number, windows) for number in numbers}
     measured = {"forward_m_s": forward, "left_m_s": left, "turn_rad_s": turn}
     gyro = drive.rows["gyro_z_rad_s"]
     if len(gyro) >= DATA.runs.least_rows:

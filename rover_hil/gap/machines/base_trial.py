@@ -119,12 +119,12 @@ def _is_as_good(rival: MachineFit, found: MachineFit, part: MachineFit) -> bool:
 
 
 def _terms(machine: StateModel, held: Problem, found: MachineFit, part: MachineFit) -> list[tuple[str, ...]]:
-    """Return the free-form terms that replace the fitted value, and are not the same law."""
+    """Return the free-form terms that replace the fitted value: another law, or one that explains more."""
     terms = free_terms(machine, held, part)
     return [
         (strength_of(machine, one.term)[0],)
         for one in search_terms(machine, held, terms, part)
         if not one.objection
-        and likeness(one.fit, found, part) <= MACHINES.terms.same_law
+        and (likeness(one.fit, found, part) <= MACHINES.terms.same_law or not is_equal(found, one.fit))
         and _is_as_good(one.fit, found, part)
     ]

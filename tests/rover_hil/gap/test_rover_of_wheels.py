@@ -9,12 +9,14 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import pytest
 
+from benchmarks.gap.measured_rovers import config_text
+from benchmarks.gap.measured_rovers import write_log as write_measured_log
 from drivers.samples import PoseFixSample, RateSample, Sample, WheelSample
 from rover_hil.config import Config, load_config
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.schema import TRUTH
 from rover_hil.recording.writer import LogWriter
-from sim_backends.models.interface import Run
+from sim_backends.models.interface import Array, Run
 from sim_backends.plants.wheels.plant import WheelsPlant
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from sim_backends.wheels_model.model import WheelsModel
@@ -192,3 +194,64 @@ def test_the_balance_of_forces_is_the_steady_state_of_the_simulated_rover(name: 
     assert found["forward_m_s"] == pytest.approx(truth.velocity_x_m_s, abs=0.002)
     assert found["turn_rad_s"] == pytest.approx(truth.yaw_rate_rad_s, abs=0.01)
     assert found["left_m_s"] == pytest.approx(truth.velocity_y_m_s, abs=sideways * abs(truth.velocity_x_m_s))
+
+
+def tricycle_run(rng: np.random.Generator, steering_rad: float, offset_rad: float) -> Array:
+    """Return a drive of a tricycle in arcs: time, pose, ticks of the front wheel, its measured steering."""
+    t_s = 0.05 * np.arange(400)
+    speed_m_s = 0.15 + 0.1 * np.sin(0.5 * t_s + rng.uniform(0.0, 6.0))
+    true_rad = steering_rad * np.sin(0.3 * t_s) + offset_rad
+    turn = speed_m_s * np.sin(true_rad) / 0.15 * 0.05
+    yaw = np.concatenate(([0.0], np.cumsum(turn[1:])))
+    way_m = speed_m_s * np.cos(true_rad) * 0.05
+    steps = np.stack((way_m * np.cos(yaw - turn / 2.0), way_m * np.sin(yaw - turn / 2.0)), axis=1)
+    place_m = np.concatenate((np.zeros((1, 2)), np.cumsum(steps[1:], axis=0)))
+    place_m = place_m + 0.0003 * rng.standard_normal(place_m.shape)
+    ticks = speed_m_s * 0.05 / 0.0325 * 1600.0 / math.tau
+    measured = yaw + 0.0005 * rng.standard_normal(yaw.size)
+    return np.column_stack((t_s, place_m, measured, ticks, true_rad - offset_rad))
+
+
+@pytest.mark.parametrize(("offset_rad", "answer"), [(0.0, "NO_GAP"), (-0.03, "NAMED")])
+@pytest.mark.slow
+def test_wheels_without_motor_and_sensor_roll_freely(
+    command: Command, tmp_path: Path, unrendered: None, offset_rad: float, answer: str
+) -> None:
+    """A tricycle: the front wheel is driven, steered and measured; the rear ones only carry."""
+    rng = np.random.default_rng(7)
+    config = tmp_path / "tricycle.toml"
+    config.write_text(config_text("tricyc"), "utf-8")
+    for number in range(LOGS):
+        run = tricycle_run(rng, float(rng.uniform(-0.6, 0.6)), offset_rad)
+        write_measured_log(
+            tmp_path / "runs" / f"{number}" / "run.mcap", load_config(str(config)), run, "tricyc"
+        )
+    out = tmp_path / "gap"
+    assert command("gap", "rover", str(config), str(tmp_path / "runs"), "--out", str(out)) == 0
+    verdict = json.loads((out / "verdict.json").read_text("utf-8"))
+    assert verdict["verdict"] == answer, verdict["sentence"]
+    assert [one["name"] for one in verdict["effects"]] == (["steering_offset"] if offset_rad else [])
+    if offset_rad:
+        low, high = verdict["effects"][0]["parameters"]["angle_deg"]["ci95"]
+        assert low < math.degrees(offset_rad) < high
+    radius = next(one for one in verdict["base_parameters"] if one["name"] == "radius_error")
+    assert radius["ci95"][0] < 0.0 < radius["ci95"][1]
+    assert not any(one["name"].startswith("wheel_") for one in verdict["base_parameters"])
+
+
+def test_freely_rolling_wheels_only_hold_their_axle(tmp_path: Path) -> None:
+    config = tmp_path / "tricycle.toml"
+    config.write_text(config_text("tricyc"), "utf-8")
+    settings = load_config(str(config)).require_simulation().plant
+    assert isinstance(settings, WheelsPlantSettings)
+    series = {"wheel_1_rad_s": 5.0, "steering_1_rad": 0.4, "steering_2_rad": 0.0, "steering_3_rad": 0.0}
+    inputs = {key: np.full(40, value) for key, value in series.items()}
+    run = Run(
+        name="steady",
+        conditions={"speed_m_s": 0.1},
+        inputs={"t_s": np.linspace(0.0, 7.8, 40), "heading_rad": np.zeros(40), **inputs},
+    )
+    found = WheelsModel(settings).predict([run], {}, {})[0]
+    assert found["forward_m_s"][20] == pytest.approx(0.0325 * 5.0 * math.cos(0.4), rel=0.01)
+    assert found["turn_rad_s"][20] == pytest.approx(0.0325 * 5.0 * math.sin(0.4) / 0.15, rel=0.01)
+    assert found["left_m_s"][20] == pytest.approx(0.0, abs=0.001)
