@@ -3,11 +3,12 @@
 import math
 from array import array
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from controllers.estimation.measurement_model import Measured
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.limits import Limit
 from controllers.motion.rover_geometry import has_four_wheels
@@ -75,7 +76,8 @@ class _Collector:
         self._start_ns = start_ns
         self._last_ns = start_ns
         self._readings = LogRows(config)
-        self._rows: defaultdict[tuple[str, str], list[tuple[float, ...]]] = defaultdict(list)
+        self._rows: defaultdict[str, list[tuple[float, ...]]] = defaultdict(list)
+        self._innovations: defaultdict[Measured, list[tuple[float, ...]]] = defaultdict(list)
         self._computed: defaultdict[str, array[float]] = defaultdict(lambda: array("d"))
         self._slips: list[tuple[float, schema.SlipRecord]] = []
         self._ground_reasons: list[str] = []
@@ -107,7 +109,7 @@ class _Collector:
                 self._take_output(log.parse(message, schema.ESTIMATE_SHAPE))
             case schema.CYCLE:
                 cycle = log.parse(message, schema.CYCLE_SHAPE)
-                self._rows["cycle", ""].append((cycle["late_ns"] / 1e3, cycle["work_ns"] / 1e3))
+                self._rows["cycle"].append((cycle["late_ns"] / 1e3, cycle["work_ns"] / 1e3))
             case schema.HEALTH:
                 self._health = log.parse(message, schema.HEALTH_SHAPE)
             case schema.WATCHDOG:
@@ -131,9 +133,9 @@ class _Collector:
         Raises:
             LogError: There was no complete cycle.
         """
-        estimates = finite_rows(self._rows["estimate", ""], 10)
-        odometry = finite_rows(self._rows["odometry", ""], 4)
-        if not (self._rows["cycle", ""] and len(estimates) and len(odometry)):
+        estimates = finite_rows(self._rows["estimate"], 10)
+        odometry = finite_rows(self._rows["odometry"], 4)
+        if not (self._rows["cycle"] and len(estimates) and len(odometry)):
             raise LogError(f"log {log.path} holds no complete cycle: there is nothing to report")
         encoders = Track.of(odometry)
         computed = self._series_computed()
@@ -159,7 +161,7 @@ class _Collector:
             computed=computed,
             headings=self._headings(first_motion_s),
             gyro=None if rates is None else integrate_rate(rates, first_motion_s),
-            innovations=self._innovations(),
+            innovations={measured: _innovation(rows) for measured, rows in self._innovations.items()},
             odometry_rebases=self._rebases,
             uncompared=dict(self._uncompared),
             wheels=self._wheels(),
@@ -185,11 +187,11 @@ class _Collector:
         self._findings.take(t_s, [Finding(**each) for each in output.get("findings") or ()])
         self._limits.append(Limit(output["limit"]))
         self._rebases = output["odometry_rebases"]
-        self._rows["time", ""].append((t_s,))
-        self._rows["estimate", ""].append(
+        self._rows["time"].append((t_s,))
+        self._rows["estimate"].append(
             (pose_s, pose["x_m"], pose["y_m"], pose["yaw_rad"], *pose["covariance"])
         )
-        self._rows["odometry", ""].append((pose_s, odometry["x_m"], odometry["y_m"], odometry["yaw_rad"]))
+        self._rows["odometry"].append((pose_s, odometry["x_m"], odometry["y_m"], odometry["yaw_rad"]))
         for key, value in _numbers_in(output):
             self._computed[key].extend((t_s, value))
         slip, drift = output.get("slip"), output.get("drift")
@@ -203,12 +205,12 @@ class _Collector:
         ground = output.get("ground")
         if ground is not None:
             self._ground_reasons.append(ground["reason"])
-            self._rows["ground", ""].append((t_s, _or_nan(ground["slip"]), _or_nan(ground["slip_sd"])))
+            self._rows["ground"].append((t_s, _or_nan(ground["slip"]), _or_nan(ground["slip_sd"])))
         for innovation in output["innovations"]:
             residual, variance = innovation["residual"], innovation["variance"]
             if residual is not None and variance is not None:
                 row = (t_s, residual, variance**0.5, float(innovation["accepted"]))
-                self._rows["innovation", innovation["name"]].append(row)
+                self._innovations[_measured(innovation["name"])].append(row)
             else:
                 self._uncompared[innovation["name"]] += 1
 
@@ -216,13 +218,13 @@ class _Collector:
         self._drift_reasons.append(drift["reason"])
         trace = drift["trace"]
         if trace is not None and trace["detected"] and trace["theta_rad"] is not None:
-            self._rows["trace", ""].append((self._seconds(trace["t_ns"]), trace["theta_rad"]))
+            self._rows["trace"].append((self._seconds(trace["t_ns"]), trace["theta_rad"]))
 
     def _take_crab(self, t_s: float, output: schema.EstimateRecord, crab: schema.CrabRecord) -> None:
         steering_rad, set_rad = output.get("steering_rad") or (), output["command"].get("steering_rad") or ()
         if not all(map(math.isfinite, (crab["drift_rad"], *steering_rad, *set_rad))):
             return
-        self._rows["crab", ""].append(
+        self._rows["crab"].append(
             (t_s, crab["drift_rad"], mean_steering_rad(steering_rad), mean_steering_rad(set_rad))
         )
         self._drift_sources.append(crab["source"])
@@ -272,9 +274,9 @@ class _Collector:
         return {key: Series.of(np.array(rows).reshape(-1, 2)) for key, rows in self._computed.items()}
 
     def _cycles(self, log: LogReader) -> Cycles:
-        times_us = np.array(self._rows["cycle", ""])
+        times_us = np.array(self._rows["cycle"])
         return Cycles(
-            t_s=np.array(self._rows["time", ""])[:, 0],
+            t_s=np.array(self._rows["time"])[:, 0],
             mode=self._modes,
             reason=self._reasons,
             suspicion=self._suspicions,
@@ -296,16 +298,6 @@ class _Collector:
             if name.startswith(HEADING)
         }
         return {name: local_headings(series, first_motion_s) for name, series in found.items() if series}
-
-    def _innovations(self) -> dict[str, InnovationData]:
-        innovations: dict[str, InnovationData] = {}
-        for (kind, name), rows in self._rows.items():
-            if kind == "innovation":
-                t_s, residual, deviation, accepted = np.array(rows).T
-                innovations[name] = InnovationData(
-                    t_s=t_s, residual=residual, deviation=deviation, is_accepted=accepted
-                )
-        return innovations
 
     def _slip(self) -> SlipData | None:
         if not self._slips:
@@ -334,21 +326,21 @@ class _Collector:
             slip=computed["drift.slip"],
             angle=computed["drift.slip_angle_rad"],
             reasons=self._drift_reasons,
-            trace=Series.of(self._rows["trace", ""]),
+            trace=Series.of(self._rows["trace"]),
             true_slip=true_slip,
             true_angle=true_angle,
         )
 
     def _ground(self) -> GroundData | None:
-        if not self._rows["ground", ""]:
+        if not self._rows["ground"]:
             return None
-        t_s, slip, slip_sd = np.array(self._rows["ground", ""]).T
+        t_s, slip, slip_sd = np.array(self._rows["ground"]).T
         return GroundData(slip=Series(t_s, slip), slip_sd=slip_sd, reasons=self._ground_reasons)
 
     def _crab(self, truth: Array) -> CrabData | None:
-        if not self._rows["crab", ""]:
+        if not self._rows["crab"]:
             return None
-        t_s, *columns = np.array(self._rows["crab", ""]).T
+        t_s, *columns = np.array(self._rows["crab"]).T
         drift, steering, set_point = (Series(t_s, values) for values in columns)
         left = None
         mission = self._config.mission
@@ -401,3 +393,14 @@ def _numbers_in(record: object, key: str = "") -> Iterator[tuple[str, float]]:
     elif isinstance(record, tuple) and record and isinstance(record[0], dict) and key != "innovations":
         for index, value in enumerate(record):
             yield from _numbers_in(value, f"{key}.{index}")
+
+
+def _measured(name: str) -> Measured:
+    """Return what the name of an innovation in a log means; see `Measured.__str__`."""
+    device, _, quantity = name.partition(" ")
+    return Measured(device, quantity)
+
+
+def _innovation(rows: Sequence[tuple[float, ...]]) -> InnovationData:
+    t_s, residual, deviation, accepted = np.array(rows).T
+    return InnovationData(t_s=t_s, residual=residual, deviation=deviation, is_accepted=accepted)

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from controllers.estimation.measurement_model import Measured
 from controllers.motion.limits import Limit
 from controllers.safety import Mode
 from drivers.driver import Health
@@ -140,7 +141,7 @@ class CrabData:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InnovationData:
-    """One measurement against the estimate: residual, its expected deviation, 1 if accepted."""
+    """One measurement against the estimate: residual and its expected deviation (SI), 1 if accepted."""
 
     t_s: Array
     residual: Array
@@ -203,7 +204,7 @@ class RunData:
     computed: Mapping[str, Series]
     headings: Mapping[str, Series]
     gyro: Series | None
-    innovations: Mapping[str, InnovationData]
+    innovations: Mapping[Measured, InnovationData]
     odometry_rebases: int
     uncompared: Mapping[str, int]
     wheels: Sequence[WheelData]

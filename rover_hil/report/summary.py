@@ -231,7 +231,7 @@ def summarise(run: RunData) -> Summary:
         work=_spread(cycles.work_us) if is_timed else None,
         limited_cycles=dict(Counter(limit.value for limit in cycles.limit if limit is not Limit.NONE)),
         refused_innovations={
-            name: int(np.sum(data.is_accepted == 0)) for name, data in run.innovations.items()
+            str(measured): int(np.sum(data.is_accepted == 0)) for measured, data in run.innovations.items()
         },
         odometry_rebases=run.odometry_rebases,
         uncompared_measurements=dict(run.uncompared),

@@ -1,5 +1,7 @@
 """Pictures of how the system fared: time-line, innovations, timing."""
 
+import math
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -27,6 +29,12 @@ MODE_COLOURS = {
 BAND_SIGMAS = 2.0
 BIN_COUNT = 60
 SHORTEST_S = 1e-6
+ANGLE = ("deg", math.degrees(1.0))
+RESIDUAL_UNITS = {
+    "standstill": ("deg/s", math.degrees(1.0)),
+    **dict.fromkeys(("x", "y", "forward", "left"), ("mm", 1e3)),
+}
+"""Unit of the residual of a quantity that is no angle, and how many of it are one of SI."""
 
 
 def draw_timeline(run: RunData, summary: Summary) -> Figure:
@@ -60,10 +68,11 @@ def draw_innovations(run: RunData, summary: Summary) -> Figure | None:
     if not run.innovations:
         return None
     figure, plots = run_plots.rows(len(run.innovations), 1.8)
-    for axes, (name, data) in zip(plots, run.innovations.items(), strict=True):
-        axes.set_title(name)
-        _draw_innovation(axes, data)
-        axes.set_ylabel("residual (deg/s)" if name.endswith("standstill") else "residual (deg)")
+    for axes, (measured, data) in zip(plots, run.innovations.items(), strict=True):
+        unit, factor = RESIDUAL_UNITS.get(measured.quantity, ANGLE)
+        axes.set_title(str(measured))
+        _draw_innovation(axes, data, factor)
+        axes.set_ylabel(f"residual ({unit})")
     run_plots.finish(figure, plots, run, summary)
     return figure
 
@@ -109,15 +118,15 @@ def _draw_link(axes: Axes, row: int, device: str, run: RunData) -> None:
         _draw_bar(axes, row, start_s, end_s, "#d9efe1" if up else style.ALARM)
 
 
-def _draw_innovation(axes: Axes, data: InnovationData) -> None:
-    residual_deg, band_deg = np.degrees(data.residual), BAND_SIGMAS * np.degrees(data.deviation)
+def _draw_innovation(axes: Axes, data: InnovationData, factor: float) -> None:
+    residual, band = factor * data.residual, BAND_SIGMAS * factor * data.deviation
     accepted = data.is_accepted > 0
     # The first bands may be as wide as ignorance is; they must not flatten the rest.
-    limit_deg = 1.3 * max(float(np.quantile(np.abs(residual_deg), 0.98)), float(np.median(band_deg)))
-    band = with_gaps(Series(data.t_s, band_deg))
-    axes.fill_between(band.t_s, -band.value, band.value, color=style.ESTIMATE, alpha=0.15, linewidth=0)
-    axes.plot(data.t_s[accepted], residual_deg[accepted], ".", color=style.ESTIMATE, markersize=4)
+    limit = 1.3 * max(float(np.quantile(np.abs(residual), 0.98)), float(np.median(band)))
+    filled = with_gaps(Series(data.t_s, band))
+    axes.fill_between(filled.t_s, -filled.value, filled.value, color=style.ESTIMATE, alpha=0.15, linewidth=0)
+    axes.plot(data.t_s[accepted], residual[accepted], ".", color=style.ESTIMATE, markersize=4)
     if not accepted.all():
-        at_most_deg = np.clip(residual_deg[~accepted], -0.95 * limit_deg, 0.95 * limit_deg)
-        axes.plot(data.t_s[~accepted], at_most_deg, "x", color=style.ALARM, label="refused")
-    axes.set_ylim(-limit_deg, limit_deg)
+        clipped = np.clip(residual[~accepted], -0.95 * limit, 0.95 * limit)
+        axes.plot(data.t_s[~accepted], clipped, "x", color=style.ALARM, label="refused")
+    axes.set_ylim(-limit, limit)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import get_type_hints
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 
@@ -30,6 +31,7 @@ from rover_hil.recording.watchdog_note import MOST_CHARACTERS, note_path, read_n
 from rover_hil.recording.writer import LogWriter
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Spread, Summary, summarise
+from rover_hil.report.system_figures import draw_innovations
 from rover_hil.report.verdict import Grade, facts, grade, tag, verdict
 from rover_hil.report.write import write_report
 from rover_hil.run.executive import End, RunResult
@@ -88,6 +90,9 @@ class Drive:
         innovation = Innovation(
             measured=Measured("imu", "standstill"), residual=0.01, variance=1e-4, nis=1.0, accepted=t_s > 0.1
         )
+        fix = Innovation(
+            measured=Measured("overhead", "x"), residual=0.004, variance=1e-6, nis=16.0, accepted=True
+        )
         late = Innovation(
             measured=Measured("overhead", "too late"), residual=None, variance=None, nis=None, accepted=False
         )
@@ -99,7 +104,7 @@ class Drive:
             estimate=estimate,
             odometry=Pose(x_m=self.way_m(t_s)),
             odometry_rebases=0,
-            innovations=(innovation, late) if t_s < WAIT_S else (),
+            innovations=(innovation, fix, late) if t_s < WAIT_S else (),
             command=command,
             limit=Limit.ACCELERATION if WAIT_S < t_s < WAIT_S + 0.11 else Limit.NONE,
             cross_track_m=0.003 if mode is Mode.RUNNING else None,
@@ -219,11 +224,22 @@ def test_every_number_that_a_cycle_computes_is_read_under_its_key(tmp_path: Path
     assert set(running.value) == {0.003}
 
 
+def test_the_residual_of_a_position_is_drawn_as_a_length_and_that_of_a_gyro_as_a_rate(tmp_path: Path) -> None:
+    run = read_run(write_log(tmp_path / "run.mcap", Drive()))
+    figure = draw_innovations(run, summarise(run))
+    assert figure is not None
+    gyro, position = figure.axes
+    assert (gyro.get_title(), gyro.get_ylabel()) == ("imu standstill", "residual (deg/s)")
+    assert np.asarray(gyro.lines[0].get_ydata()) == pytest.approx(math.degrees(0.01))
+    assert (position.get_title(), position.get_ylabel()) == ("overhead x", "residual (mm)")
+    assert np.asarray(position.lines[0].get_ydata()) == pytest.approx(4.0)
+
+
 def test_cycles_limits_and_cross_track(tmp_path: Path) -> None:
     summary = summary_of(tmp_path, Drive())
     assert (summary.end, summary.mode, summary.cycles) == ("mission finished", Mode.RUNNING, 550)
     assert summary.limited_cycles == {"acceleration": 5}
-    assert summary.refused_innovations == {"imu standstill": 5}
+    assert summary.refused_innovations == {"imu standstill": 5, "overhead x": 0}
     assert summary.uncompared_measurements == {"overhead too late": round(WAIT_S / PERIOD_S) - 1}
     (late,) = [fact for fact in facts(summary) if fact.name == "overhead too late"]
     assert late.value == str(summary.uncompared_measurements["overhead too late"])
