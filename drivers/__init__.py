@@ -1,60 +1,29 @@
 """Drivers of the rover's devices: samples, the driver contract, and one folder per device."""
 
 import os
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from drivers.files import IMAGE_PIXELS
+from drivers.public_names import public_names
 
 if TYPE_CHECKING:
-    from drivers.clock import Clock, SystemClock, VirtualClock, nanoseconds, seconds
-    from drivers.driver import Driver
-    from drivers.errors import ConfigError, LogError, NotConnectedError, RoverHilError
-    from drivers.samples import HeadingSample, PoseFixSample, RateSample, Sample, WheelSample
+    from drivers.clock import Clock as Clock
+    from drivers.clock import SystemClock as SystemClock
+    from drivers.clock import VirtualClock as VirtualClock
+    from drivers.clock import nanoseconds as nanoseconds
+    from drivers.clock import seconds as seconds
+    from drivers.driver import Driver as Driver
+    from drivers.errors import ConfigError as ConfigError
+    from drivers.errors import LogError as LogError
+    from drivers.errors import NotConnectedError as NotConnectedError
+    from drivers.errors import RoverHilError as RoverHilError
+    from drivers.samples import HeadingSample as HeadingSample
+    from drivers.samples import PoseFixSample as PoseFixSample
+    from drivers.samples import RateSample as RateSample
+    from drivers.samples import Sample as Sample
+    from drivers.samples import WheelSample as WheelSample
 
 # OpenCV reads it once, when it is loaded. Its own limit lets a picture of some kilobytes fill 3 GB.
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(IMAGE_PIXELS))
 
-__all__ = [
-    "Clock",
-    "ConfigError",
-    "Driver",
-    "HeadingSample",
-    "LogError",
-    "NotConnectedError",
-    "PoseFixSample",
-    "RateSample",
-    "RoverHilError",
-    "Sample",
-    "SystemClock",
-    "VirtualClock",
-    "WheelSample",
-    "nanoseconds",
-    "seconds",
-]
-
-_MODULES = {
-    "Clock": "drivers.clock",
-    "ConfigError": "drivers.errors",
-    "Driver": "drivers.driver",
-    "HeadingSample": "drivers.samples",
-    "LogError": "drivers.errors",
-    "NotConnectedError": "drivers.errors",
-    "PoseFixSample": "drivers.samples",
-    "RateSample": "drivers.samples",
-    "RoverHilError": "drivers.errors",
-    "Sample": "drivers.samples",
-    "SystemClock": "drivers.clock",
-    "VirtualClock": "drivers.clock",
-    "WheelSample": "drivers.samples",
-    "nanoseconds": "drivers.clock",
-    "seconds": "drivers.clock",
-}
-
-
-def __getattr__(name: str) -> Any:
-    """Return a public name; its module is loaded when it is first asked for."""
-    module = _MODULES.get(name)
-    if module is None:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(module), name)
+__getattr__ = public_names(__name__)
