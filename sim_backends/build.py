@@ -7,10 +7,11 @@ from typing import Any, TypeAlias
 import numpy as np
 from pydantic import TypeAdapter
 
+from drivers.camera.settings import CameraSettings
 from drivers.errors import ConfigError
 from drivers.link import CameraImage
 from drivers.registry import AnyDeviceSettings
-from sim_backends.devices.camera import make_camera
+from sim_backends.devices.camera import check_camera, make_camera
 from sim_backends.devices.canopen_wheels import make_canopen_wheels
 from sim_backends.devices.nmea_compass import make_compass
 from sim_backends.devices.nmea_gnss import make_gnss
@@ -24,9 +25,11 @@ from sim_backends.devices.xsens import make_xsens
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
+from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.settings import EmulatorSettings, SimulationSettings
 from sim_backends.world.faults import flip_bit, grey_lower_half, schedule_faults
 from sim_backends.world.plant import CompiledPlant, Plant
+from sim_backends.world.still_plant import still_plant_like
 from sim_backends.world.world import EmulatedDevice, World
 
 
@@ -57,10 +60,8 @@ BYTE_DEVICES: Mapping[str, Callable[..., EmulatedDevice[bytes]]] = {
 EMULATOR: TypeAdapter[EmulatorSettings] = TypeAdapter(EmulatorSettings)
 
 
-def build_world(
-    devices: Devices, simulation: SimulationSettings, start_ns: int, *, is_run: bool = True
-) -> World:
-    """Build the simulated rover.
+def build_world(devices: Devices, simulation: SimulationSettings, start_ns: int) -> World:
+    """Build the simulated rover, and compile it: its first step would do it while time passes.
 
     Each device, its faults and the plant draw from generators of their own, so that adding a device does
     not change the others.
@@ -69,7 +70,6 @@ def build_world(
         devices: The devices of the configuration, by name.
         simulation: The rover, the errors of its devices, and the faults.
         start_ns: When the simulation starts.
-        is_run: Compile the rover now; its first step would do it, while time passes.
 
     Raises:
         ConfigError: The simulation names devices that do not exist, or its rover does not fit them; one line
@@ -79,7 +79,7 @@ def build_world(
     if mistakes:
         raise ConfigError("\n".join(mistakes))
     plant = _make_plant(simulation, start_ns)
-    if is_run and isinstance(plant, CompiledPlant):
+    if isinstance(plant, CompiledPlant):
         plant.compile()
     byte_devices: dict[str, EmulatedDevice[bytes]] = {}
     image_devices: dict[str, EmulatedDevice[CameraImage]] = {}
@@ -87,8 +87,8 @@ def build_world(
         rng = _generator(simulation.seed, f"device {name}")
         fault_rng = _generator(simulation.seed, f"faults {name}")
         faults = [fault for fault in simulation.faults if fault.device == name]
+        errors = _errors_of(simulation, name, settings)
         try:
-            errors = simulation.devices.get(name) or EMULATOR.validate_python({"type": settings.type})
             if settings.type in IMAGE_DEVICES:
                 camera = IMAGE_DEVICES[settings.type](name, settings, errors, plant, rng, start_ns)
                 schedule_faults(camera, faults, grey_lower_half, fault_rng, start_ns)
@@ -102,6 +102,34 @@ def build_world(
     if mistakes:
         raise ConfigError("\n".join(mistakes))
     return World(plant, byte_devices, image_devices)
+
+
+def check_world(devices: Devices, simulation: SimulationSettings) -> None:
+    """Check whether the simulated rover can be built, in less time: nothing is compiled, no ground is made.
+
+    Raises:
+        ConfigError: As `build_world`.
+    """
+    mistakes = list(find_simulation_conflicts(devices, simulation))
+    if mistakes:
+        raise ConfigError("\n".join(mistakes))
+    plant = still_plant_like(_make_plant(simulation, 0))
+    for name, settings in devices.items():
+        errors = _errors_of(simulation, name, settings)
+        try:
+            if isinstance(settings, CameraSettings) and isinstance(errors, CameraEmulatorSettings):
+                check_camera(settings, errors)
+            else:
+                make = {**IMAGE_DEVICES, **BYTE_DEVICES}[settings.type]
+                make(name, settings, errors, plant, _generator(simulation.seed, name), 0)
+        except ConfigError as error:
+            mistakes.append(str(error))
+    if mistakes:
+        raise ConfigError("\n".join(mistakes))
+
+
+def _errors_of(simulation: SimulationSettings, name: str, settings: AnyDeviceSettings) -> EmulatorSettings:
+    return simulation.devices.get(name) or EMULATOR.validate_python({"type": settings.type})
 
 
 def find_simulation_conflicts(

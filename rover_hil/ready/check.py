@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
 from controllers.control_loop import ControlLoop
-from drivers.clock import VirtualClock, date_of, wall_time_ns
+from drivers.clock import date_of, wall_time_ns
 from drivers.errors import ConfigError
 from rover_hil.config import Config, Draft, Rule, load_config, read_config_table, schema_text
 from rover_hil.config.schema import find_conflicts
@@ -25,9 +25,17 @@ from rover_hil.ready.ages import check_ages
 from rover_hil.run.checks import RUN_CHECKS, SIMULATE_CHECKS, VIRTUAL_RUN_CHECKS
 from rover_hil.terminal import Terminal
 from rover_hil.tune.parameters import MISSING_TUNE, check_parameters
-from sim_backends.build import build_world
+from sim_backends.build import check_world
 
-COMMANDS = {"run": RUN_CHECKS, "run --virtual": VIRTUAL_RUN_CHECKS, "simulate": SIMULATE_CHECKS}
+MORE_CHECKS = {
+    command: tuple(rule for rule in rules if rule not in RUN_CHECKS)
+    for command, rules in (
+        ("run", RUN_CHECKS),
+        ("run --virtual", VIRTUAL_RUN_CHECKS),
+        ("simulate", SIMULATE_CHECKS),
+    )
+}
+"""What commands need besides `RUN_CHECKS`, which every configuration must fulfil."""
 
 
 def check_config(
@@ -53,22 +61,23 @@ def check_config(
     check_file(preview, force=force, option="--preview")
     read_config_table(name)  # without a table there is nothing to check
     with show_steps(f"checking {name}"):
-        mistakes, findings, commands = examine_config(name)
+        examined = examine_config(name)
+    config, mistakes, commands = examined.config, examined.mistakes, examined.lacks
     if schema is not None:
         write_file(schema, schema_text(), option="--schema")
-    if preview is not None and not mistakes:
+    if preview is not None and config is not None:
         from rover_hil.report.mission_page import mission_page
 
-        write_file(preview, mission_page(name, load_config(name).mission), option="--preview")
-    warnings = [finding for finding in findings if finding.level is Level.WARNING]
+        write_file(preview, mission_page(name, config.mission), option="--preview")
+    warnings = [finding for finding in examined.findings if finding.level is Level.WARNING]
     if as_json:
         record = {
             "verdict": "wrong" if mistakes else "valid",
             "mistakes": mistakes,
             "warnings": [f"{each.subject}: {each.what}: {each.fix}" for each in warnings],
             "commands": commands,
-            "slip": "" if mistakes else describe_slip_sources(load_config(name)),
-            "entrapment": "" if mistakes else describe_progress(load_config(name)),
+            "slip": "" if config is None else describe_slip_sources(config),
+            "entrapment": "" if config is None else describe_progress(config),
         }
         print_json(record)
         return EXIT_NO if mistakes else EXIT_OK
@@ -77,30 +86,44 @@ def check_config(
         console.print(readable_line(mistake))
     for each in warnings:
         console.print(readable_line(f"warning: {each.subject}: {each.what}; {each.fix}"))
-    if mistakes:
+    if config is None:
         count = f"{len(mistakes)} mistake{'s' if len(mistakes) > 1 else ''}"
         console.print(f"{count}: correct {'them' if len(mistakes) > 1 else 'it'} and check again")
         return EXIT_NO
     console.print(f"{name} is valid")
     for command, lack in commands.items():
         console.print(f"  {command}: {lack or 'yes'}")
-    console.print(f"  slip: {describe_slip_sources(load_config(name))}")
-    console.print(f"  entrapment: {describe_progress(load_config(name))}")
+    console.print(f"  slip: {describe_slip_sources(config)}")
+    console.print(f"  entrapment: {describe_progress(config)}")
     for option, path in (("schema", schema), ("preview", preview)):
         if path is not None:
             console.print(f"{option}: {path}")
     return EXIT_OK
 
 
-def examine_config(name: str) -> tuple[list[str], list[Finding], dict[str, str]]:
-    """Return every mistake, the findings about values that fit badly, and per command what it lacks.
+class Examined(NamedTuple):
+    """What is known of a configuration.
 
-    A command that needs a section which the configuration does not have lacks it; that is not a mistake.
+    Attributes:
+        config: The configuration; None with mistakes.
+        mistakes: Every mistake, in one line each.
+        findings: Values that fit badly.
+        lacks: What each command lacks, empty for nothing. A section that the configuration does not have and
+            a command needs is no mistake. Empty with mistakes in the file itself.
     """
+
+    config: Config | None
+    mistakes: list[str]
+    findings: list[Finding]
+    lacks: dict[str, str]
+
+
+def examine_config(name: str) -> Examined:
+    """Return every mistake, the findings about values that fit badly, and per command what it lacks."""
     try:
         config = load_config(name, (*RUN_CHECKS, TUNE_RULE))
     except ConfigError as error:
-        return list(dict.fromkeys(str(error).splitlines())), [], {}
+        return Examined(None, list(dict.fromkeys(str(error).splitlines())), [], {})
     mistakes = [f"{name}: {mistake}" for mistake in _find_build_mistakes(config)]
     findings = [*check_consistency(config), *check_ages(config, date_of(wall_time_ns()))]
     mistakes += [
@@ -109,9 +132,9 @@ def examine_config(name: str) -> tuple[list[str], list[Finding], dict[str, str]]
         if finding.level is Level.PROBLEM
     ]
     draft = Draft.complete(config)
-    lacks = {command: next(iter(find_conflicts(draft, rules)), "") for command, rules in COMMANDS.items()}
+    lacks = {command: next(iter(find_conflicts(draft, rules)), "") for command, rules in MORE_CHECKS.items()}
     lacks["tune"] = lacks["run --virtual"] or ("" if config.tune else MISSING_TUNE.removeprefix("tune: "))
-    return mistakes, findings, lacks
+    return Examined(None if mistakes else config, mistakes, findings, lacks)
 
 
 def _find_tune_mistakes(draft: Draft) -> Iterator[str]:
@@ -132,6 +155,6 @@ def _find_build_mistakes(config: Config) -> Iterator[str]:
     try:
         ControlLoop(config, config.device_roles())
         if config.simulation is not None:
-            build_world(config.devices, config.simulation, VirtualClock().now_ns(), is_run=False)
+            check_world(config.devices, config.simulation)
     except ConfigError as error:
         yield from str(error).splitlines()

@@ -75,6 +75,17 @@ class CameraEmulator:
         """Ignore the payload: a camera takes no commands."""
 
 
+def check_camera(device: CameraSettings, emulator: CameraEmulatorSettings) -> None:
+    """Check the pose and optics of a simulated camera; no ground is made.
+
+    Raises:
+        ConfigError: The horizon or ground too far away is in view.
+    """
+    from sim_backends.rear_scene.emulated_scene import make_rig
+
+    make_rig(emulator, device.width, device.height, device.frame_rate_hz)
+
+
 def make_camera(
     name: str,
     device: CameraSettings,

@@ -13,7 +13,7 @@ from drivers.errors import ConfigError
 from drivers.registry import AnyDeviceSettings
 from drivers.samples import FrameSample, HeadingSample, RateSample, Sample, WheelCommand, WheelSample
 from sim_backends import build
-from sim_backends.build import build_world
+from sim_backends.build import build_world, check_world
 from sim_backends.settings import SimulationSettings
 from sim_backends.world.loopback import LoopbackLink
 from sim_backends.world.world import World
@@ -175,13 +175,40 @@ def test_faults_befall_their_device_only() -> None:
         ),
         (("board",), {"plant": {"type": "el_dorado"}}, "3 wheels"),
         (("can",), {"plant": {"type": "robotino"}}, "wheel"),
+        (
+            ("can", "camera"),
+            {"devices": {"camera": {"type": "camera", "tilt_deg": 5.0}}},
+            "views ground more than",
+        ),
+        (
+            ("can", "compass"),
+            {"devices": {"compass": {"type": "nmea_compass", "rate_hz": 50.0}}},
+            "raise baud_rate or lower rate_hz",
+        ),
     ],
 )
-def test_what_does_not_fit_is_a_config_error(
+def test_what_does_not_fit_is_a_config_error_of_the_world_and_of_its_check(
     names: tuple[str, ...], simulation: dict[str, object], message: str
 ) -> None:
-    with pytest.raises(ConfigError, match=message):
+    with pytest.raises(ConfigError, match=message) as built:
         world(*names, **simulation)
+    settings = SimulationSettings.model_validate({"plant": PLANTS[names[0]], **simulation})
+    with pytest.raises(ConfigError) as checked:
+        check_world(devices(*names), settings)
+    assert str(checked.value) == str(built.value)
+
+
+def test_a_check_compiles_nothing_and_makes_no_ground(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("sim_backends.plants.el_dorado.plant.settle", refuse)
+    monkeypatch.setattr("sim_backends.rear_scene.emulated_scene.RearScene", refuse)
+    names = ("can", "compass", "imu", "camera")
+    settings = SimulationSettings.model_validate({"plant": PLANTS["can"]})
+    check_world(devices(*names), settings)
+    with pytest.raises(AssertionError):
+        world(*names)
 
 
 @pytest.mark.parametrize(

@@ -465,7 +465,7 @@ def _name_of(found: Found) -> str:
 
 
 def _report(out: Path, console: Terminal) -> int:
-    mistakes, _, _ = examine_config(str(out))
+    mistakes = examine_config(str(out)).mistakes
     for mistake in mistakes:
         console.print(readable_line(mistake))
     if mistakes:

@@ -59,14 +59,6 @@ class ElDoradoPlant:
         self._table = table or table_of(settings)
         self._rover = _rover(settings)
         self._ground = _ground(settings)
-        self._state = State(
-            pose=np.array([settings.start_x_m, settings.start_y_m, math.radians(settings.start_yaw_deg)]),
-            tilt=np.zeros(2),
-            twist=np.zeros(3),
-            torque_nm=np.zeros(4),
-            slip=np.zeros(4),
-        )
-        settle(self._state, self._rover, self._ground)
         self._drives = Drives(
             speed_lag_s=settings.speed_lag_s,
             steer_rate_rad_s=settings.steer_rate_rad_s,
@@ -84,6 +76,20 @@ class ElDoradoPlant:
     def compile(self) -> None:
         """Load or compile what integrates; the first step does it otherwise."""
         _ = self._advance, self._write_currents
+
+    @cached_property
+    def _state(self) -> State:
+        """State; at the start the rover rests on its ground, which compiled code computes."""
+        settings = self._settings
+        state = State(
+            pose=np.array([settings.start_x_m, settings.start_y_m, math.radians(settings.start_yaw_deg)]),
+            tilt=np.zeros(2),
+            twist=np.zeros(3),
+            torque_nm=np.zeros(4),
+            slip=np.zeros(4),
+        )
+        settle(state, self._rover, self._ground)
+        return state
 
     @cached_property
     def _advance(self) -> Callable[..., None]:
