@@ -1,5 +1,6 @@
 """Shared fixtures: measured data outside the repository, and the switch for tests on a real rover."""
 
+import gc
 import os
 import signal
 from pathlib import Path
@@ -40,6 +41,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if item.get_closest_marker("rover") is not None:
             item.add_marker(skip)
+
+
+def pytest_collection_finish() -> None:
+    # Or all modules and thousands of tests are searched for garbage each time: a twentieth of the time.
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)

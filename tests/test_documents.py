@@ -89,3 +89,15 @@ def test_the_contributor_guide_names_files_and_names_that_exist() -> None:
     names = {word for word in words if re.fullmatch(r"_?[A-Z]\w*|_\w+|\w+\(\)|\w+_\w+", word)}
     assert len(names) > 15
     assert sorted(name for name in names if not re.search(rf"\b{name}\b", code)) == []
+
+
+def test_the_tests_that_prove_what_deleted_ones_proved_exist() -> None:
+    page = (ROOT / "docs/reference/tests.md").read_text("utf-8")
+    named = set(re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", page))
+    assert len(named) > 30
+    missing = [
+        f"{file}::{name}"
+        for file, name in sorted(named)
+        if not re.search(rf"^def {name}\(", (ROOT / file).read_text("utf-8"), re.MULTILINE)
+    ]
+    assert missing == []
