@@ -119,7 +119,11 @@ class RutTracker:
         return bool(abs(motion.left_m) > most_m + self._numbers.direction.least_motion_m)
 
     def _advance(self, frame: Frame, motion: PatchMotion | None) -> tuple[float, bool]:
-        """Predict the path to this frame; return the distance moved, and whether it is backwards."""
+        """Predict the path to this frame; return the distance moved, and whether it is backwards.
+
+        A motion far from the path is left out, in deviations of the noise that this drive shows: motions that
+        scatter by more than is assumed, or stay where they are, are believed after some way.
+        """
         numbers = self._numbers.direction
         moved_m = abs(frame.travel_m) * (1 - numbers.slip_guess)
         turn, turn_sd = frame.turn_rad[2], frame.turn_sd_rad[2]
@@ -134,7 +138,7 @@ class RutTracker:
             path.advance(moved_m, turn, turn_sd)
             if motion is not None and motion.forward_m > 0:
                 sd_m = max(motion.left_sd_m, numbers.motion_sd_m)
-                gate_sd = self._search.contradiction_sd
+                gate_sd = self._search.contradiction_sd * math.sqrt(max(self._noise_ratio, 1.0))
                 ratio = path.observe_motion(motion.forward_m, -motion.left_m, sd_m, gate_sd)
                 if path is self._odometry:
                     self._agrees = ratio <= gate_sd**2

@@ -75,7 +75,11 @@ def learn_reading(logs: Sequence[Path], path: Path, slip: SlipSettings) -> Learn
     write_file(path, toml_text(learned.model_dump(exclude_none=True), digits=5))
     before = rms(np.array([each.slip - each.secant - EFFORT.bracket.weight * each.width for each in labels]))
     secant_share, width_share, *others = learned.weights
-    drift = f"drift of {learned.drift_per_slip:+.2f} rad per slip, " if learned.drift_per_slip else ""
+    drift = (
+        f"drift of {learned.drift_per_slip:+.2f} rad per slip (scatter {learned.drift_sd_rad:.2f} rad), "
+        if learned.drift_per_slip
+        else ""
+    )
     changes = ", changing with response, speed and force" if others else ""
     words = (
         f"{secant_share:.2f} of the secant and {width_share:.2f} of the width{changes}, {drift}from "

@@ -234,3 +234,25 @@ def test_a_motion_that_follows_a_shadow_is_found_out_by_the_imprint(
         assert len(sds) == 8
         assert least < np.median(sds) < most
     assert np.median([a.confidence for a in found[later]]) < np.median([a.confidence for a in healthy[later]])
+
+
+def test_motions_that_scatter_by_more_than_is_assumed_are_not_halved(
+    left: Drive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Frames rock to and fro: every other motion is off to the left, the others to the right.
+
+    A gate that believes the first kind takes the second for jumps, and the angle is off by as much.
+    """
+    aside_m = 0.0015
+    count = 0
+    measured = RutTracker._motion
+
+    def rocking(self: RutTracker, frame: Frame, structure: Patch) -> PatchMotion | None:
+        nonlocal count
+        motion = measured(self, frame, structure)
+        count += 1
+        return motion and replace(motion, left_m=motion.left_m + (-1) ** count * aside_m)
+
+    monkeypatch.setattr(RutTracker, "_motion", rocking)
+    errors = errors_deg(left[0], follow(*left, "fused"))
+    assert abs(np.mean(errors[10:])) < 1.0
