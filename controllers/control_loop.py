@@ -201,7 +201,7 @@ class ControlLoop:
         commanded_rad_s = () if self._follower is None else self._commanded_rad_s
         innovations = self._estimator.advance(now_ns, commanded_rad_s, self._steering_rad)
         if self._effort is not None:
-            for pair in self._estimator.ground_pairs:
+            for pair in self._estimator.ground.pairs:
                 self._effort.take_ground(pair)
         estimate = self._estimator.estimate(now_ns)
         if self._check is not None:
@@ -215,7 +215,7 @@ class ControlLoop:
         self._travel_rad_s = tuple(map(operator.sub, speed_rad_s, self._swing_rad_s))
         odometry = self._estimator.odometry
         is_fresh = self._is_motion_fresh(now_ns)
-        ground = self._estimator.ground_report(now_ns)
+        ground = self._estimator.ground.report(now_ns)
         return StepOutput(
             t_ns=now_ns,
             mode=self._mode(),
@@ -289,15 +289,15 @@ class ControlLoop:
             distance_m=abs(driven_m),
             travel_m=driven_m * cmath.rect(1.0, estimate.yaw_rad - odometry.pose.yaw_rad),
             yaw_rad=estimate.yaw_rad,
-            is_still=self._estimator.is_still,
+            is_still=self._estimator.rest.is_still,
             evidence=self._estimator.evidence,
             gyro_bias_rad_s=estimate.gyro_bias_rad_s,
-            rejected_rate_rad_s=self._estimator.rejected_rate_rad_s,
-            unseen_m=self._estimator.unseen_m,
-            unseen_rad=self._estimator.unseen_rad,
+            rejected_rate_rad_s=self._estimator.gyro.rejected_rad_s,
+            unseen_m=self._estimator.unseen.position_m,
+            unseen_rad=self._estimator.unseen.yaw_rad,
             doubted_rad=self._estimator.doubted_rad,
-            jumped_m=self._estimator.jumped_m,
-            ground_pairs=self._estimator.ground_pairs,
+            jumped_m=self._estimator.pose_filter.jumped_m,
+            ground_pairs=self._estimator.ground.pairs,
             slip=self._valid_slip(),
             lost_response="" if excited is None else excited.lost_response,
             unanswered_m=0.0 if excited is None else excited.unanswered_m,
@@ -355,7 +355,9 @@ class ControlLoop:
         excited = None if self._effort is None else self._effort.excited
         swing_rad_s = 0.0
         is_turning = self._maneuvers is not None and bool(self._maneuvers.turn.announcement)
-        if excited is not None and (is_turning or (self._estimator.is_measured and not self._excites_beside)):
+        if excited is not None and (
+            is_turning or (self._estimator.ground.is_measured and not self._excites_beside)
+        ):
             excited.leave_out(seconds(now_ns))
         elif excited is not None:
             now_s = seconds(now_ns)

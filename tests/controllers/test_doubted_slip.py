@@ -101,7 +101,7 @@ def test_a_suspicion_widens_the_pose_and_does_not_count_as_unseen_motion(is_unse
     assert estimator.motion_ns is not None
     estimator.doubt((), 0.6, is_unseen=is_unseen)
     assert estimator.estimate(estimator.motion_ns).covariance[5] == pytest.approx(0.6**2 / 3.0, rel=0.01)
-    assert estimator.unseen_rad == pytest.approx(0.6 / math.sqrt(3.0) if is_unseen else 0.0, abs=0.01)
+    assert estimator.unseen.yaw_rad == pytest.approx(0.6 / math.sqrt(3.0) if is_unseen else 0.0, abs=0.01)
 
 
 @pytest.mark.parametrize(("share", "yaw_rad"), [(0.5, 0.0), (0.0, 0.1)])

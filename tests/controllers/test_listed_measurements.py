@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from controllers import estimator as estimator_module
+from controllers.estimation import sample_intake
 from controllers.estimation.measurement_model import Array, Expected, Measured
 from controllers.estimation.measurements.listed import LISTED
 from controllers.estimation.measurements.reader import Measurement, Situation
@@ -77,7 +77,7 @@ def yaw_sd_rad(*, hears_beacon: bool) -> tuple[float, list[str]]:
 
 def test_a_measurement_is_a_reader_and_a_line_in_the_list(monkeypatch: pytest.MonkeyPatch) -> None:
     alone_rad, _ = yaw_sd_rad(hears_beacon=True)
-    monkeypatch.setattr(estimator_module, "LISTED", (*LISTED, BearingReader()))
+    monkeypatch.setattr(sample_intake, "LISTED", (*LISTED, BearingReader()))
     unheard_rad, none = yaw_sd_rad(hears_beacon=False)
     heard_rad, names = yaw_sd_rad(hears_beacon=True)
     assert unheard_rad == alone_rad

@@ -4,9 +4,9 @@ import math
 
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pose_filter import PoseFilter
+from controllers.estimation.slip_compensator import SlipCompensator
 from controllers.estimation.unseen_motion import UnseenMotion
 from controllers.motion.body_motion import BodyMotion
-from controllers.slip.protocol import SlipCompensator
 
 
 class Doubts:

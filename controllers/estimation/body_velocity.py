@@ -1,0 +1,52 @@
+"""Velocity of the body, by the wheels and what corrects them."""
+
+from controllers.estimation.ground_follower import GroundFollower
+from controllers.estimation.gyro import GyroIntegrator
+from controllers.estimation.odometry import WheelOdometry
+from controllers.estimation.pose_estimate import YawSource
+from controllers.estimation.pose_filter import PoseFilter
+from controllers.estimation.slip_compensator import SlipCompensator
+from controllers.estimation.turn_source import TurnSource
+from controllers.motion.body_motion import BodyMotion
+
+
+class BodyVelocity:
+    """The newest velocity of the body.
+
+    Args:
+        odometry: Velocity of rolling wheels.
+        gyro: Turn rate where the turn comes from it.
+        turns: Where the turn comes from.
+        pose_filter: Bias of the gyro, and the slip that a camera measured.
+        slip: Removes the slip where no camera measures it; None without.
+        ground: Whether a camera measures the slip.
+    """
+
+    def __init__(
+        self,
+        odometry: WheelOdometry,
+        gyro: GyroIntegrator,
+        turns: TurnSource,
+        pose_filter: PoseFilter,
+        slip: SlipCompensator[object] | None,
+        ground: GroundFollower,
+    ) -> None:
+        self._odometry, self._gyro, self._turns = odometry, gyro, turns
+        self._filter, self._slip, self._ground = pose_filter, slip, ground
+
+    @property
+    def yaw_rate_rad_s(self) -> float:
+        """Turn rate by the gyro, without its bias; by the wheels where the turn comes from them."""
+        if self._turns.yaw_source is YawSource.GYRO:
+            return self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s
+        return self.by_wheels()[2]
+
+    def by_wheels(self) -> BodyMotion:
+        """Return velocity x, y in m/s and turn rate in rad/s by the wheels without slip."""
+        rolled = self._odometry.velocity
+        if self._ground.is_measured:
+            velocity_m_s = complex(*rolled[:2]) * (1.0 + self._filter.measured_slip)
+            return velocity_m_s.real, velocity_m_s.imag, rolled[2]
+        if self._slip is None:
+            return rolled
+        return self._slip.body_motion(self._odometry.wheel_speed_rad_s)

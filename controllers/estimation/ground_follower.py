@@ -1,0 +1,80 @@
+"""The pose filter follows the motion over the ground that a camera measures."""
+
+from controllers.estimation.doubts import added
+from controllers.estimation.ground_travel import GroundPair, GroundReport, GroundTravel, contradicting
+from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.pose_estimate import YawSource
+from controllers.estimation.pose_filter import PoseFilter
+from controllers.estimation.pose_fixes import FixQueue
+from controllers.estimation.turn_source import TurnSource
+
+
+class GroundFollower:
+    """Corrects the pose filter by the motion between frames, and widens it where wheels contradict it.
+
+    Args:
+        travel: Measures the motion; None without a camera: nothing is then corrected.
+        camera: Device that sends the frames.
+        pose_filter: Is corrected and widened.
+        fixes: Remember the way back to the time of a frame.
+        turns: Where the turn of the rover comes from.
+
+    Attributes:
+        pairs: Motions over the ground that the last cycle took.
+        is_measured: Whether the motion over the ground is measured, so that the slip need not be inferred.
+    """
+
+    def __init__(
+        self,
+        travel: GroundTravel | None,
+        camera: str | None,
+        pose_filter: PoseFilter,
+        fixes: FixQueue,
+        turns: TurnSource,
+    ) -> None:
+        self._travel, self._camera = travel, camera or ""
+        self._filter, self._fixes, self._turns = pose_filter, fixes, turns
+        self._lost_m = self._doubted_rig_m = 0.0
+        self.pairs: tuple[GroundPair, ...] = ()
+        self.is_measured = False
+
+    def follow(self, now_ns: int, *, is_resting: bool) -> list[Innovation]:
+        """Correct by the motion over the ground between frames; return the innovations."""
+        if self._travel is None:
+            return []
+        innovations: list[Innovation] = []
+        pairs: list[GroundPair] = []
+        for way_back, pair, is_begin, doubted_m in self._travel.take(
+            self._fixes.known_ns, self._fixes.way_back
+        ):
+            added_m, self._doubted_rig_m = added(doubted_m, self._doubted_rig_m), doubted_m
+            if added_m:
+                self._filter.widen(added_m, added_m, 0.0)
+            if pair is not None and pair.contradiction:
+                innovations.append(contradicting(self._camera, pair))
+                # One after the other they err in one direction: the errors add up, not their variances.
+                before_m, self._lost_m = self._lost_m, self._lost_m + abs(pair.ground_m - pair.rolled_m)
+                added_m = added(self._lost_m, before_m)
+                self._filter.widen(added_m, added_m, 0.0)
+            elif pair is not None:
+                self._lost_m = 0.0
+                corrects_yaw = self._turns.yaw_source is not YawSource.GYRO
+                innovations += self._filter.correct_ground(
+                    self._camera, pair.motion, way_back, corrects_yaw=corrects_yaw
+                )
+                pairs.append(pair)
+            if is_begin:
+                self._filter.mark_frame(way_back)
+        is_gyro = self._turns.yaw_source is YawSource.GYRO or is_resting
+        innovations += self._travel.compare_turns(self._camera, is_gyro=is_gyro)
+        self.pairs = tuple(pairs)
+        self.is_measured = self._travel.is_valid(now_ns)
+        return innovations
+
+    def moved_m(self, from_ns: int, to_ns: int) -> float:
+        """Return how far a camera has seen the rover move in a time; 0 without one."""
+        return 0.0 if self._travel is None else self._travel.moved_m(from_ns, to_ns)
+
+    def report(self, now_ns: int) -> GroundReport | None:
+        """Return the motion over the ground; None without a camera that measures it."""
+        return None if self._travel is None else self._travel.report(now_ns)

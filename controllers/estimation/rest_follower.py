@@ -1,0 +1,154 @@
+"""A rest of the wheels: what it teaches of the gyro, and what is open where something contradicts it."""
+
+import math
+
+from controllers.estimation.doubts import Doubts, added
+from controllers.estimation.ground_follower import GroundFollower
+from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.gyro import GyroIntegrator
+from controllers.estimation.odometry import WheelOdometry
+from controllers.estimation.pose_filter import PoseFilter
+from controllers.estimation.rest import Rest, RestWatch, Witness
+from controllers.estimation.settings import FilterSettings
+from controllers.estimation.wheel_reach import WheelReach
+from drivers.clock import nanoseconds
+
+LINEAR_RAD = 0.5
+"""A yaw that is more uncertain turns the path by more than its tangent."""
+
+
+class RestFollower:
+    """Compares a rest of the wheels with the other sensors; widens the estimate at a contradiction.
+
+    A rest that holds tells the bias of the gyro.
+
+    Args:
+        settings: Noise and times.
+        watch: Judges a rest by gyro, accelerometer and the others.
+        pose_filter: Holds the bias of the gyro.
+        doubts: Widens the estimate.
+        odometry: Tells when the wheels stopped.
+        gyro: Its newest reading.
+        ground: Motion that a camera sees.
+        reach: How far the wheels can have moved the body.
+
+    Attributes:
+        is_still: Whether the wheels have been at rest for a while, as commanded, in the last cycle.
+        is_resting: Whether the rover is taken to be at rest.
+        suspicion: Why the wheels may not measure the motion; empty without a contradiction.
+    """
+
+    def __init__(
+        self,
+        settings: FilterSettings,
+        watch: RestWatch,
+        pose_filter: PoseFilter,
+        doubts: Doubts,
+        odometry: WheelOdometry,
+        gyro: GyroIntegrator,
+        ground: GroundFollower,
+        reach: WheelReach,
+    ) -> None:
+        self._settings, self._watch, self._filter, self._doubts = settings, watch, pose_filter, doubts
+        self._odometry, self._gyro, self._ground, self._reach = odometry, gyro, ground, reach
+        self._doubted = (0.0, 0.0)
+        self._is_bias_known = self._has_doubted_bias = False
+        self._bias_seen_ns: int | None = None
+        self._driven_ns: int | None = None
+        self.is_still = self.is_resting = False
+        self.suspicion = ""
+
+    def note_drive(self, now_ns: int) -> None:
+        """Take that the wheels are commanded to turn."""
+        self._driven_ns = now_ns
+
+    def follow(self, now_ns: int, path_m: float, *, reports_speed: bool, is_commanded: bool) -> None:
+        """Update `is_still`, `is_resting` and `suspicion`.
+
+        Args:
+            now_ns: Time of the cycle.
+            path_m: Distance driven since the start.
+            reports_speed: Whether a drive reports a speed although its position stays.
+            is_commanded: Whether the set-points of the wheels are known.
+        """
+        self.is_still = self._are_wheels_still(now_ns)
+        rest = self._watch.follow(
+            now_ns,
+            self._odometry.still_since_ns if self.is_still else None,
+            self._odometry.t_ns or 0,
+            (
+                self._filter.gyro_bias_rad_s,
+                # A bias that is doubted is no reason to take any turn for one.
+                min(self._filter.gyro_bias_rad2_s2, self._settings.gyro_bias_rad_s**2),
+            ),
+            reports_speed=reports_speed,
+            is_commanded=is_commanded,
+            sees_motion=self._seen_m(now_ns) > 0.0,
+        )
+        self.suspicion = ""
+        if rest.is_contradicted:
+            self._doubt(rest, now_ns, path_m, is_commanded=is_commanded)
+        else:
+            self._doubted, self._has_doubted_bias = (0.0, 0.0), False
+        # The gyro alone does not contradict a command.
+        is_offset = rest.is_offset and not self._is_bias_known
+        self.is_resting = self.is_still and (
+            rest.holds or (is_commanded and not rest.is_turning) or is_offset
+        )
+
+    def correct_bias(self, device: str | None) -> list[Innovation]:
+        """Correct the bias by a new reading at rest; return the innovation.
+
+        Args:
+            device: The gyro; None without one.
+        """
+        gyro = self._gyro
+        if not self.is_resting or gyro.t_ns == self._bias_seen_ns or device is None:
+            return []
+        self._bias_seen_ns = gyro.t_ns
+        innovation = self._filter.correct_bias(device, gyro.rate_rad_s)
+        self._is_bias_known |= innovation.accepted
+        return [innovation]
+
+    def _are_wheels_still(self, now_ns: int) -> bool:
+        """Return whether the wheels have been at rest for a while, as commanded.
+
+        Encoders that are stuck must not pass for rest: the gyro's bias would be what the rover turns.
+        """
+        standstill_s = self._settings.standstill_s
+        is_driven = self._driven_ns is not None and now_ns - self._driven_ns < nanoseconds(standstill_s)
+        return not is_driven and self._odometry.is_still(now_ns, standstill_s)
+
+    def _seen_m(self, now_ns: int) -> float:
+        """Return how far a camera has seen the rover move although its wheels rest."""
+        if not self.is_still:
+            return 0.0
+        # The body swings after its wheels have stopped.
+        swung_ns = nanoseconds(2.0 * self._settings.standstill_s)
+        return self._ground.moved_m(self._odometry.still_since_ns + swung_ns, now_ns)
+
+    def _doubt(self, rest: Rest, now_ns: int, path_m: float, *, is_commanded: bool) -> None:
+        """Widen the estimate by what the rover may have moved during a rest that is contradicted."""
+        self.suspicion = (
+            f"the wheels are at rest, but motion is reported by {' and '.join(rest.moving)}; "
+            "the estimate is wider"
+        )
+        is_by_gyro = rest.moving == (Witness.GYRO,)
+        if is_by_gyro and not (self._has_doubted_bias or self._is_bias_known or is_commanded):
+            # A gyro that has never been seen at rest may have an offset.
+            self._has_doubted_bias = True
+            yaw_rad = self._filter.doubt_bias(self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s)
+            if yaw_rad > LINEAR_RAD:
+                # The covariance does not hold the chord of the path turned by so much.
+                chord_m = 2.0 * path_m * math.sin(0.5 * min(yaw_rad, math.pi))
+                self._filter.widen(chord_m, chord_m, 0.0)
+        reach_m = math.hypot(*self._reach.greatest(self._reach.at_limit_rad(rest.unknown_s))[:2])
+        if is_commanded and is_by_gyro:  # a nudge, or a wrong gyro
+            reach_m = 0.0
+        if rest.moving == (Witness.CAMERA,):  # the motion is measured
+            reach_m = max(self._doubted[0], self._seen_m(now_ns))
+        before_m, before_rad = self._doubted
+        self._doubted = max(before_m, reach_m), max(before_rad, abs(rest.turned_rad))
+        added_m, added_rad = map(added, self._doubted, (before_m, before_rad))
+        if added_m or added_rad:
+            self._doubts.widen((added_m, added_m, added_rad))

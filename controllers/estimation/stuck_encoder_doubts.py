@@ -1,0 +1,60 @@
+"""Widens the estimate by wheels that stay although the gyro contradicts it."""
+
+import math
+
+from controllers.estimation.doubts import added
+from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.pose_filter import PoseFilter
+from controllers.estimation.settings import FilterSettings
+from controllers.estimation.stuck_encoder import StuckEncoders
+from controllers.estimation.turn_evidence import TurnEvidence
+from controllers.estimation.wheel_reach import WheelReach
+
+
+class StuckEncoderDoubts:
+    """Widens by what the encoders that are stuck may hide.
+
+    Args:
+        settings: Noise of the turns.
+        pose_filter: Is widened.
+        reach: How far the wheels can have moved the body.
+
+    Attributes:
+        suspicion: Why the wheels may not measure the motion; empty without a contradiction in this cycle.
+    """
+
+    def __init__(self, settings: FilterSettings, pose_filter: PoseFilter, reach: WheelReach) -> None:
+        count = len(reach.effects)
+        self._stuck = StuckEncoders(settings, count)
+        self._filter, self._reach = pose_filter, reach
+        self._doubted_rad = (0.0,) * count
+        self.suspicion = ""
+
+    def follow(self, increment: BodyIncrement, evidence: TurnEvidence | None) -> None:
+        """Take an increment, and the turn by gyro and wheels in its time; None where one is unknown."""
+        self._stuck.note(increment.turned_rad)
+        if evidence is None:
+            return
+        unknown_rad = self._stuck.unknown_rad(
+            evidence,
+            math.hypot(increment.x_m, increment.y_m),
+            self._reach.effects,
+            self._filter.gyro_bias_rad2_s2,
+        )
+        before_rad = self._doubted_rad
+        self._doubted_rad = tuple(
+            math.copysign(max(abs(now), abs(before)), now) if now else 0.0
+            for now, before in zip(unknown_rad, before_rad, strict=True)
+        )
+        added_rad = [
+            math.copysign(added(now, before), now)
+            for now, before in zip(self._doubted_rad, before_rad, strict=True)
+        ]
+        if any(added_rad):
+            self._filter.widen(*self._reach.beside_gyro(added_rad))
+        stuck = [str(wheel) for wheel, unknown in enumerate(unknown_rad) if unknown]
+        if stuck:
+            self.suspicion = (
+                f"wheel {', '.join(stuck)} does not turn, but the gyro contradicts the turn by the others; "
+                "the estimate is wider"
+            )
