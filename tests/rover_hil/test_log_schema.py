@@ -20,9 +20,10 @@ from controllers.motion.crab import CrabReport, DriftSource
 from controllers.motion.limits import Limit
 from controllers.motion.planar import Pose
 from controllers.safety import Mode
-from controllers.slip.effort.compensator import SlipReport, WheelSlip
+from controllers.slip.effort.compensator import SlipReport
 from controllers.slip.effort.excited_slip import RoverSlip
 from controllers.slip.effort.ground_knowledge import SlipSource
+from controllers.slip.effort.wheel_slips import WheelSlip
 from controllers.slip.scomp.compensator import ScompReport
 from drivers.errors import LogError
 from drivers.samples import PoseFixSample, RateSample, Sample, SentCommand, WheelCommand, WheelSample

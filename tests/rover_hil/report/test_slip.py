@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from controllers.control_loop import StepOutput
-from controllers.slip.effort.compensator import SlipReport, WheelSlip
+from controllers.slip.effort.compensator import SlipReport
+from controllers.slip.effort.wheel_slips import WheelSlip
 from rover_hil.report.read_run import read_run
 from rover_hil.report.slip_figures import draw_slip
 from rover_hil.report.summary import SlipSummary, summarise
