@@ -347,3 +347,15 @@ def rover_of(columns: Columns, path: Path) -> Config:
                                "mapping": "generic_wheel"}},
     }  # fmt: skip
     return validated(Config, table, str(path))
+
+
+def turn_unit(column: TurnColumn, radius_m: float) -> float:
+    """Return the size of the unit of a column in rad of the wheel."""
+    if column.ticks_per_turn is not None:
+        return TURN_RAD / (column.ticks_per_turn * column.gear_ratio)
+    return SI_PER_UNIT[column.unit] / (radius_m if column.unit in LENGTHS else column.gear_ratio)
+
+
+def angle_unit(column: AngleColumn) -> float:
+    """Return the size of the unit of a column in rad."""
+    return SI_PER_UNIT[column.unit] if column.ticks_per_turn is None else TURN_RAD / column.ticks_per_turn

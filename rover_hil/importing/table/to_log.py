@@ -18,7 +18,8 @@ from rover_hil.importing.drive import IMU, SILENT_S, START_NS, WHEELS, Contents,
 from rover_hil.importing.fixes import FixMaker
 from rover_hil.importing.oddities import Evidence
 from rover_hil.importing.table.columns import Columns, FixColumns
-from rover_hil.importing.table.rows import Row, read_drive_table
+from rover_hil.importing.table.drive_table import Row
+from rover_hil.importing.table.rows import read_drive_table
 from rover_hil.importing.wheel_frames import write_mapping
 from rover_hil.recording.schema import TruthRecord
 from rover_hil.run.composition import ReplayLinks
