@@ -13,6 +13,7 @@ import pytest
 
 from rover_hil.console import output
 from rover_hil.console.output import can_tell, output_problem
+from tests.cases import first_often
 from tests.rover_hil.command import Command, assert_one_sentence
 
 PROGRAM = Path(sys.executable).with_name("rover-hil")
@@ -30,28 +31,34 @@ def run_shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.skipif(not FULL.is_char_device(), reason="needs /dev/full")
-@pytest.mark.parametrize("arguments", ["--version", "--help", "sample", "terrain climb --slope-deg 5 --json"])
+@pytest.mark.parametrize(
+    "arguments", first_often(["--version", "--help", "sample", "terrain climb --slope-deg 5 --json"])
+)
 def test_a_full_standard_output_is_one_sentence(arguments: str, tmp_path: Path) -> None:
     done = run_shell(f"rover-hil {arguments} > /dev/full", tmp_path)
     assert done.returncode == 2
     assert_one_sentence(done.stderr, "cannot write the output: No space left on device", "make room")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not FULL.is_char_device(), reason="needs /dev/full")
 def test_a_full_standard_error_keeps_the_exit_code(tmp_path: Path) -> None:
     assert run_shell("rover-hil terrain climb --soil none 2> /dev/full", tmp_path).returncode == 2
 
 
+@pytest.mark.slow
 def test_closed_outputs(tmp_path: Path) -> None:
     assert run_shell("rover-hil terrain climb --slope-deg 5 >&- 2>&-", tmp_path).returncode == 0
 
 
+@pytest.mark.slow
 def test_a_closed_input_is_no_terminal_that_confirms(tmp_path: Path) -> None:
     done = run_shell("rover-hil calibrate imu robotino --out x.toml <&-", tmp_path)
     assert done.returncode == 2
     assert_one_sentence(done.stderr, "this would move", "add --drive")
 
 
+@pytest.mark.slow
 def test_a_reader_that_has_left_gets_no_traceback(tmp_path: Path) -> None:
     done = run_shell("rover-hil terrain climb --slope-deg 5 --json | true", tmp_path)
     assert "Traceback" not in done.stderr

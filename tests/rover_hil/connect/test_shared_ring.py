@@ -83,6 +83,7 @@ def _write(ring: SharedRing) -> None:
             pass
 
 
+@pytest.mark.slow
 def test_another_process_loses_and_changes_none() -> None:
     ring = SharedRing(PLACES, PLACE_BYTES)
     process = multiprocessing.get_context("spawn").Process(target=_write, args=(ring,), daemon=True)
