@@ -15,6 +15,7 @@ from rover_hil.gap.data.problem import Problem, observe
 from rover_hil.gap.machines.machine_fit import MachineFits
 from rover_hil.gap.verdict import Verdict
 from rover_hil.gap.workflow import analyse
+from sim_backends.models.parameter_key import ParameterKey
 from tests.nature.machines import make_case
 from tests.nature.machines.case import Case
 
@@ -60,7 +61,7 @@ def _oracle(family: str, case: Case) -> dict[str, float]:
     found = fits.best(tuple(cards), {}, fits.base().fit.point)
     widths = {}
     for name, parameters in cards.items():
-        key = (name, next(iter(parameters)))
+        key = ParameterKey(effect=name, name=next(iter(parameters)))
         index = found.left_out.keys.index(key)
         sd = next(item.sd for item in found.fit.free if item.key == key)
         widths[name] = 2.0 * NORMAL_95 * sd * float(found.left_out.by_samples[index])

@@ -22,7 +22,8 @@ from benchmarks.gap_machines.models import geared_axis
 from drivers.clock import SystemClock, seconds
 from rover_hil.gap import Array, Channel, Parameter, Port, Run, RunParameter, StateModel, effects
 from rover_hil.gap.workflow import analyse
-from sim_backends.models.interface import RUN_SEPARATOR, Values
+from sim_backends.models.interface import Values
+from sim_backends.models.parameter_key import ParameterKey
 from sim_backends.state_model.equations import Signal
 from sim_backends.state_model.port_effect import PortEffect
 from tests.nature.machines import geared_axis as axis_truth
@@ -327,7 +328,7 @@ def _pieces() -> Case:
         voltage = 8.0 * np.repeat(rng.uniform(-1.0, 1.0, PIECE_SAMPLES // 40), 40)
         blanks.append(Run(name=f"piece{number}", conditions={}, inputs={"voltage_v": voltage}, measured={}))
     starts = {
-        f"{name}{RUN_SEPARATOR}{run.name}": float(sd * rng.standard_normal())
+        ParameterKey(name=name, run=run.name).text: float(sd * rng.standard_normal())
         for run in blanks
         for name, sd in (("first_place_m", 0.1), ("first_speed_m_s", 0.5))
     }

@@ -9,8 +9,6 @@ from drivers.errors import ConfigError
 from sim_backends.fmu.instance import Job, Result
 from sim_backends.fmu.workers import Workers
 from sim_backends.models.interface import (
-    DEVIATION,
-    RUN_SEPARATOR,
     Array,
     Channel,
     EffectCard,
@@ -19,18 +17,12 @@ from sim_backends.models.interface import (
     RunParameter,
     Values,
 )
+from sim_backends.models.parameter_key import ParameterKey, joined_name
 from sim_backends.state_model.model import uniform_step_s
 
 MOST_SUBSTEPS = 32
 SOLVED_SHARE = 0.1
 """Greatest error of the coupling, as a share of the sensor noise."""
-SEPARATOR = "."
-"""Between the name of an effect and that of its parameter."""
-
-
-def joined_name(effect: str, parameter: str) -> str:
-    """Return the name of a parameter of an effect among those of the model."""
-    return f"{effect}{SEPARATOR}{parameter}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -239,18 +231,16 @@ class UnitModel:
         self, run: Run, parameters: Values, shared: Mapping[str, float]
     ) -> Iterator[tuple[str, float]]:
         """Yield the parameters that deviate in a run from their value in all runs."""
-        strengths = [
-            (joined_name(card.name, card.parameters[0].name), card.parameters[0]) for card in self.effects
-        ]
-        for name, item in [*((one.name, one) for one in self.parameters), *strengths]:
-            moved = parameters.get(f"{name}{DEVIATION}{RUN_SEPARATOR}{item.owner_in(run)}")
+        strengths = [(card.name, card.parameters[0]) for card in self.effects]
+        for effect, item in [*(("", one) for one in self.parameters), *strengths]:
+            moved = parameters.get(item.deviation_in(run, effect).text)
             if moved is not None:
+                name = ParameterKey(name=item.name, effect=effect).text
                 yield name, min(max(shared[name] + moved, item.lower), item.upper)
 
     def _settings_of(self, run: Run, parameters: Values, shared: Mapping[str, float]) -> tuple[float, ...]:
         own = {
-            one.name: parameters.get(f"{one.name}{RUN_SEPARATOR}{run.name}", one.nominal_in(run))
-            for one in self.run_parameters
+            one.name: parameters.get(one.key_in(run).text, one.nominal_in(run)) for one in self.run_parameters
         }
         values = {**shared, **own, **run.conditions, **dict(self._deviating(run, parameters, shared))}
         for error, parameter in self.errors.items():

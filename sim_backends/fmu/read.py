@@ -8,7 +8,7 @@ from pathlib import Path
 
 from drivers.errors import ConfigError
 from sim_backends.fmu.instance import INTEGERS, Fixed, Layout
-from sim_backends.fmu.model import UnitModel, joined_name
+from sim_backends.fmu.model import UnitModel
 from sim_backends.fmu.unit import NUMBERS, Unit, Variable, open_unit
 from sim_backends.fmu.unit_file import (
     EffectEntry,
@@ -20,6 +20,7 @@ from sim_backends.fmu.unit_file import (
 )
 from sim_backends.fmu.workers import Workers
 from sim_backends.models.interface import Channel, EffectCard, Parameter, RunParameter
+from sim_backends.models.parameter_key import joined_name
 
 
 def read_unit_model(path: Path) -> UnitModel:

@@ -9,16 +9,12 @@ from typing import Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_backends.models.parameter_key import ParameterKey
 from sim_backends.models.ranges import require_bounds, require_not_negative, require_positive
 
 Array: TypeAlias = NDArray[np.float64]
 Values: TypeAlias = Mapping[str, float]
 """Parameter name to value."""
-
-RUN_SEPARATOR = "@"
-"""Between the name of a parameter and that of its run."""
-DEVIATION = "~"
-"""After the name of a parameter: the deviation of single runs or units from its value for all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +62,10 @@ class Parameter:
         value = run.conditions[self.scatter_by]
         short = f"{value:g}"
         return f"{self.scatter_by}={short if float(short) == value else repr(value)}"
+
+    def deviation_in(self, run: "Run", effect: str = "") -> ParameterKey:
+        """Return the deviation that acts in a run; `effect` where it is the strength of one."""
+        return ParameterKey(name=self.name, effect=effect, run=self.owner_in(run), is_deviation=True)
 
     @property
     def natural(self) -> float:
@@ -180,6 +180,10 @@ class RunParameter:
         # With a channel the first measured value takes the place of the nominal one.
         require_bounds(owner, self.lower, self.lower if self.channel else self.nominal, self.upper)
 
+    def key_in(self, run: "Run") -> ParameterKey:
+        """Return this unknown in a run."""
+        return ParameterKey(name=self.name, run=run.name)
+
     def nominal_in(self, run: "Run") -> float:
         """Return the nominal value in a run."""
         if not self.channel or self.channel not in run.measured:
@@ -237,6 +241,11 @@ class EffectCard:
     source: str
     shape_grid: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     releases: str | None = None
+
+    @property
+    def strength_key(self) -> ParameterKey:
+        """The key of its first parameter."""
+        return ParameterKey(effect=self.name, name=self.parameters[0].name)
 
 
 class Model(Protocol):
@@ -346,7 +355,7 @@ class Machine(Model, Protocol):
     def predict_points(
         self, runs: Sequence[Run], points: Sequence[tuple[Values, Mapping[str, Values]]]
     ) -> list[list[dict[str, Array]]]:
-        """Predict at several points at once; base parameters `NAME@RUN` are those of one run."""
+        """Predict at several points at once; those of single runs by `ParameterKey.text`."""
         ...
 
     def trajectories(

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 
 from sim_backends.models.interface import (
-    DEVIATION,
-    RUN_SEPARATOR,
     Array,
     Parameter,
     Run,
@@ -119,9 +117,7 @@ class Simulation:
             }
             strength = card.parameters[0]
             if np.any(values[strength.name] != strength.nominal):
-                values[strength.name] = self._with_deviations(
-                    values[strength.name], strength, f"{card.name}."
-                )
+                values[strength.name] = self._with_deviations(values[strength.name], strength, card.name)
                 ordered = {f"v{index}": values[one.name] for index, one in enumerate(card.parameters)}
                 numbers, memory = SimpleNamespace(**values, **ordered), self._new_memory(effect)
                 for port, change in {effect.port: effect.change, **effect.elsewhere}.items():
@@ -157,12 +153,9 @@ class Simulation:
             values[name] = np.array([[run.conditions[name] for run in self._runs]])
         return values
 
-    def _with_deviations(self, values: Array, parameter: Parameter, owner: str = "") -> Array:
+    def _with_deviations(self, values: Array, parameter: Parameter, effect: str = "") -> Array:
         """Return a parameter at each point and, where runs deviate from it, in each run."""
-        keys = [
-            f"{owner}{parameter.name}{DEVIATION}{RUN_SEPARATOR}{parameter.owner_in(run)}"
-            for run in self._runs
-        ]
+        keys = [parameter.deviation_in(run, effect).text for run in self._runs]
         if not any(key in point.parameters for point in self._points for key in keys):
             return values
         moved = np.array([[point.parameters.get(key, 0.0) for key in keys] for point in self._points])
@@ -173,7 +166,7 @@ class Simulation:
         values = np.empty(self._shape)
         for index, run in enumerate(self._runs):
             nominal = parameter.nominal_in(run)
-            key = f"{parameter.name}{RUN_SEPARATOR}{run.name}"
+            key = parameter.key_in(run).text
             values[:, index] = [point.parameters.get(key, nominal) for point in self._points]
         return values
 

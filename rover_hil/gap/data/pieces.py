@@ -12,7 +12,7 @@ import numpy as np
 from drivers.errors import ConfigError
 from rover_hil.gap.data.cut import cut_runs
 from rover_hil.gap.data.parameters import DATA
-from sim_backends.models.interface import RUN_SEPARATOR, Array, Machine, Run
+from sim_backends.models.interface import Array, Machine, Run
 from sim_backends.state_model.model import StateModel
 
 
@@ -67,7 +67,7 @@ def error_sizes(machine: StateModel, pieces: Sequence[Run]) -> Array:
     moved = []
     for item in machine.run_parameters:
         step = DATA.fit.step_share * item.prior_sd
-        point = {f"{item.name}{RUN_SEPARATOR}{one.name}": item.nominal_in(one) + step for one in pieces}
+        point = {item.key_in(one).text: item.nominal_in(one) + step for one in pieces}
         moved.append(machine.trajectories(pieces, point, {}))
     scale = np.array([np.std(np.concatenate([one[name] for one in base])) or 1.0 for name in machine.states])
     error, sizes = np.eye(scale.size), []

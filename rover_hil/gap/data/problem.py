@@ -11,8 +11,6 @@ from rover_hil.gap.data.derivatives import Derivatives
 from rover_hil.gap.data.derivatives import Indices as Indices
 from rover_hil.gap.data.parameters import DATA
 from sim_backends.models.interface import (
-    DEVIATION,
-    RUN_SEPARATOR,
     Array,
     Channel,
     EffectCard,
@@ -21,10 +19,9 @@ from sim_backends.models.interface import (
     Parameter,
     Run,
 )
+from sim_backends.models.parameter_key import ParameterKey
 
-Key: TypeAlias = tuple[str, str]
-"""Effect ("" for the base model) and parameter."""
-Point: TypeAlias = Mapping[Key, float]
+Point: TypeAlias = Mapping[ParameterKey, float]
 LARGEST = 1e150
 """Derivatives from here on are those of a machine that runs away; they cannot be squared."""
 VALUES_AT_ONCE = 4_000_000
@@ -35,7 +32,7 @@ VALUES_AT_ONCE = 4_000_000
 class Free:
     """A fitted parameter, with its prior and the step of its derivatives."""
 
-    key: Key
+    key: ParameterKey
     mean: float
     sd: float
     lower: float
@@ -163,8 +160,8 @@ class Problem:
         self.released = tuple(released)
         self.evaluations = 0
         self.sites = [group.site for group in observations.groups]
-        self._memory: dict[tuple[tuple[Key, float], ...], Array] = {}
-        self._owned: dict[Key, NDArray[np.bool_]] = {}
+        self._memory: dict[frozenset[tuple[ParameterKey, float]], Array] = {}
+        self._owned: dict[ParameterKey, NDArray[np.bool_]] = {}
 
     @property
     def owner(self) -> Indices:
@@ -235,7 +232,7 @@ class Problem:
         """
         found = [
             Free(
-                key=("", item.name),
+                key=ParameterKey(name=item.name),
                 mean=item.nominal,
                 sd=(DATA.fit.weak if item.name in self.released else 1.0) * item.prior_sd,
                 lower=item.lower,
@@ -279,12 +276,10 @@ class Problem:
             sd: Their standard deviation.
             effect: The effect; empty for a base parameter.
         """
-        name = f"{effect}.{parameter.name}" if effect else parameter.name
-        labels = [parameter.owner_in(site) for site in self.sites]
+        keys = [parameter.deviation_in(site, effect) for site in self.sites]
         found = []
-        for owner in dict.fromkeys(labels):
-            key = ("", f"{name}{DEVIATION}{RUN_SEPARATOR}{owner}")
-            self._owned[key] = np.array([one == owner for one in labels])
+        for key in dict.fromkeys(keys):
+            self._owned[key] = np.array([one == key for one in keys])
             found.append(
                 Free(
                     key=key,
@@ -298,20 +293,20 @@ class Problem:
             )
         return found
 
-    def sites_of(self, key: Key) -> "NDArray[np.bool_]":
+    def sites_of(self, key: ParameterKey) -> "NDArray[np.bool_]":
         """Return which sites belong to the run, or to the unit under test, that a parameter is of."""
         if key not in self._owned:
-            self._owned[key] = np.array([not run_of(key) or site.name == run_of(key) for site in self.sites])
+            self._owned[key] = np.array([not key.run or site.name == key.run for site in self.sites])
         return self._owned[key]
 
-    def rows_of(self, key: Key) -> "NDArray[np.bool_]":
+    def rows_of(self, key: ParameterKey) -> "NDArray[np.bool_]":
         """Return which rows belong to these sites."""
         return self.sites_of(key)[self.observations.site]
 
     def _run_unknowns(self, model: Machine) -> list[Free]:
         return [
             Free(
-                key=("", f"{item.name}{RUN_SEPARATOR}{site.name}"),
+                key=item.key_in(site),
                 mean=item.nominal_in(site),
                 sd=item.prior_sd,
                 lower=item.lower,
@@ -335,74 +330,60 @@ class DerivativeRequest:
     """
 
     def __init__(
-        self, problem: Problem, point: Point, free: Sequence[Free], known: Mapping[Key, Array] | None = None
+        self,
+        problem: Problem,
+        point: Point,
+        free: Sequence[Free],
+        known: Mapping[ParameterKey, Array] | None = None,
     ) -> None:
         self._problem = problem
         self._free = free
         self._known = known or {}
         self._widths: list[float] = []
-        moves: dict[str, tuple[Point, Point]] = {}
+        moves: dict[ParameterKey, tuple[Point, Point]] = {}
         for item in free:
             if item.key in self._known:
                 self._widths.append(1.0)
                 continue
             low, high = _sides(point, item)
-            name = _shared_name(item.key)
-            below, above = moves.get(name, (point, point))
-            moves[name] = ({**below, item.key: low}, {**above, item.key: high})
+            shared = item.key.shared
+            below, above = moves.get(shared, (point, point))
+            moves[shared] = ({**below, item.key: low}, {**above, item.key: high})
             self._widths.append(high - low)
-        self._order = {name: index for index, name in enumerate(moves)}
+        self._order = {shared: index for index, shared in enumerate(moves)}
         self.points: list[Point] = [one for pair in moves.values() for one in pair]
 
     def matrix(self, rows: Sequence[Array]) -> Derivatives:
         """Return rows x parameters, given the predictions at `points`."""
         site = self._problem.observations.site
-        packed = {name: column for column, name in enumerate(dict.fromkeys(map(self._name, self._free)))}
+        shared = [item.key.shared for item in self._free]
+        packed = {key: column for column, key in enumerate(dict.fromkeys(shared))}
         values = np.zeros((site.size, len(packed)))
         places = np.full((len(self._problem.sites), len(packed)), -1, dtype=np.intp)
         widths = np.ones(places.shape)
         for index, item in enumerate(self._free):
-            column, owned = packed[self._name(item)], self._problem.sites_of(item.key)
+            column, owned = packed[shared[index]], self._problem.sites_of(item.key)
             places[owned, column], widths[owned, column] = index, self._widths[index]
         for item in self._free:
             if item.key in self._known:
-                values[:, packed[self._name(item)]] = self._known[item.key]
-        for name, order in self._order.items():
-            column = packed[name]
+                values[:, packed[item.key.shared]] = self._known[item.key]
+        for key, order in self._order.items():
+            column = packed[key]
             with np.errstate(over="ignore", invalid="ignore"):  # of a machine that runs away
                 change = (rows[2 * order + 1] - rows[2 * order]) / widths[site, column]
             here = (np.abs(change) < LARGEST) & (places[site, column] >= 0)
             values[here, column] = change[here]
         return Derivatives(values=values, site=site, places=places, count=len(self._free))
 
-    @staticmethod
-    def _name(item: Free) -> str:
-        return _shared_name(item.key)
 
-
-def _memory_key(point: Point) -> tuple[tuple[Key, float], ...]:
-    return tuple(sorted(point.items()))
-
-
-def run_of(key: Key) -> str:
-    """Return the run or unit under test that a parameter belongs to; empty for one of all runs."""
-    return key[1].partition(RUN_SEPARATOR)[2] if not key[0] else ""
-
-
-def is_deviation(key: Key) -> bool:
-    """Return True for the deviation of a run or unit from a parameter of all runs."""
-    return not key[0] and key[1].partition(RUN_SEPARATOR)[0].endswith(DEVIATION)
-
-
-def _shared_name(key: Key) -> str:
-    """Return the same name for a parameter in every run."""
-    return f"{key[0]}{RUN_SEPARATOR}{key[1]}" if key[0] else key[1].partition(RUN_SEPARATOR)[0]
+def _memory_key(point: Point) -> frozenset[tuple[ParameterKey, float]]:
+    return frozenset(point.items())
 
 
 def _sides(point: Point, free: Free) -> tuple[float, float]:
     here = point.get(free.key, free.start)
     low, high = max(here - free.step, free.lower), min(here + free.step, free.upper)
-    if free.key[0] == "" or low == here or high == here:
+    if not free.key.is_of_effect or low == here or high == here:
         # For a smooth parameter or one with a sign, one side is enough and costs half.
         other = high if high > here else low
         low, high = min(here, other), max(here, other)
@@ -431,11 +412,13 @@ def predict_points(model: Model, sites: Sequence[Run], points: Sequence[Point]) 
 
 def split_point(point: Point) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
     """Return the base parameters and the effects of a point."""
-    parameters = {name: value for (effect, name), value in point.items() if not effect}
+    parameters: dict[str, float] = {}
     effects: dict[str, dict[str, float]] = {}
-    for (effect, name), value in point.items():
-        if effect:
-            effects.setdefault(effect, {})[name] = value
+    for key, value in point.items():
+        if key.is_of_effect:
+            effects.setdefault(key.effect, {})[key.name] = value
+        else:
+            parameters[key.text] = value
     return parameters, effects
 
 
@@ -446,7 +429,7 @@ def effect_free(card: EffectCard, shapes: Mapping[str, float] | None = None) -> 
         start = (shapes or {}).get(item.name, item.nominal)
         frees.append(
             Free(
-                key=(card.name, item.name),
+                key=ParameterKey(effect=card.name, name=item.name),
                 mean=item.nominal if index == 0 else start,
                 sd=(DATA.fit.weak if index == 0 else 1.0) * item.prior_sd,
                 lower=item.lower,

@@ -34,6 +34,7 @@ from rover_hil.gap.machines.sizes import Size, size_of
 from rover_hil.gap.machines.tracking import Tracked, track
 from rover_hil.gap.statistics.score import Score
 from sim_backends.models.interface import Machine, Run
+from sim_backends.models.parameter_key import ParameterKey
 from sim_backends.state_model.model import StateModel
 
 
@@ -86,7 +87,7 @@ class MachineFindings:
     equations: tuple[Equation, ...] = ()
     locations: tuple[ResidualLocation, ...] = ()
     tracked: Tracked | None = None
-    other_weighting: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    other_weighting: Mapping[ParameterKey, float] = field(default_factory=dict)
     runners_up: tuple[MachineFit, ...] = ()
     unlisted: tuple[tuple[Machine, MachineFit], ...] = ()
 
@@ -97,7 +98,7 @@ class MachineFindings:
 
     def size(self, effect: str, parameter: str) -> Size:
         """Return a size of the explanation with its interval."""
-        return size_of(self.best, (effect, parameter))
+        return size_of(self.best, ParameterKey(effect=effect, name=parameter))
 
 
 def analyse_machine(
@@ -275,7 +276,7 @@ def _followed(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
     moved = {
         item.key: item.mean + item.sd * float(pull)
         for item, pull in zip(tracked.fit.free, tracked.pulls, strict=True)
-        if item.key[0]
+        if item.key.is_of_effect
     }
     return replace(findings, tracked=tracked, other_weighting=moved)
 

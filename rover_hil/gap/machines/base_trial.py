@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from rover_hil.gap.base_parameters import Trial
-from rover_hil.gap.data.problem import Key, Problem, run_of
+from rover_hil.gap.data.problem import Problem
 from rover_hil.gap.machines.analysis import MachineFindings, has_ports, likeness
 from rover_hil.gap.machines.free_terms import free_terms, search_terms, strength_of
 from rover_hil.gap.machines.holdout import hold_out
@@ -18,6 +18,7 @@ from rover_hil.gap.machines.sizes import size_of
 from rover_hil.gap.statistics.score import one_sided_z
 from rover_hil.gap.verdict import FittedBase
 from sim_backends.models.interface import Run
+from sim_backends.models.parameter_key import ParameterKey
 from sim_backends.state_model.model import StateModel
 
 
@@ -26,8 +27,8 @@ def machine_bases(findings: MachineFindings, found: MachineFit) -> list[FittedBa
     items = {item.name: item for item in findings.machine.parameters}
     rows = []
     for free in found.fit.free:
-        effect, name = free.key
-        if effect or run_of(free.key) or name not in items:
+        name = free.key.name
+        if not free.key.is_base or name not in items:
             continue
         size, item = size_of(found, free.key), items[name]
         rows.append(
@@ -65,12 +66,12 @@ def machine_trial(
     machine = findings.machine
     held = Problem(machine, problem.observations, (name,), problem.released)
     cards = [card for card in machine.effects if card.releases != name]
-    begin = {key: value for key, value in found.fit.point.items() if key != ("", name)}
+    begin = {key: value for key, value in found.fit.point.items() if key != ParameterKey(name=name)}
     part, held = released_fit(held, MachineFits(held, cards).best(found.names, {}, begin))
     fits = MachineFits(held, cards)
     others = tuple(one for one in held.released if one not in problem.released)
     equals: list[tuple[str, ...]] = [others] if _is_as_good(part, found, part) else []
-    sizes = {others: " and ".join(f"{one} ({_size_text(part, ('', one))})" for one in others)}
+    sizes = {others: " and ".join(f"{one} ({_size_text(part, ParameterKey(name=one))})" for one in others)}
     if not equals:
         ranked = sorted(best_shapes(score_effects(fits, part)), key=one_sided_z, reverse=True)
         chosen = [one.direction for one in ranked[: MACHINES.terms.most_fitted] if one_sided_z(one) > 0.0]
@@ -88,12 +89,13 @@ def machine_trial(
 
 
 def _effect_text(fits: MachineFits, found: MachineFit, effect: str) -> str:
-    item = fits.cards[effect].parameters[0]
+    card = fits.cards[effect]
+    item = card.parameters[0]
     unit = "" if item.unit == "1" else f" {item.unit}"
-    return f"{effect} ({item.name} {_size_text(found, (effect, item.name), unit)})"
+    return f"{effect} ({item.name} {_size_text(found, card.strength_key, unit)})"
 
 
-def _size_text(found: MachineFit, key: Key, unit: str = "") -> str:
+def _size_text(found: MachineFit, key: ParameterKey, unit: str = "") -> str:
     size = size_of(found, key)
     return f"{size.value:.3g}{unit}, {size.low:.3g} to {size.high:.3g}"
 

@@ -12,8 +12,6 @@ from rover_hil.gap.machines.card_changes import card_changes
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.terms import series_terms, term_changes
 from sim_backends.models.interface import (
-    DEVIATION,
-    RUN_SEPARATOR,
     Array,
     Channel,
     DrivenModel,
@@ -61,6 +59,7 @@ class CalledMachine(ObservedModel):
         self.inputs: Mapping[str, str] = {}
         self.step_s: float | None = None if TIME in units else float(getattr(model, "step_s", None) or 1.0)
         self.run_parameters: tuple[RunParameter, ...] = ()
+        self._names = frozenset(one.name for one in self.parameters)
 
     def predict(
         self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
@@ -95,9 +94,8 @@ class CalledMachine(ObservedModel):
     def _at(
         self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
     ) -> list[dict[str, Array]]:
-        shared = {name: value for name, value in parameters.items() if RUN_SEPARATOR not in name}
-        if len(shared) == len(parameters):
-            return super().predict(runs, shared, effects)
+        if parameters.keys() <= self._names:
+            return super().predict(runs, parameters, effects)
         return [
             table
             for run in runs
@@ -109,19 +107,17 @@ class CalledMachine(ObservedModel):
     ) -> tuple[Values, Mapping[str, Values]]:
         """Return the parameters of a run with its deviations."""
 
-        def moved(name: str, item: Parameter, value: float) -> float:
-            by = parameters.get(f"{name}{DEVIATION}{RUN_SEPARATOR}{item.owner_in(run)}", 0.0)
+        def moved(item: Parameter, value: float, effect: str = "") -> float:
+            by = parameters.get(item.deviation_in(run, effect).text, 0.0)
             return min(max(value + by, item.lower), item.upper)
 
-        own = {
-            one.name: moved(one.name, one, parameters.get(one.name, one.nominal)) for one in self.parameters
-        }
+        own = {one.name: moved(one, parameters.get(one.name, one.nominal)) for one in self.parameters}
         active = {name: dict(values) for name, values in effects.items()}
         for card in self.effects:
             if card.name in active:
                 first = card.parameters[0]
                 value = active[card.name].get(first.name, first.nominal)
-                active[card.name][first.name] = moved(f"{card.name}.{first.name}", first, value)
+                active[card.name][first.name] = moved(first, value, card.name)
         return own, active
 
 

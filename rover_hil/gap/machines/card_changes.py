@@ -8,6 +8,7 @@ from rover_hil.gap.data.problem import Point, Problem, effect_free
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.score import Direction, Score
 from sim_backends.models.interface import EffectCard, Parameter
+from sim_backends.models.parameter_key import ParameterKey
 
 
 def card_changes(problem: Problem, point: Point, cards: Sequence[EffectCard]) -> list[Direction]:
@@ -20,7 +21,7 @@ def card_changes(problem: Problem, point: Point, cards: Sequence[EffectCard]) ->
 
 
 def _with_shapes(point: Point, card: EffectCard, shapes: Mapping[str, float]) -> Point:
-    return {**point, **{(card.name, name): value for name, value in shapes.items()}}
+    return {**point, **{ParameterKey(effect=card.name, name=name): value for name, value in shapes.items()}}
 
 
 def _change(problem: Problem, point: Point, card: EffectCard, shapes: Mapping[str, float]) -> Direction:
@@ -62,5 +63,5 @@ def imitating_parameter(start: Fit, score: Score) -> str:
         length = math.sqrt(float(column @ column) * float(change @ change))
         alike = abs(float(column @ change)) / length if length > 0.0 else 0.0
         if alike > most:
-            best, most = item.key[1], alike
+            best, most = item.key.name, alike
     return best

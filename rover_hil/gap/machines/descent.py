@@ -13,19 +13,13 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from rover_hil.gap.data.derivatives import Derivatives
-from rover_hil.gap.data.problem import (
-    DerivativeRequest,
-    Free,
-    Key,
-    Observations,
-    Point,
-    Problem,
-)
+from rover_hil.gap.data.problem import DerivativeRequest, Free, Observations, Point, Problem
 from rover_hil.gap.machines.called_machine import CalledMachine
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise, noise_of_residual
 from sim_backends.models.interface import Array, Model
+from sim_backends.models.parameter_key import ParameterKey
 
 Descent: TypeAlias = Generator[Sequence[Point], Sequence[Array], tuple[Fit, SensorNoise]]
 
@@ -71,7 +65,7 @@ def descend(
     free: Sequence[Free],
     start: Point,
     fixed: Point,
-    known: Mapping[Key, Array] | None = None,
+    known: Mapping[ParameterKey, Array] | None = None,
 ) -> Descent:
     """Fit parameters; the generator yields the points where it needs predictions.
 
@@ -139,7 +133,7 @@ class _Slopes:
         known: Derivatives by key, per unit.
     """
 
-    def __init__(self, problem: Problem, free: Sequence[Free], known: Mapping[Key, Array]) -> None:
+    def __init__(self, problem: Problem, free: Sequence[Free], known: Mapping[ParameterKey, Array]) -> None:
         self._problem = problem
         self._free = free
         self.known = {item.key: known[item.key] for item in free if item.key in known}

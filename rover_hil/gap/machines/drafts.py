@@ -21,6 +21,7 @@ from rover_hil.gap.machines.sizes import size_of
 from rover_hil.gap.machines.tracking import basis_of
 from rover_hil.gap.statistics.random_force import random_force_noise
 from sim_backends.models.interface import Model, Run
+from sim_backends.models.parameter_key import ParameterKey
 from sim_backends.state_model.model import StateModel
 
 
@@ -106,7 +107,7 @@ def _force_rms(machine: StateModel, locked: Sequence[Run], point: Point) -> dict
 
 def _draft(machine: StateModel, found: FittedTerm, before: float, after: float) -> DraftTerm:
     name, coefficient = strength_of(machine, found.term)
-    size = size_of(found.fit, (name, coefficient.name))
+    size = size_of(found.fit, ParameterKey(effect=name, name=coefficient.name))
     port = found.term.effect.port
     return DraftTerm(
         equation=name,

@@ -181,7 +181,7 @@ def search_terms(
 def _with_strength(point: Point, machine: StateModel, score: Score) -> Point:
     """Return a point with the strength that a term has to first order."""
     card = next(one for one in machine.effects if one.name == score.direction.name)
-    return {**point, (card.name, card.parameters[0].name): score.strength}
+    return {**point, card.strength_key: score.strength}
 
 
 def strength_of(machine: StateModel, candidate: FreeTerm) -> tuple[str, Parameter]:

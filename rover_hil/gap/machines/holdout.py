@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.gap.data.problem import Point, Problem, observe, run_of
+from rover_hil.gap.data.problem import Point, Problem, observe
 from rover_hil.gap.machines.descent import descend, descend_together, residual_of
 from rover_hil.gap.machines.machine_fit import MachineFit, start_of_runs
 from rover_hil.gap.machines.parameters import MACHINES
@@ -106,8 +106,8 @@ def hold_out(
 
 def with_own_unknowns(problem: Problem, point: Point) -> Point:
     """Return a point with the unknowns of each run of a problem fitted, and nothing else."""
-    shared = {key: value for key, value in point.items() if not run_of(key)}
-    free = problem.run_free([effect for effect, _ in point if effect])
+    shared = {key: value for key, value in point.items() if not key.run}
+    free = problem.run_free([key.effect for key in shared if key.effect])
     if not free:
         return shared
     # A fit reads the start of its base parameters from the model; here they are all fixed.

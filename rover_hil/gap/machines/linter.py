@@ -12,7 +12,7 @@ import numpy as np
 
 from drivers.errors import ConfigError
 from rover_hil.gap.data.derivatives import in_full
-from rover_hil.gap.data.problem import Key, Problem, observe
+from rover_hil.gap.data.problem import Problem, observe
 from rover_hil.gap.machines.card_changes import card_changes, imitating_parameter, shape_points
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.reach import Reach, signal_ranges, threshold_reaches
@@ -20,6 +20,7 @@ from rover_hil.gap.statistics.fit import Fit, whitened_jacobian
 from rover_hil.gap.statistics.score import Score, cosine, score_all
 from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise
 from sim_backends.models.interface import EffectCard, Machine, Run
+from sim_backends.models.parameter_key import ParameterKey
 from sim_backends.state_model.model import StateModel
 
 
@@ -183,7 +184,7 @@ class _Bench:
         self.problem = Problem(model, observe(model, runs))
         self._noise: SensorNoise = declared_noise(self.problem.observations)
         free = tuple(self.problem.base_free())
-        nominal: dict[Key, float] = {item.key: item.start for item in free}
+        nominal: dict[ParameterKey, float] = {item.key: item.start for item in free}
         jacobian = in_full(np.zeros((self._noise.site.size, 0)))
         self._fit = Fit(
             free=free,
@@ -200,8 +201,8 @@ class _Bench:
         points = [
             {
                 **self._fit.point,
-                (card.name, strength.name): strength.natural,
-                **{(card.name, name): value for name, value in one.items()},
+                card.strength_key: strength.natural,
+                **{ParameterKey(effect=card.name, name=name): value for name, value in one.items()},
             }
             for one in shapes
         ]
@@ -234,7 +235,7 @@ class _Bench:
             change=change if math.isfinite(change) else math.nan,
             rms=shown / math.sqrt(self._noise.site.size),
             standard_errors=shown,
-            absorbed_by=imitator.partition("@")[0],
+            absorbed_by=imitator,
         )
 
 

@@ -10,24 +10,15 @@ import numpy as np
 from scipy import stats
 
 from rover_hil.gap.data.parameters import DATA
-from rover_hil.gap.data.problem import (
-    Free,
-    Indices,
-    Key,
-    Point,
-    Problem,
-    cells,
-    effect_free,
-    is_deviation,
-    run_of,
-)
+from rover_hil.gap.data.problem import Free, Indices, Point, Problem, cells, effect_free
 from rover_hil.gap.machines.called_machine import CalledMachine
 from rover_hil.gap.machines.descent import descend, descend_together
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.steady import SteadyMachine
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise
-from sim_backends.models.interface import RUN_SEPARATOR, Array, EffectCard
+from sim_backends.models.interface import Array, EffectCard
+from sim_backends.models.parameter_key import ParameterKey
 
 Names: TypeAlias = tuple[str, ...]
 Shapes: TypeAlias = Mapping[str, Mapping[str, float]]
@@ -66,7 +57,7 @@ class LeftOut:
     moved: Array
     by_samples: Array
     informed: Array
-    keys: tuple[Key, ...]
+    keys: tuple[ParameterKey, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +94,7 @@ class MachineFit:
         """Cost of base parameters away from nominal, where it is compared with that of errors."""
         if self.evidence is not EvidenceKind.LEARNED:
             return 0.0
-        base = [not item.key[0] and not run_of(item.key) for item in self.fit.free]
+        base = [item.key.is_base for item in self.fit.free]
         return float(np.sum(self.fit.pull[np.array(base, dtype=np.bool_)] ** 2))
 
     @property
@@ -158,7 +149,7 @@ class MachineFits:
         self.problem = problem
         self.cards = {card.name: card for card in cards}
         self._known: dict[Names, MachineFit] = {}
-        self._slopes: dict[Key, Array] = {}
+        self._slopes: dict[ParameterKey, Array] = {}
 
     @property
     def evidence(self) -> EvidenceKind:
@@ -192,20 +183,21 @@ class MachineFits:
 
         Without a large effect the base parameters compensate so much that derivatives there are useless.
         """
-        new = [self.cards[name] for name in names if (name, self.cards[name].parameters[0].name) not in begin]
+        new = [self.cards[name] for name in names if self.cards[name].strength_key not in begin]
         nominal = {item.key: item.start for item in self.problem.base_free() if item.key in plain}
         starts: list[Point] = []
         for share in MACHINES.fit.called_shares:
-            moved: dict[Key, float] = {}
+            moved: dict[ParameterKey, float] = {}
             for card in new:
                 first, single = card.parameters[0], self._known.get((card.name,))
                 size = first.nominal + share * first.prior_sd
                 if len(new) > 1 and single is not None:
-                    size = single.fit.point[card.name, first.name]
+                    size = single.fit.point[card.strength_key]
                 elif share == 0.0 and card.releases is not None:
                     # What the base parameter has taken on itself.
-                    size += begin.get(("", card.releases), 0.0) - self.fixed((card.name,))["", card.releases]
-                moved[card.name, first.name] = min(max(size, first.lower), first.upper)
+                    released = ParameterKey(name=card.releases)
+                    size += begin.get(released, 0.0) - self.fixed((card.name,))[released]
+                moved[card.strength_key] = min(max(size, first.lower), first.upper)
             starts += [{**plain, **moved}, {**plain, **nominal, **moved}]
         return starts
 
@@ -217,8 +209,12 @@ class MachineFits:
         return float(whitened @ whitened + pull @ pull)
 
     def _charge(self, found: Fit) -> float:
-        names = {item.key[0] for item in found.free if item.key[0]}
-        shapes = [(name, item.name) for name in names for item in self.cards[name].parameters[1:]]
+        names = {item.key.effect for item in found.free if item.key.effect}
+        shapes = [
+            ParameterKey(effect=name, name=item.name)
+            for name in names
+            for item in self.cards[name].parameters[1:]
+        ]
         return found.shape_information(shapes) if shapes else 0.0
 
     @property
@@ -257,11 +253,11 @@ class MachineFits:
             ]
         return found
 
-    def fixed(self, names: Names) -> dict[Key, float]:
+    def fixed(self, names: Names) -> dict[ParameterKey, float]:
         """Return the base parameters that effects release, at their nominal values."""
         nominal = {item.name: item.nominal for item in self.problem.model.parameters}
         released = [self.cards[name].releases for name in names]
-        return {("", one): nominal[one] for one in released if one is not None}
+        return {ParameterKey(name=one): nominal[one] for one in released if one is not None}
 
     def fit_all(
         self, options: Sequence[tuple[Names, Shapes, Point]], *, is_near: bool = False
@@ -311,7 +307,7 @@ def in_declared_units(fit: Fit, noise: SensorNoise, declared_sd: Array) -> Array
 def _stronger(free: Sequence[Free], begin: Point, share: float) -> Point:
     """Return a start with effects of a share of their natural size."""
     start = {item.key: begin.get(item.key, item.start) for item in free}
-    strengths = {item.key[0]: item for item in reversed(free) if item.key[0]}
+    strengths = {item.key.effect: item for item in reversed(free) if item.key.is_of_effect}
     for item in strengths.values():
         start[item.key] = float(np.clip(item.mean + share * item.sd / DATA.fit.weak, item.lower, item.upper))
     return start
@@ -326,10 +322,10 @@ def start_of_runs(problem: Problem, shared: Point | None = None) -> Point:
         problem: Model and observations.
         shared: Parameters of all runs; nominal where left out.
     """
-    free = [item for item in problem.run_free() if not is_deviation(item.key)]
+    free = [item for item in problem.run_free() if not item.key.is_deviation]
     if not free:
         return {}
-    names = list(dict.fromkeys(item.key[1].partition(RUN_SEPARATOR)[0] for item in free))
+    names = list(dict.fromkeys(item.key.name for item in free))
     draws = stats.qmc.Sobol(len(names), seed=0).random(MACHINES.fit.start_draws)
     pulls = stats.norm.ppf(0.01 + 0.98 * draws)
     pulls[0] = 0.0
@@ -337,17 +333,17 @@ def start_of_runs(problem: Problem, shared: Point | None = None) -> Point:
     problem.prepare_points(points)
     declared = declared_noise(problem.observations).channel_sd[problem.observations.channel]
     weight = _beginning(problem) / declared**2
-    best: dict[Key, float] = {}
+    best: dict[ParameterKey, float] = {}
     costs = np.stack([_costs(problem, point, weight) for point in points])
     for run, site in enumerate(problem.sites):
         chosen = points[int(np.argmin(costs[:, run]))]
-        best.update({key: value for key, value in chosen.items() if run_of(key) == site.name})
+        best.update({key: value for key, value in chosen.items() if key.run == site.name})
     return best
 
 
 def _drawn(free: Sequence[Free], pulls: Mapping[str, float]) -> Point:
     """Return the same draw of the unknowns, by name in prior deviations, in every run."""
-    by_item = [(item, pulls[item.key[1].partition(RUN_SEPARATOR)[0]]) for item in free]
+    by_item = [(item, pulls[item.key.name]) for item in free]
     return {
         item.key: float(np.clip(item.mean + pull * item.sd, item.lower, item.upper)) for item, pull in by_item
     }
@@ -410,7 +406,7 @@ def leave_one_run_out(found: Fit, noise: SensorNoise, declared_sd: Array, owner:
 
 def shared_parameters(found: Fit) -> list[int]:
     """Return the places of the parameters of all runs."""
-    return [index for index, item in enumerate(found.free) if not run_of(item.key)]
+    return [index for index, item in enumerate(found.free) if not item.key.run]
 
 
 def held_parameters(found: Fit) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":

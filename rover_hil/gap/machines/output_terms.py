@@ -71,7 +71,9 @@ def equal_terms(
 def _base_pulls(found: MachineFit) -> float:
     """Return what the base parameters cost by their priors."""
     return sum(
-        float(pull) ** 2 for item, pull in zip(found.fit.free, found.fit.pull, strict=True) if not item.key[0]
+        float(pull) ** 2
+        for item, pull in zip(found.fit.free, found.fit.pull, strict=True)
+        if not item.key.is_of_effect
     )
 
 

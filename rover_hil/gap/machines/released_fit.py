@@ -9,6 +9,7 @@ import numpy as np
 from rover_hil.gap.base_parameters import FAR_SD
 from rover_hil.gap.data.problem import Problem, split_point
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
+from sim_backends.models.parameter_key import ParameterKey
 
 
 def released_fit(problem: Problem, found: MachineFit) -> tuple[MachineFit, Problem]:
@@ -26,9 +27,9 @@ def released_fit(problem: Problem, found: MachineFit) -> tuple[MachineFit, Probl
     while name := _contradicted(problem, found):
         problem = Problem(problem.model, problem.observations, problem.held, (*problem.released, name))
         returned = {
-            ("", item.name): item.nominal
+            key: item.nominal
             for item in problem.model.parameters
-            if ("", item.name) in found.fit.point and item.name not in problem.released
+            if (key := ParameterKey(name=item.name)) in found.fit.point and item.name not in problem.released
         }
         shapes = split_point({item.key: item.mean for item in found.fit.free})[1]
         starts = (found.fit.point, {**found.fit.point, **returned})
@@ -46,11 +47,11 @@ def _contradicted(problem: Problem, found: MachineFit) -> str:
     Without its prior, the cost falls by the square of the pull over the share of its variance that the prior
     determines (Gaussian posterior).
     """
-    kept = {("", item.name) for item in problem.model.parameters if item.name not in problem.released}
-    base = [index for index, item in enumerate(found.fit.free) if item.key in kept]
+    kept = {item.name for item in problem.model.parameters if item.name not in problem.released}
+    base = [index for index, item in enumerate(found.fit.free) if item.key.is_base and item.key.name in kept]
     pull = found.fit.pull[base]
     if not np.any(np.abs(pull) > FAR_SD):
         return ""
     by_prior = 1.0 - np.diag(found.fit.covariance)[base]
     gain = pull**2 / np.maximum(by_prior, np.finfo(np.float64).eps)
-    return found.fit.free[base[int(np.argmax(gain))]].key[1]
+    return found.fit.free[base[int(np.argmax(gain))]].key.name

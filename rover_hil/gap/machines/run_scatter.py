@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rover_hil.gap.data.problem import Free, Key
+from rover_hil.gap.data.problem import Free
 from rover_hil.gap.machines.descent import descend, descend_together
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.fit import Fit
-from sim_backends.models.interface import DEVIATION, Array
+from sim_backends.models.interface import Array
+from sim_backends.models.parameter_key import ParameterKey
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +56,7 @@ def run_scatter(fits: MachineFits, found: MachineFit) -> RunScatter:
     own = [
         one
         for item in problem.model.parameters
-        if any(free.key == ("", item.name) for free in found.fit.free) and item.scatter_sd == 0.0
+        if any(free.key == ParameterKey(name=item.name) for free in found.fit.free) and item.scatter_sd == 0.0
         for one in problem.deviations(item, item.prior_sd)
     ]
     start = {**found.fit.point, **{item.key: item.start for item in own}}
@@ -80,7 +81,7 @@ def run_scatter(fits: MachineFits, found: MachineFit) -> RunScatter:
     )
 
 
-def _centred(fit: Fit, own: Sequence[Free]) -> tuple[Array, dict[Key, float]]:
+def _centred(fit: Fit, own: Sequence[Free]) -> tuple[Array, dict[ParameterKey, float]]:
     """Return the deviations without their mean, which belongs to all runs, and the same point written so."""
     pull = fit.pull[len(fit.free) - len(own) :].copy()
     point = dict(fit.point)
@@ -89,14 +90,14 @@ def _centred(fit: Fit, own: Sequence[Free]) -> tuple[Array, dict[Key, float]]:
         here = np.flatnonzero(names == name)
         mean = float(pull[here].mean())
         pull[here] -= mean
-        point["", name] += mean * own[int(here[0])].sd
+        point[ParameterKey(name=name)] += mean * own[int(here[0])].sd
         for index in here.tolist():
             point[own[index].key] = own[index].sd * float(pull[index])
     return pull, point
 
 
 def _names(own: Sequence[Free]) -> "np.ndarray[tuple[int], np.dtype[np.str_]]":
-    return np.array([item.key[1].partition(DEVIATION)[0] for item in own], dtype=np.str_)
+    return np.array([item.key.name for item in own], dtype=np.str_)
 
 
 def _parameter_sd(own: Sequence[Free], weight: Array, pull: Array, noise: Array) -> dict[str, float]:

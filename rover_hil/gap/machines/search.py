@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special, stats
 
-from rover_hil.gap.data.problem import Key, Point
+from rover_hil.gap.data.problem import Point
 from rover_hil.gap.machines.card_changes import card_changes
 from rover_hil.gap.machines.machine_fit import (
     EvidenceKind,
@@ -25,6 +25,7 @@ from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.jackknife import as_normal, scatter_of_runs
 from rover_hil.gap.statistics.score import Score, cosine, linear_gain, one_sided_z, score_all
 from sim_backends.models.interface import EffectCard, Parameter
+from sim_backends.models.parameter_key import ParameterKey
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,7 +173,7 @@ class MachineSearch:
         return self._fits.fit_all([self._without(found, name)])[0]
 
     def _without(self, found: MachineFit, name: str) -> tuple[Names, Shapes, Point]:
-        begin = {key: value for key, value in found.fit.point.items() if key[0] != name}
+        begin = {key: value for key, value in found.fit.point.items() if key.effect != name}
         return tuple(one for one in found.names if one != name), {}, begin
 
     def _is_accepted(self, found: MachineFit) -> bool:
@@ -186,7 +187,7 @@ class MachineSearch:
         card = self._fits.cards[name]
         part = self._part(found, name)
         share, agreeing = explained(part, found)
-        z = _z(part, found, (name, card.parameters[0].name))
+        z = _z(part, found, card.strength_key)
         least_share, needed = _needed(found, share)
         if is_alternative:
             needed = min(needed, MACHINES.search.clear_z)
@@ -269,7 +270,7 @@ def score_effects(fits: MachineFits, at: MachineFit) -> list[Score]:
     return score_all(at.fit, at.noise, whitened, is_steady=fits.evidence is not EvidenceKind.LEARNED)
 
 
-def strength_z(found: MachineFit, key: Key) -> float:
+def strength_z(found: MachineFit, key: ParameterKey) -> float:
     """Return the distance of a strength from its null over the scatter of runs, as a standard normal."""
     left_out = found.left_out
     index = left_out.keys.index(key)
@@ -280,7 +281,7 @@ def strength_z(found: MachineFit, key: Key) -> float:
     return math.copysign(as_normal(pull / by_samples, spread, freedom), pull)
 
 
-def _z(part: MachineFit, found: MachineFit, key: Key) -> float:
+def _z(part: MachineFit, found: MachineFit, key: ParameterKey) -> float:
     """Return how certain a strength is: over the scatter of runs, or by the likelihood of all values."""
     if found.evidence is EvidenceKind.RUNS:
         return strength_z(found, key)
@@ -299,8 +300,8 @@ def _cancellation(found: MachineFit) -> float:
     """
     first: dict[str, int] = {}
     for place, item in enumerate(found.fit.free):
-        if item.key[0]:
-            first.setdefault(item.key[0], place)
+        if item.key.is_of_effect:
+            first.setdefault(item.key.effect, place)
     places = list(first.values())
     changes = found.fit.jacobian.columns(places) * found.fit.pull[places]
     together = float(np.linalg.norm(changes.sum(axis=1)))
@@ -425,7 +426,7 @@ def _at_bound(found: MachineFit, card: EffectCard) -> str:
     Steady experiments seldom determine a shape; a share of 0 or 1 is possible there.
     """
     for item in card.parameters[:1] if found.evidence is EvidenceKind.ROWS else card.parameters:
-        value = found.fit.point[card.name, item.name]
+        value = found.fit.point[ParameterKey(effect=card.name, name=item.name)]
         bounds = [one for one in (item.lower, item.upper) if math.isfinite(one) and one != item.nominal]
         if any(abs(value - one) <= MACHINES.search.at_limit * _range(item, one) for one in bounds):
             return f"its {item.name} is at its limit of {value:.4g} {item.unit}"

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 from scipy import stats
 
-from rover_hil.gap.data.problem import Key
 from rover_hil.gap.machines.machine_fit import EvidenceKind, MachineFit, jackknife_error
 from rover_hil.gap.statistics.jackknife import scatter_of_runs
+from sim_backends.models.parameter_key import ParameterKey
 
 MANY = 1e9
 """Degrees of freedom of a normal distribution."""
@@ -22,7 +22,7 @@ class Size:
     high: float
 
 
-def size_of(found: MachineFit, key: Key) -> Size:
+def size_of(found: MachineFit, key: ParameterKey) -> Size:
     """Return a parameter of all runs with its interval.
 
     The interval covers the noise of samples and what changes when a run is left out (jackknife, Student's t).

@@ -298,12 +298,9 @@ def _budget(findings: MachineFindings) -> dict[str, dict[str, float | str | None
 
 def _weightings(findings: MachineFindings) -> dict[str, dict[str, float]]:
     return {
-        f"{effect}.{name}": {
-            "output_error": findings.best.fit.point[effect, name],
-            "random_force": value,
-        }
-        for (effect, name), value in findings.other_weighting.items()
-        if (effect, name) in findings.best.fit.point
+        key.text: {"output_error": findings.best.fit.point[key], "random_force": value}
+        for key, value in findings.other_weighting.items()
+        if key in findings.best.fit.point
     }
 
 
@@ -314,13 +311,13 @@ def _warnings(findings: MachineFindings) -> list[str]:
         warnings.append(
             "no random force keeps the machine on its runs: sizes are not compared with a second weighting"
         )
-    for (effect, name), value in findings.other_weighting.items():
-        if (effect, name) not in findings.best.fit.point:
+    for key, value in findings.other_weighting.items():
+        if key not in findings.best.fit.point:
             continue
-        size = findings.size(effect, name)
+        size = findings.size(key.effect, key.name)
         if not size.low <= value <= size.high:
             warnings.append(
-                f"{name} of {effect} depends on the weighting: {size.value:.3g} by the output error, "
+                f"{key.name} of {key.effect} depends on the weighting: {size.value:.3g} by the output error, "
                 f"{value:.3g} with random forces at the ports"
             )
     return warnings

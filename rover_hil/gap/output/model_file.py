@@ -13,7 +13,6 @@ from drivers.errors import ConfigError
 from drivers.files import parse_toml, read_text
 from drivers.settings import Settings
 from rover_hil.gap.base_parameters import HALF_WIDTHS
-from rover_hil.gap.data.problem import Key
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.verdict import FittedBase
 from sim_backends.models.interface import (
@@ -27,9 +26,9 @@ from sim_backends.models.interface import (
     Run,
     Values,
 )
+from sim_backends.models.parameter_key import ParameterKey, joined_name, read_key
 
 SCHEMA: Literal["rover-hil-model/1"] = "rover-hil-model/1"
-SEPARATOR = "."
 
 
 class Number(Settings):
@@ -102,7 +101,7 @@ class ExtendedModel:
     ) -> list[dict[str, Array]]:
         """Predict as the base model with its active effects; see `Model.predict`."""
         values = {**self._nominal, **parameters}
-        own = {name: value for name, value in values.items() if SEPARATOR not in name}
+        own = {name: value for name, value in values.items() if read_key(name).is_base}
         active: dict[str, Values] = {
             card.name: {item.name: values[joined_name(card.name, item.name)] for item in card.parameters}
             for card in self._cards.values()
@@ -129,11 +128,6 @@ def extended_parameters(base: Model, file: ModelFile) -> tuple[Parameter, ...]:
         for item in card.parameters
     ]
     return (*own, *added)
-
-
-def joined_name(card: str, parameter: str) -> str:
-    """Return the name that a parameter of an effect has among the base parameters."""
-    return f"{card}{SEPARATOR}{parameter}"
 
 
 def _known(item: Parameter, number: Number | None, *, is_fixed: bool = False) -> Parameter:
@@ -189,8 +183,8 @@ def describe_model(
     base: str,
     provenance: Provenance,
     fitted: Fit | None,
-    intervals: Mapping[Key, tuple[float, float]],
-    deviations: Mapping[Key, float],
+    intervals: Mapping[ParameterKey, tuple[float, float]],
+    deviations: Mapping[ParameterKey, float],
 ) -> ModelFile:
     """Return the model file after a fit; unchanged without one.
 
@@ -205,17 +199,19 @@ def describe_model(
     parameters: dict[str, Number] = {}
     effects: dict[str, dict[str, Number]] = {}
     for item in model.parameters:
-        number = _number(item, ("", item.name), fitted, intervals, deviations)
-        card, _, name = item.name.rpartition(SEPARATOR)
-        if card:
-            effects.setdefault(card, {})[name] = number
+        key = read_key(item.name)
+        number = _number(item, ParameterKey(name=item.name), fitted, intervals, deviations)
+        if key.effect:
+            effects.setdefault(key.effect, {})[key.name] = number
         else:
             parameters[item.name] = number.model_copy(update={"ci95": None})
-    found = {key[0] for key in fitted.point if key[0]} if fitted is not None else set()
+    found = {key.effect for key in fitted.point if key.effect} if fitted is not None else set()
     for one in model.effects:
         if one.name in found:
             effects[one.name] = {
-                item.name: _number(item, (one.name, item.name), fitted, intervals, deviations)
+                item.name: _number(
+                    item, ParameterKey(effect=one.name, name=item.name), fitted, intervals, deviations
+                )
                 for item in one.parameters
             }
     return ModelFile(base=base, provenance=provenance, parameters=parameters, effects=effects)
@@ -228,17 +224,17 @@ def with_found(file: ModelFile, bases: Sequence[FittedBase]) -> ModelFile:
         if one.is_named:
             half = 0.5 * (one.ci95[1] - one.ci95[0])
             number = Number(value=one.value, unit=one.unit, sd=half / HALF_WIDTHS)
-            card, _, name = one.name.rpartition(SEPARATOR)
-            (effects[card] if card else parameters)[name] = number
+            key = read_key(one.name)
+            (effects[key.effect] if key.effect else parameters)[key.name] = number
     return file.model_copy(update={"parameters": parameters, "effects": effects})
 
 
 def _number(
     item: Parameter,
-    key: Key,
+    key: ParameterKey,
     fitted: Fit | None,
-    intervals: Mapping[Key, tuple[float, float]],
-    deviations: Mapping[Key, float],
+    intervals: Mapping[ParameterKey, tuple[float, float]],
+    deviations: Mapping[ParameterKey, float],
 ) -> Number:
     if fitted is None or key not in {free.key for free in fitted.free}:
         return Number(value=item.nominal, unit=item.unit, sd=item.prior_sd)

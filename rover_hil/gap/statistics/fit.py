@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.gap.data.derivatives import Derivatives, in_full
-from rover_hil.gap.data.problem import DerivativeRequest, Free, Key, Point, Problem
+from rover_hil.gap.data.problem import DerivativeRequest, Free, Point, Problem
 from rover_hil.gap.statistics.noise import Noise
 from sim_backends.models.interface import Array
+from sim_backends.models.parameter_key import ParameterKey
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +38,7 @@ class Fit:
         normal = self.jacobian.gram() + np.eye(len(self.free))
         return np.linalg.inv(normal).astype(np.float64)
 
-    def shape_information(self, shapes: Sequence[Key]) -> float:
+    def shape_information(self, shapes: Sequence[ParameterKey]) -> float:
         """Return the gain of free shape parameters in minus two log-likelihood (Laplace)."""
         normal = self.jacobian.gram() + np.eye(len(self.free))
         others = [index for index, item in enumerate(self.free) if item.key not in shapes]

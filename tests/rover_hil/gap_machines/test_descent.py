@@ -9,9 +9,12 @@ from rover_hil.gap import Channel, Parameter, Port, Run, RunParameter, StateMode
 from rover_hil.gap.data.problem import Problem, observe
 from rover_hil.gap.machines.machine_fit import MachineFits
 from rover_hil.gap.machines.search import MachineSearch
+from sim_backends.models.parameter_key import ParameterKey
 from tests.rover_hil.gap_machines.small_machine import MODEL, small_runs
 
 SEED = 3
+
+LOSS = ParameterKey(name="loss")
 
 
 def test_a_machine_that_runs_away_spoils_no_other_fit() -> None:
@@ -53,6 +56,6 @@ def test_a_bound_that_holds_a_parameter_holds_it_without_a_run_too(lower: float)
     tables = slower.predict(runs, {}, {})
     runs = [replace(run, measured=table) for run, table in zip(runs, tables, strict=True)]
     found = MachineFits(Problem(model, observe(model, runs)), model.effects).base()
-    assert found.fit.point["", "loss"] == pytest.approx(lower + 0.3)
-    index = found.left_out.keys.index(("", "loss"))
+    assert found.fit.point[LOSS] == pytest.approx(lower + 0.3)
+    index = found.left_out.keys.index(LOSS)
     assert np.abs(found.left_out.moved[:, index]).max() == 0.0

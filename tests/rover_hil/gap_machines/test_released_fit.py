@@ -8,6 +8,7 @@ from rover_hil.gap.data.problem import Problem, observe
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
 from rover_hil.gap.machines.released_fit import released_fit
 from rover_hil.gap.machines.sizes import size_of
+from sim_backends.models.parameter_key import ParameterKey
 from tests.rover_hil.gap_machines.axis import axis_model, measured_runs
 
 TRUTH = {"gain": 8.0, "damping": 4.0}
@@ -27,7 +28,7 @@ def fitted(seed: int, gain: float) -> tuple[MachineFit, Problem]:
 
 
 def covered(found: MachineFit, name: str) -> bool:
-    size = size_of(found, ("", name))
+    size = size_of(found, ParameterKey(name=name))
     return size.low <= TRUTH[name] <= size.high
 
 
@@ -42,7 +43,7 @@ def test_the_interval_of_a_value_against_its_prior_holds_the_truth(name: str) ->
 
 def test_what_the_wrong_prior_pushed_into_another_parameter_returns() -> None:
     found, problem = fitted(1, 7.8)
-    place = [item.key for item in found.fit.free].index(("", "damping"))
+    place = [item.key for item in found.fit.free].index(ParameterKey(name="damping"))
     again, released = released_fit(problem, found)
     assert released.released == ("gain",)
     assert abs(found.fit.pull[place]) > 0.3 > abs(again.fit.pull[place])

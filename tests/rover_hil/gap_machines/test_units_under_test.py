@@ -103,12 +103,12 @@ def test_two_runs_of_one_unit_share_its_deviation_and_no_other(verdicts: dict[bo
     machine = model(is_scattering=True)
     problem = Problem(machine, observe(machine, runs_of_units()))
     free = problem.run_free(["quadratic_drag"])
-    deviations = [item for item in free if "~" in item.key[1]]
+    deviations = [item for item in free if item.key.is_deviation]
     assert len(deviations) == UNITS
     rows = [problem.rows_of(item.key) for item in deviations]
     assert np.array_equal(np.sum(rows, axis=0), np.ones(problem.observations.values.size))
     assert all(int(one.sum()) == EACH * SAMPLES for one in rows)
-    starts = [item for item in free if "~" not in item.key[1]]
+    starts = [item for item in free if not item.key.is_deviation]
     assert all(int(problem.rows_of(item.key).sum()) == SAMPLES for item in starts)
 
 

@@ -7,13 +7,14 @@ from typing import TypeAlias
 
 import numpy as np
 
-from rover_hil.gap.data.problem import Key, predict_points
+from rover_hil.gap.data.problem import predict_points
 from rover_hil.gap.machines.next_run.hypotheses import Hypothesis
 from rover_hil.gap.machines.next_run.prediction import Planning, Prediction, clipped
 from rover_hil.gap.machines.next_run.refit import NewRun
 from rover_hil.gap.machines.next_run.rules import Flags, kept_by_search
 from rover_hil.gap.machines.parameters import MACHINES
 from sim_backends.models.interface import Array
+from sim_backends.models.parameter_key import ParameterKey
 
 POINTS_AT_ONCE = 100
 Data: TypeAlias = tuple[Array, Array]
@@ -151,7 +152,7 @@ def _drawn_rows(planning: Planning, index: int, draws: int, rng: np.random.Gener
     hypothesis, problem = planning.hypotheses[index], planning.problems[index]
     own, begin = planning.own_free(index), planning.points()[index]
     root = np.linalg.cholesky(hypothesis.covariance + 1e-12 * np.eye(len(hypothesis.shared)))
-    points: list[dict[Key, float]] = []
+    points: list[dict[ParameterKey, float]] = []
     for _ in range(draws):
         pulls = hypothesis.pulls + root @ rng.standard_normal(len(hypothesis.shared))
         values = {

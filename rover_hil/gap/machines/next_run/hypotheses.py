@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from rover_hil.gap.data.problem import Free, Key, Problem, run_of
+from rover_hil.gap.data.problem import Free, Problem
 from rover_hil.gap.machines.analysis import MachineFindings
 from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits, jackknife_error
 from rover_hil.gap.machines.next_run.discrepancy import Discrepancy, learn_discrepancy, measured_basis
@@ -18,7 +18,8 @@ from rover_hil.gap.statistics.jackknife import scatter_of_runs
 from rover_hil.gap.statistics.random_force import ForceBasis
 from rover_hil.gap.statistics.score import one_sided_z
 from rover_hil.gap.verdict import Answer
-from sim_backends.models.interface import RUN_SEPARATOR, Array, Machine
+from sim_backends.models.interface import Array, Machine
+from sim_backends.models.parameter_key import ParameterKey
 
 SOMETHING_ELSE = "something else"
 NO_EFFECT = "no effect"
@@ -55,9 +56,9 @@ class Hypothesis:
     discrepancy: Discrepancy
     refit: Refit
 
-    def point(self) -> dict[Key, float]:
+    def point(self) -> dict[ParameterKey, float]:
         """Return its parameters without those of single runs."""
-        return {key: value for key, value in self.fit.fit.point.items() if not run_of(key)}
+        return {key: value for key, value in self.fit.fit.point.items() if not key.run}
 
 
 def hypotheses_of(findings: MachineFindings, answer: Answer) -> tuple[list[Hypothesis], ForceBasis | None]:
@@ -208,7 +209,7 @@ def _posterior(found: MachineFit) -> tuple[tuple[Free, ...], Array, Array]:
     normal = found.fit.jacobian.gram() + np.eye(len(free))
     normal += 1e-12 * float(np.diag(normal).max(initial=1.0)) * np.eye(len(free))
     covariance = np.linalg.inv(normal)
-    shared = [index for index, item in enumerate(free) if not run_of(item.key)]
+    shared = [index for index, item in enumerate(free) if not item.key.run]
     left_out = found.left_out
     factors: list[float] = []
     for index, _ in enumerate(shared):
@@ -226,7 +227,6 @@ def starts_of(found: MachineFit) -> dict[str, dict[str, float]]:
     """Return the fitted unknowns of each run by name."""
     starts: dict[str, dict[str, float]] = {}
     for item in found.fit.free:
-        run = run_of(item.key)
-        if run:
-            starts.setdefault(run, {})[item.key[1].partition(RUN_SEPARATOR)[0]] = found.fit.point[item.key]
+        if item.key.run:
+            starts.setdefault(item.key.run, {})[item.key.shared.text] = found.fit.point[item.key]
     return starts

@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rover_hil.gap.data.problem import Free, Indices, Key, Observations, Point, Problem, observe
+from rover_hil.gap.data.problem import Free, Indices, Observations, Point, Problem, observe
 from rover_hil.gap.machines.next_run.discrepancy import force_factor
 from rover_hil.gap.machines.next_run.hypotheses import Hypothesis
 from rover_hil.gap.machines.next_run.planned import PlannedRun
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.random_force import ForceBasis, force_basis
-from sim_backends.models.interface import RUN_SEPARATOR, Array, MachineModel
+from sim_backends.models.interface import Array, MachineModel
+from sim_backends.models.parameter_key import ParameterKey
 
 FAR_NOISES = 1e6
 
@@ -101,7 +102,7 @@ class Planning:
         self.blocks = [_blocks(self.observations, index) for index in range(len(planned))]
         self._responses: tuple[ForceBasis, Array] | None = None
 
-    def points(self) -> list[dict[Key, float]]:
+    def points(self) -> list[dict[ParameterKey, float]]:
         """Return the parameters of each explanation, with the starts of all planned runs."""
         return [{**one.point(), **self._starts()} for one in self.hypotheses]
 
@@ -122,9 +123,9 @@ class Planning:
             for item in self.problems[index].run_free(self.hypotheses[index].fit.names)
         ]
 
-    def _starts(self) -> dict[Key, float]:
+    def _starts(self) -> dict[ParameterKey, float]:
         return {
-            ("", f"{name}{RUN_SEPARATOR}{one.run.name}"): value
+            ParameterKey(name=name, run=one.run.name): value
             for one in self.planned
             for name, value in one.starts.items()
         }

@@ -47,7 +47,7 @@ def draw_laws(findings: MachineFindings, rng: np.random.Generator) -> list[tuple
         kept = list(best.names)
         if kept:
             kept.pop(int(rng.integers(len(kept))))
-        begin: Point = {key: value for key, value in point.items() if not key[0] or key[0] in kept}
+        begin: Point = {key: value for key, value in point.items() if not key.effect or key.effect in kept}
         options.append(((*kept, name), {}, begin))
     fits = MachineFits(Problem(wider, findings.problem.observations), wider.effects).fit_all(options)
     return [

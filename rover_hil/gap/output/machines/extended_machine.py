@@ -3,9 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 
-from rover_hil.gap.output.model_file import ExtendedModel, ModelFile, extended_parameters, joined_name
+from rover_hil.gap.output.model_file import ExtendedModel, ModelFile, extended_parameters
 from sim_backends.fmu.model import UnitModel
 from sim_backends.models.interface import Array, EffectCard, Model, Run, Values
+from sim_backends.models.parameter_key import joined_name
 from sim_backends.state_model.integrate import Point
 from sim_backends.state_model.model import StateModel
 from sim_backends.state_model.port_effect import PortEffect

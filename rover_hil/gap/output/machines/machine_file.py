@@ -2,8 +2,8 @@
 
 from statistics import NormalDist
 
-from rover_hil.gap.data.problem import run_of
 from rover_hil.gap.machines.analysis import MachineFindings
+from rover_hil.gap.machines.sizes import size_of
 from rover_hil.gap.output.model_file import ModelFile, Provenance, describe_model
 from sim_backends.models.interface import Model
 
@@ -24,7 +24,7 @@ def describe_machine(findings: MachineFindings, model: Model, base: str, provena
         provenance: Origin of the numbers.
     """
     fitted = findings.best.fit
-    sizes = {item.key: findings.size(*item.key) for item in fitted.free if not run_of(item.key)}
+    sizes = {item.key: size_of(findings.best, item.key) for item in fitted.free if not item.key.run}
     intervals = {key: (one.low, one.high) for key, one in sizes.items()}
     deviations = {
         key: max(one.high - one.value, one.value - one.low) / HALF_WIDTHS for key, one in sizes.items()

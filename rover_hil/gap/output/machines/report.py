@@ -8,7 +8,6 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from rover_hil.gap.base_parameters import headline
-from rover_hil.gap.data.problem import run_of
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.machines.analysis import MachineFindings
 from rover_hil.gap.output.answer_style import GRADES, TAGS
@@ -21,7 +20,6 @@ from rover_hil.gap.output.machines.words import lead, next_steps
 from rover_hil.gap.verdict import Answer, Verdict
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
-from sim_backends.models.interface import RUN_SEPARATOR
 
 OPTIONAL = (
     "has_effects",
@@ -138,10 +136,8 @@ def _run_rows(findings: MachineFindings) -> list[RunRow]:
     by_run: dict[str, dict[str, tuple[float, float]]] = {}
     found = findings.best.fit
     for item, pull in zip(found.free, found.pull, strict=True):
-        run = run_of(item.key)
-        if run:
-            name = item.key[1].partition(RUN_SEPARATOR)[0]
-            by_run.setdefault(run, {})[name] = (found.point[item.key], float(pull))
+        if item.key.run:
+            by_run.setdefault(item.key.run, {})[item.key.shared.text] = (found.point[item.key], float(pull))
     return [RunRow(run, values) for run, values in by_run.items()]
 
 
