@@ -53,6 +53,6 @@ SUBJECTS = {
         cases="curved:1:20,shadow:1:20,overlap:1:20",
         prepare=prepare,
         # the paper's method; the confidence, which no angle depends on; a promise to users
-        fixed=("hough", "fuzzy", "confidence", "most_misses"),
+        fixed=("hough", "fuzzy", "confidence", "kept_m"),
     )
 }

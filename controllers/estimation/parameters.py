@@ -34,7 +34,8 @@ class PoseParameters:
     usual_cycle_growth: float = 1.5  # the usual cycle grows by this factor in a cycle at most
     pause_ages: float = 2.0  # a pause, or a silence, is longer than this many age limits of the device
     backlog_s: float = 0.4  # after a pause, until buffers are empty: 4 kB at 115 200 baud take 0.36 s
-    most_rejections: int = 2  # pose fixes in a row, before the frame of their device counts as unknown
+    # Of pose fixes in a row, before the frame of their device counts as unknown: trials, whatever their rate.
+    most_rejections: int = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,5 +1,6 @@
 """Angle of the current velocity of a rear wheel from the trace it leaves (paper 000, section 2)."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -27,8 +28,8 @@ class TraceAngle(TraceReading):
     """Estimate after a frame: the reading, and where the trace lies.
 
     Attributes:
-        offset_m: Place of the trace at the contact, left of it positive; for at most `parameters.most_misses`
-            frames after the last trace that of the kept path; None without one.
+        offset_m: Place of the trace at the contact, left of it positive; for a travel of `parameters.kept_m`
+            after the last trace that of the kept path; None without one.
         distance_m: Distance of the trace's line from the vehicle's origin, positive when it passes left of it
             (the paper's d_t); None like `offset_m`.
         path_m: Centre line of the trace in the vehicle frame, rows of x, y, z; empty without one.
@@ -73,7 +74,7 @@ class TraceEstimator:
         self._ground = self._view.ground
         make = HoughTracker if method == "hough" else RutTracker
         self._tracker: HoughTracker | RutTracker = make(self._view, parameters)
-        self._misses = self._unmeasured = parameters.most_misses + 1
+        self._missed_m = self._unmeasured_m = math.inf  # travel of the wheel since
         self._confidence = 0.0
         self._t_ns: int | None = None
         self._rates: Rates | None = None
@@ -99,17 +100,18 @@ class TraceEstimator:
         """
         frame = self._frame(t_ns, image, wheel_speed_m_s, rates_rad_s)
         reading = self._tracker.track(frame)
-        most = self._parameters.most_misses
-        self._misses = 0 if reading.found else self._misses + 1
-        self._unmeasured = 0 if reading.found or reading.by_motion else self._unmeasured + 1
-        if self._misses == most + 1:
+        kept_m, travel_m, before_m = self._parameters.kept_m, abs(frame.travel_m), self._missed_m
+        self._missed_m = 0.0 if reading.found else self._missed_m + travel_m
+        is_measured = reading.found or reading.by_motion
+        self._unmeasured_m = 0.0 if is_measured else self._unmeasured_m + travel_m
+        if before_m <= kept_m < self._missed_m:
             self._tracker.lose()
         source = self._source(reading)
         theta = None if source == "none" else reading.theta_rad
         # Evidence against the trace counts; a frame without any halves what was known before.
         has_evidence = reading.found or reading.confidence > 0
         self._confidence = reading.confidence if has_evidence else self._confidence / 2
-        line = None if theta is None or self._misses > most else (theta, reading.offset_m)
+        line = None if theta is None or self._missed_m > kept_m else (theta, reading.offset_m)
         return TraceAngle(
             t_ns=t_ns,
             detected=reading.found,
@@ -150,7 +152,7 @@ class TraceEstimator:
             return "flow"
         if reading.is_unconfirmed:
             return "held"
-        return "held" if self._unmeasured <= self._parameters.most_misses else "none"
+        return "held" if self._unmeasured_m <= self._parameters.kept_m else "none"
 
     def _frame(self, t_ns: int, image: Image, speed_m_s: float | None, rates: Rates | None) -> Frame:
         if self._t_ns is not None and t_ns <= self._t_ns:

@@ -56,10 +56,11 @@ class MatchingParameters:
 class ShadingParameters:
     """Shadows of the rover, which do not move in the image."""
 
-    gain: float = 0.3  # of one frame
-    leak: float = 0.002  # lost per frame
+    step_m: float = 0.008  # least travel between frames that are compared: half of that at 0.08 m/s, 5 Hz
+    gain: float = 0.3  # of one comparison
+    leak: float = 0.002  # lost per comparison
     baselines_m: tuple[float, float] = (0.04, 0.09)  # in turn: for sharp edges, for wide shadows
-    past_frames: int = 12  # to compare with
+    past_m: float = 0.19  # frames are compared with those of this travel before
     most_difference: float = 0.6  # of log grey; greater ones are mismatched edges
     least_pixels: int = 250  # that two frames must share
     steepest: float = 1.0  # greatest slope of the ground's motion across the image
@@ -226,7 +227,7 @@ TRACE_MOTION = replace(GROUND_MOTION, validity=replace(GROUND_MOTION.validity, b
 class FTraceParameters:
     """All groups."""
 
-    most_misses: int = 3  # frames in a row without a trace for which the last one is kept
+    kept_m: float = 0.055  # travel without a trace on which the last one is kept: three frames of 16 mm
     ground_motion: GroundMotionParameters = TRACE_MOTION
     frame: FrameParameters = FrameParameters()
     direction: DirectionParameters = DirectionParameters()

@@ -7,6 +7,7 @@ be separated from ground. The effect of a shadow on the ground's roughness is es
 """
 
 from collections import deque
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -28,8 +29,24 @@ LEAST_ALONG = 1e-3
 Matrix = NDArray[np.float64]
 
 
+class _Past(NamedTuple):
+    """A frame to compare with.
+
+    Attributes:
+        pose: From pixels (column, row, 1) of the newest frame to the same ground in this one.
+        at_m: Travel of the contact until then.
+    """
+
+    patch: Patch
+    pose: Matrix
+    at_m: float
+
+
 class StaticShading:
     """Estimates the light of one rig while it drives.
+
+    Frames are compared that are some travel apart: what is learned from a piece of ground does not depend on
+    the frame rate, and a rover at rest teaches nothing.
 
     Args:
         visible: Pixels of the rectified ground that the camera sees, 0 or 1.
@@ -47,7 +64,8 @@ class StaticShading:
         self._visible = _coarse(visible)
         self._coarse_field: Patch = np.zeros_like(self._visible)
         self._centre = centre / PIXELS
-        self._past: deque[tuple[Patch, Matrix]] = deque(maxlen=self._parameters.past_frames)
+        self._past: deque[_Past] = deque()
+        self._travelled_m = 0.0
         self._count = 0
         self._lit_row = int(lit_share * len(self._visible[::ROW_STRIDE]))
 
@@ -57,17 +75,24 @@ class StaticShading:
         if motion is None:
             self._past.clear()
         else:
-            step = _matrix(motion, self._centre)
-            for place, (patch, pose) in enumerate(self._past):
-                self._past[place] = (patch, pose @ step)
+            self._move(_matrix(motion, self._centre))
+            if self._past and self._travelled_m - self._past[-1].at_m < self._parameters.step_m:
+                return
             self._count += 1
             baselines_m = self._parameters.baselines_m
             baseline = baselines_m[self._count % len(baselines_m)] / PIXEL_M
-            for patch, pose in reversed(self._past):
-                if np.linalg.norm(self._contact_moved(pose)) > baseline:
-                    self._correct(now, patch, pose[:2])
+            for past in reversed(self._past):
+                if np.linalg.norm(self._contact_moved(past.pose)) > baseline:
+                    self._correct(now, past.patch, past.pose[:2])
                     break
-        self._past.append((now, np.eye(3)))
+        self._past.append(_Past(now, np.eye(3), self._travelled_m))
+
+    def _move(self, step: Matrix) -> None:
+        self._travelled_m += float(np.linalg.norm(self._contact_moved(step))) * PIXEL_M
+        while self._past and self._travelled_m - self._past[0].at_m > self._parameters.past_m:
+            self._past.popleft()
+        for place, past in enumerate(self._past):
+            self._past[place] = past._replace(pose=past.pose @ step)
 
     def _contact_moved(self, pose: Matrix) -> Matrix:
         contact = np.array([self._centre, 0.0, 1.0])

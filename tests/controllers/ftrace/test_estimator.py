@@ -10,6 +10,7 @@ import pytest
 
 from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator
 from controllers.ftrace.frame import Frame
+from controllers.ftrace.parameters import DEFAULTS
 from controllers.ftrace.rut.tracker import RutTracker
 from controllers.ground_motion.flow import PatchMotion
 from controllers.ground_motion.ground_patch import Patch
@@ -17,7 +18,7 @@ from controllers.ground_motion.rig import RigFile
 from drivers.clock import nanoseconds
 from drivers.errors import ModelError
 from drivers.samples import Image
-from tests.controllers.ftrace.rigs import errors_deg, follow, geometry, grey_frames, rms
+from tests.controllers.ftrace.rigs import errors_deg, follow, geometry, grey_frames, rates, rms
 from tests.rear_scene.sequence import FrameSequence
 from tests.rear_scene.sets import make_sequence
 
@@ -105,6 +106,27 @@ def test_three_misses_keep_the_trace_and_the_fourth_loses_it(left: Drive, method
     assert angles[-2].distance_m is None
     assert angles[-2].confidence == 0
     assert len(angles[-2].path_m) == 0
+
+
+@pytest.mark.parametrize("period_s", [0.05, 0.1, 0.2])
+def test_the_trace_is_kept_for_the_same_travel_at_any_frame_rate(left: Drive, period_s: float) -> None:
+    sequence, images = left
+    rows = list(sequence.telemetry)
+    estimator = TraceEstimator(RigFile.model_validate(sequence.rig.as_json()).geometry(), "fused")
+    for image, row in zip(images, rows, strict=True):
+        last = estimator.step(
+            nanoseconds(row.t), image, wheel_speed_m_s=row.wheel_speed_mps, rates_rad_s=rates(row)
+        )
+    assert last.detected
+    speed_m_s, kept_m = 0.08, 0.0
+    for number in range(1, 40):
+        angle = estimator.step(
+            nanoseconds(rows[-1].t + number * period_s), np.zeros_like(images[0]), wheel_speed_m_s=speed_m_s
+        )
+        if angle.theta_rad is None:
+            break
+        kept_m = number * period_s * speed_m_s
+    assert DEFAULTS.kept_m - period_s * speed_m_s <= kept_m <= DEFAULTS.kept_m
 
 
 def test_found_again_after_it_was_lost(left: Drive) -> None:

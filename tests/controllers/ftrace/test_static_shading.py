@@ -1,5 +1,7 @@
 """Shadows that are fixed in the image, separated from the moving ground."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,10 +14,13 @@ ROWS, COLUMNS, FRAMES, STEP = 140, 161, 90, 4
 SHADOW = -0.5
 
 
-def learned(shadow: Patch, *, aside: int = 0, band: float = 0.0, ahead: int = 1) -> Patch:
+def learned(
+    shadow: Patch, *, aside: int = 0, band: float = 0.0, ahead: int = 1, held: int = 1, resting: int = 0
+) -> Patch:
     """Return the light learned from ground that moves back and `aside` under a shadow fixed to the image.
 
-    With `ahead` -1 the rover reverses.
+    With `ahead` -1 the rover reverses. Each frame is followed by `held` - 1 like it, as from a camera that
+    is that many times as fast and moves in between not at all; the last one by `resting`.
     """
     rng = np.random.default_rng(7)
     ground = rng.normal(0, 0.15, (ROWS + STEP * FRAMES, COLUMNS + abs(aside) * FRAMES)).astype(np.float32)
@@ -40,6 +45,8 @@ def learned(shadow: Patch, *, aside: int = 0, band: float = 0.0, ahead: int = 1)
         seen = ground[top : top + ROWS, left : left + COLUMNS].copy()
         seen[:, 70:95] += band
         light.update(seen + shadow, motion if frame else None)
+        for number in range(held - 1 + (resting if frame == FRAMES - 1 else 0)):
+            light.update(seen + shadow + 0.1 * (number % 2), replace(motion, forward_m=0.0, left_m=0.0))
     return light.field
 
 
@@ -81,6 +88,13 @@ def test_a_trace_is_ground_not_light() -> None:
     field = learned(np.zeros((ROWS, COLUMNS), np.float32), band=-0.4)
 
     assert np.abs(field[:, 75:90]).mean() < 0.06
+
+
+def test_frames_at_rest_teach_nothing() -> None:
+    moving = learned(wheel_shadow())
+
+    assert np.array_equal(learned(wheel_shadow(), resting=30), moving)
+    assert np.array_equal(learned(wheel_shadow(), held=20), moving)
 
 
 def test_nothing_is_learned_where_the_motion_is_not_known() -> None:
