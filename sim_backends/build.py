@@ -1,62 +1,29 @@
 """Builds a simulated world: a plant, and an emulator for every device of the configuration."""
 
 import zlib
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any, TypeAlias
+from collections.abc import Iterator, Mapping
+from typing import TypeAlias
 
 import numpy as np
 from pydantic import TypeAdapter
 
 from drivers.camera.settings import CameraSettings
+from drivers.device_settings import FrameDeviceSettings
 from drivers.errors import ConfigError
 from drivers.link import CameraImage
 from drivers.registry import AnyDeviceSettings
-from sim_backends.devices.camera import check_camera, make_camera
-from sim_backends.devices.canopen_wheels import make_canopen_wheels
-from sim_backends.devices.nmea_compass import make_compass
-from sim_backends.devices.nmea_gnss import make_gnss
-from sim_backends.devices.overhead_camera import make_overhead_camera
-from sim_backends.devices.robotino3_board import make_robotino3_board
-from sim_backends.devices.robotino_board import make_robotino_board
-from sim_backends.devices.vectornav import make_vectornav
-from sim_backends.devices.vesc import make_vesc
-from sim_backends.devices.witmotion import make_imu
-from sim_backends.devices.xsens import make_xsens
+from sim_backends.devices.camera import check_camera
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from sim_backends.rear_scene.settings import CameraEmulatorSettings
-from sim_backends.settings import EmulatorSettings, SimulationSettings
+from sim_backends.settings import EmulatorSettings, SimulationSettings, emulator_of
 from sim_backends.world.faults import flip_bit, grey_lower_half, schedule_faults
 from sim_backends.world.plant import CompiledPlant, Plant
 from sim_backends.world.still_plant import still_plant_like
 from sim_backends.world.world import EmulatedDevice, World
 
-
-def _make_can_node(*arguments: Any) -> EmulatedDevice[bytes]:
-    from sim_backends.devices.can_wheels import make_can_node  # what reads DBC files takes half a second
-
-    return make_can_node(*arguments)
-
-
 Devices: TypeAlias = Mapping[str, AnyDeviceSettings]
-IMAGE_DEVICES: Mapping[str, Callable[..., EmulatedDevice[CameraImage]]] = {
-    "camera": make_camera,
-    "overhead_camera": make_overhead_camera,
-}
-BYTE_DEVICES: Mapping[str, Callable[..., EmulatedDevice[bytes]]] = {
-    "can_wheels": _make_can_node,
-    "canopen_wheels": make_canopen_wheels,
-    "nmea_compass": make_compass,
-    "nmea_gnss": make_gnss,
-    "robotino3_board": make_robotino3_board,
-    "robotino_board": make_robotino_board,
-    "vectornav": make_vectornav,
-    "vesc": make_vesc,
-    "witmotion": make_imu,
-    "xsens": make_xsens,
-}
-"""What makes the emulator of each type of device."""
 EMULATOR: TypeAdapter[EmulatorSettings] = TypeAdapter(EmulatorSettings)
 
 
@@ -89,12 +56,11 @@ def build_world(devices: Devices, simulation: SimulationSettings, start_ns: int)
         faults = [fault for fault in simulation.faults if fault.device == name]
         errors = _errors_of(simulation, name, settings)
         try:
-            if settings.type in IMAGE_DEVICES:
-                camera = IMAGE_DEVICES[settings.type](name, settings, errors, plant, rng, start_ns)
-                schedule_faults(camera, faults, grey_lower_half, fault_rng, start_ns)
-                image_devices[name] = camera
+            device = emulator_of(settings.type)(name, settings, errors, plant, rng, start_ns)
+            if isinstance(settings, FrameDeviceSettings):
+                schedule_faults(device, faults, grey_lower_half, fault_rng, start_ns)
+                image_devices[name] = device
             else:
-                device = BYTE_DEVICES[settings.type](name, settings, errors, plant, rng, start_ns)
                 schedule_faults(device, faults, flip_bit, fault_rng, start_ns)
                 byte_devices[name] = device
         except ConfigError as error:
@@ -120,8 +86,8 @@ def check_world(devices: Devices, simulation: SimulationSettings) -> None:
             if isinstance(settings, CameraSettings) and isinstance(errors, CameraEmulatorSettings):
                 check_camera(settings, errors)
             else:
-                make = {**IMAGE_DEVICES, **BYTE_DEVICES}[settings.type]
-                make(name, settings, errors, plant, _generator(simulation.seed, name), 0)
+                rng = _generator(simulation.seed, name)
+                emulator_of(settings.type)(name, settings, errors, plant, rng, 0)
         except ConfigError as error:
             mistakes.append(str(error))
     if mistakes:

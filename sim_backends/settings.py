@@ -1,45 +1,53 @@
 """Settings of the simulated rover: [simulation]."""
 
-from typing import Annotated, TypeAlias
+from collections.abc import Callable
+from importlib import import_module
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, TypeAlias, Union, get_args, get_type_hints
 
 from pydantic import Field
 
+from drivers.device_settings import DeviceSettings
+from drivers.registry import device_types
 from drivers.settings import Settings
-from sim_backends.devices.can_wheels_settings import CanNodeSettings
-from sim_backends.devices.canopen_wheels import CanopenWheelsEmulatorSettings
-from sim_backends.devices.nmea_compass import CompassEmulatorSettings
-from sim_backends.devices.nmea_gnss import GnssEmulatorSettings
-from sim_backends.devices.robotino3_board import Robotino3BoardEmulatorSettings
-from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings
-from sim_backends.devices.vectornav import VectorNavEmulatorSettings
-from sim_backends.devices.vesc import VescEmulatorSettings
-from sim_backends.devices.witmotion import ImuEmulatorSettings
-from sim_backends.devices.xsens import XsensEmulatorSettings
-from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
-from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.world.faults import FaultSettings
+from sim_backends.world.world import EmulatedDevice
 
 PlantSettings: TypeAlias = Annotated[
     RobotinoPlantSettings | ElDoradoPlantSettings | WheelsPlantSettings, Field(discriminator="type")
 ]
-EmulatorSettings: TypeAlias = Annotated[
-    CameraEmulatorSettings
-    | CanNodeSettings
-    | CanopenWheelsEmulatorSettings
-    | CompassEmulatorSettings
-    | GnssEmulatorSettings
-    | ImuEmulatorSettings
-    | OverheadCameraEmulatorSettings
-    | Robotino3BoardEmulatorSettings
-    | RobotinoBoardEmulatorSettings
-    | VectorNavEmulatorSettings
-    | VescEmulatorSettings
-    | XsensEmulatorSettings,
-    Field(discriminator="type"),
-]
+
+
+def emulator_of(device_type: str) -> Callable[..., EmulatedDevice[Any]]:
+    """Return what makes the emulator of a type of device: `make_emulator` in the file of its name."""
+    make: Callable[..., EmulatedDevice[Any]] = import_module(
+        f"sim_backends.devices.{device_type}"
+    ).make_emulator
+    return make
+
+
+def _settings_of(device: type[DeviceSettings]) -> type[Settings]:
+    """Return the settings of the emulator of a device, which its `make_emulator` takes."""
+    (device_type,) = get_args(device.model_fields["type"].annotation)
+    settings: type[Settings] = get_type_hints(emulator_of(device_type))["emulator"]
+    return settings
+
+
+if TYPE_CHECKING:
+
+    class EmulatorSettings(Protocol):
+        """Errors of a simulated device."""
+
+        @property
+        def type(self) -> str:
+            """The type of the device."""
+else:
+    EmulatorSettings = Annotated[
+        Union[tuple(_settings_of(device) for device in device_types())],  # noqa: UP007
+        Field(discriminator="type"),
+    ]
 
 
 class SimulationSettings(Settings):

@@ -35,9 +35,10 @@ DISTURBANCES: dict[str, dict[str, object]] = {
 
 def image_ms(**changes: object) -> float:
     """Return the time of an image of a rover that drives ahead."""
-    shipped = load_config("el-dorado-camera").require_simulation().devices["camera"].model_dump()
+    shipped = load_config("el-dorado-camera").require_simulation().devices["camera"]
+    assert isinstance(shipped, CameraEmulatorSettings)
     scene = EmulatedScene(
-        CameraEmulatorSettings.model_validate(shipped | changes),
+        CameraEmulatorSettings.model_validate(shipped.model_dump() | changes),
         640,
         480,
         RATE_HZ,

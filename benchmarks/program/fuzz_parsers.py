@@ -19,10 +19,14 @@ from time import thread_time_ns
 
 import numpy as np
 
-from drivers.clock import NANOSECONDS_PER_SECOND, stopwatch_ns
+from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds, stopwatch_ns
+from drivers.device_settings import FrameDeviceSettings
 from drivers.driver import Codec, Rejection
 from drivers.link import Received
 from drivers.samples import Sample
+from sim_backends.build import build_world
+from sim_backends.settings import SimulationSettings
+from tests.conformance.benches import ADAPTER, CASES, NAME, Case
 
 BLOCK = 4096
 FLOOD_BYTES = 65_536
@@ -239,7 +243,20 @@ def vesc() -> tuple[Codec[bytes], tuple[bytes, ...]]:
     return VescCodec("fuzz", settings), tuple(map(pack_can_frame, frames))
 
 
+def emulated(case: Case) -> tuple[Codec[bytes], tuple[bytes, ...]]:
+    """Return the codec of a device, and what its emulator sends in a second."""
+    table = {"type": case.device_type, **case.settings(Path("fuzz"))}
+    settings = ADAPTER.validate_python(table)
+    assert not isinstance(settings, FrameDeviceSettings)
+    simulation = SimulationSettings.model_validate({"plant": {"type": case.plant}})
+    world = build_world({NAME: settings}, simulation, 0)
+    world.advance(nanoseconds(1.0))
+    sent = world.byte_devices[NAME].to_host.take(nanoseconds(1.0))
+    return settings.make_codec(NAME), tuple(arrival.payload for arrival in sent)
+
+
 PARSERS: dict[str, MakeTarget] = {
+    **{case.device_type: partial(emulated, case) for case in CASES if isinstance(case.garbage, bytes)},
     "nmea_compass": nmea_compass,
     "nmea_gnss": nmea_gnss,
     "witmotion": witmotion,
@@ -252,6 +269,7 @@ PARSERS: dict[str, MakeTarget] = {
     "can_wheels": partial(can_wheels, "generic_wheel"),
     "can_wheels_float": partial(can_wheels, "odrive_0_6"),
 }
+"""What the emulator of a device sends, or, in their place, payloads that reach more of its codec."""
 
 
 def mutated_inputs(seeds: Sequence[bytes], rng: np.random.Generator) -> Iterator[bytes]:

@@ -86,7 +86,7 @@ def check_camera(device: CameraSettings, emulator: CameraEmulatorSettings) -> No
     make_rig(emulator, device.width, device.height, device.frame_rate_hz)
 
 
-def make_camera(
+def make_emulator(
     name: str,
     device: CameraSettings,
     emulator: CameraEmulatorSettings,

@@ -5,7 +5,7 @@ as they are mapped, the state machine of CiA 402, fault reset at a rising edge, 
 missing heartbeat of the host (8130h), rounding of all values.
 
 Not modelled: other objects (an SDO on them is aborted), segmented SDOs, SYNC, node guarding, ramps, profile
-velocity's own limits, and what `sim_backends/devices/can_wheels.py` lists for the bus.
+velocity's own limits, and what `sim_backends/devices/can_nodes.py` lists for the bus.
 
 Source: CiA 301 and CiA 402, see `drivers/canopen_wheels/frames.py`.
 """
@@ -271,7 +271,7 @@ class CanopenWheelsEmulator:
         self._to_host.put(t_ns, pack_can_frame(CanFrame(can_id, data)))
 
 
-def make_canopen_wheels(
+def make_emulator(
     name: str,
     device: CanopenWheelsSettings,
     emulator: CanopenWheelsEmulatorSettings,

@@ -116,7 +116,7 @@ class CompassEmulator:
         )
 
 
-def make_compass(
+def make_emulator(
     name: str,
     device: NmeaCompassSettings,
     emulator: CompassEmulatorSettings,

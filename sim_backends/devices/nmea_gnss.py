@@ -159,7 +159,7 @@ def _angle(angle_deg: float, digits: int, sides: str) -> str:
     return f"{degrees:0{digits}d}{minutes:02d}.{fraction:07d},{sides[int(angle_deg < 0.0)]}"
 
 
-def make_gnss(
+def make_emulator(
     name: str,
     device: NmeaGnssSettings,
     emulator: GnssEmulatorSettings,

@@ -17,7 +17,7 @@ from sim_backends.world.plant import Plant
 from sim_backends.world.world import EmulatedDevice
 
 
-def make_overhead_camera(
+def make_emulator(
     name: str,
     device: OverheadCameraSettings,
     emulator: OverheadCameraEmulatorSettings,

@@ -169,7 +169,7 @@ def _unframed(frame: bytes) -> bytes | None:
     return data[2 : size + 2] if len(data) == size + 4 and total % 0x10000 == 0 else None
 
 
-def make_robotino3_board(
+def make_emulator(
     name: str,
     device: Robotino3BoardSettings,
     emulator: Robotino3BoardEmulatorSettings,

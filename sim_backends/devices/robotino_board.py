@@ -169,7 +169,7 @@ def _ticks_in_window(ticks: float, phase: float) -> int:
     return size if ticks >= 0 else -size
 
 
-def make_robotino_board(
+def make_emulator(
     name: str,
     device: RobotinoBoardSettings,
     emulator: RobotinoBoardEmulatorSettings,

@@ -101,7 +101,7 @@ def _message(body: str) -> bytes:
     return b"$" + data + b"*%02X\r\n" % checksum
 
 
-def make_vectornav(
+def make_emulator(
     name: str,
     device: VectorNavSettings,
     emulator: VectorNavEmulatorSettings,

@@ -7,7 +7,7 @@ for fault and timeout, faults that stop the motor.
 
 Not modelled: set-points of duty cycle and of currents other than 0, minimum ERPM, the speed ramp, the duty
 cycle (sent from speed and sign of the current only), the kill switch, temperatures, energies, the size of the
-timeout's brake current, a wheel that rolls on after a fault, and what `sim_backends/devices/can_wheels.py`
+timeout's brake current, a wheel that rolls on after a fault, and what `sim_backends/devices/can_nodes.py`
 lists for the bus.
 
 Source: as for `drivers/vesc/codec.py`.
@@ -253,7 +253,7 @@ def _signed(value: int, size: int) -> bytes:
     return value.to_bytes(size, "big", signed=True)
 
 
-def make_vesc(
+def make_emulator(
     name: str,
     device: VescSettings,
     emulator: VescEmulatorSettings,

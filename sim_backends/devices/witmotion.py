@@ -146,7 +146,7 @@ def _combined(acceleration: Row, rate: Row, angle: Row) -> bytes:
     return struct.pack("<BB9h", 0x55, 0x61, *steps)
 
 
-def make_imu(
+def make_emulator(
     name: str,
     device: WitMotionSettings,
     emulator: ImuEmulatorSettings,

@@ -113,7 +113,7 @@ def _quaternion(angles_rad: Vector) -> tuple[float, float, float, float]:
     )
 
 
-def make_xsens(
+def make_emulator(
     name: str,
     device: XsensSettings,
     emulator: XsensEmulatorSettings,

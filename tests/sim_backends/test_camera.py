@@ -13,7 +13,7 @@ from drivers.clock import VirtualClock, nanoseconds
 from drivers.errors import ConfigError
 from drivers.link import CameraImage
 from drivers.samples import FrameSample, Image
-from sim_backends.devices.camera import make_camera
+from sim_backends.devices.camera import make_emulator
 from sim_backends.rear_scene.emulated_scene import EmulatedScene, make_rig
 from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.world.live_folder import LiveFolderWriter
@@ -206,7 +206,7 @@ def test_noise_has_the_configured_size_and_differs_from_frame_to_frame() -> None
 
 def run(seed: int, until_s: float) -> tuple[EmulatedDevice[CameraImage], list[tuple[int, CameraImage]]]:
     plant = StraightPlant()
-    device = make_camera("camera", DEVICE, SETTINGS, plant, np.random.default_rng(seed), 10**9)
+    device = make_emulator("camera", DEVICE, SETTINGS, plant, np.random.default_rng(seed), 10**9)
     World(plant, {}, {"camera": device}).advance(10**9 + nanoseconds(until_s))
     arrived = device.to_host.take(10**9 + nanoseconds(until_s))
     return device, [(received.t_ns, received.payload) for received in arrived]
@@ -233,7 +233,7 @@ def test_the_same_seed_gives_the_same_frames_and_another_seed_others() -> None:
 def test_the_driver_sees_frames_in_lockstep_and_none_while_unplugged() -> None:
     clock = VirtualClock()
     plant = StraightPlant()
-    device = make_camera("camera", DEVICE, SETTINGS, plant, np.random.default_rng(1), clock.now_ns())
+    device = make_emulator("camera", DEVICE, SETTINGS, plant, np.random.default_rng(1), clock.now_ns())
     link = LoopbackLink(World(plant, {}, {"camera": device}), device, clock)
     with DEVICE.make_driver("camera", link, clock) as driver:
         frames = [driver.wait_next(FrameSample, 1.0) for _ in range(3)]

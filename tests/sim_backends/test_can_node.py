@@ -16,8 +16,8 @@ from drivers.driver import Rejection, WheelDrive
 from drivers.errors import ConfigError
 from drivers.link import Received
 from drivers.samples import FaultSample, PowerSample, Sample, WheelCommand, WheelSample
-from sim_backends.devices.can_wheels import make_can_node
-from sim_backends.devices.can_wheels_settings import CanNodeSettings
+from sim_backends.devices.can_node_settings import CanNodeSettings
+from sim_backends.devices.can_nodes import make_can_node
 from sim_backends.world.loopback import LoopbackLink
 from sim_backends.world.world import EmulatedDevice, World
 from tests.sim_backends.obedient_plant import START_NS, ObedientPlant

@@ -7,7 +7,7 @@ from drivers.can_frame import CanFrame, pack_can_frame, unpack_can_frame
 from drivers.canopen_wheels.settings import CanopenWheelsSettings
 from drivers.clock import seconds
 from drivers.errors import ConfigError
-from sim_backends.devices.canopen_wheels import CanopenWheelsEmulatorSettings, make_canopen_wheels
+from sim_backends.devices.canopen_wheels import CanopenWheelsEmulatorSettings, make_emulator
 from sim_backends.world.plant import Plant
 from sim_backends.world.world import EmulatedDevice
 from tests.sim_backends.obedient_plant import START_NS, DriveBench, ObedientPlant, faults, of_wheel
@@ -29,14 +29,14 @@ STARTING_S = 1.5
 
 def bench(settings: CanopenWheelsEmulatorSettings = EXACT) -> DriveBench:
     def make(plant: Plant) -> EmulatedDevice[bytes]:
-        return make_canopen_wheels("wheels", DEVICE, settings, plant, np.random.default_rng(1), START_NS)
+        return make_emulator("wheels", DEVICE, settings, plant, np.random.default_rng(1), START_NS)
 
     return DriveBench(DEVICE, make)
 
 
 def talk(request: CanFrame) -> list[str]:
     """Return what reaches the host within a millisecond after the boot-up messages."""
-    device = make_canopen_wheels("wheels", DEVICE, EXACT, ObedientPlant(), np.random.default_rng(1), START_NS)
+    device = make_emulator("wheels", DEVICE, EXACT, ObedientPlant(), np.random.default_rng(1), START_NS)
     device.run_event(START_NS)
     device.to_host.take(START_NS + 5_000_000)
     device.emulator.receive(START_NS + 5_000_000, pack_can_frame(request))
@@ -57,7 +57,7 @@ def test_sdo_answers(request_data: str, reply: str) -> None:
 
 
 def test_boot_up_and_heartbeat() -> None:
-    device = make_canopen_wheels("wheels", DEVICE, EXACT, ObedientPlant(), np.random.default_rng(1), START_NS)
+    device = make_emulator("wheels", DEVICE, EXACT, ObedientPlant(), np.random.default_rng(1), START_NS)
     device.run_event(START_NS)
     frames = [unpack_can_frame(item.payload) for item in device.to_host.take(START_NS + 5_000_000)]
     told = [(frame.can_id, frame.data.hex()) for frame in frames if frame is not None]
@@ -147,7 +147,7 @@ def test_a_fault_of_one_drive_stops_all_is_named_and_reset() -> None:
 def test_it_must_fit_the_rover_and_the_bus() -> None:
     rng = np.random.default_rng(1)
     with pytest.raises(ConfigError, match="has 4 wheels, the simulated rover 3"):
-        make_canopen_wheels("wheels", DEVICE, EXACT, ObedientPlant((0.0,) * 3), rng, START_NS)
+        make_emulator("wheels", DEVICE, EXACT, ObedientPlant((0.0,) * 3), rng, START_NS)
     slow = DEVICE.model_copy(update={"bit_rate": 50_000})
     with pytest.raises(ConfigError, match="raise bit_rate or pdo_period_ms"):
-        make_canopen_wheels("wheels", slow, EXACT, ObedientPlant(), rng, START_NS)
+        make_emulator("wheels", slow, EXACT, ObedientPlant(), rng, START_NS)

@@ -18,7 +18,7 @@ from drivers.link import Received
 from drivers.nmea_compass.codec import NmeaCompassCodec
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.samples import HeadingReference, HeadingSample
-from sim_backends.devices.nmea_compass import CompassEmulatorSettings, make_compass
+from sim_backends.devices.nmea_compass import CompassEmulatorSettings, make_emulator
 from sim_backends.world.loopback import LoopbackLink
 from sim_backends.world.plant import Truth
 from sim_backends.world.sensor_errors import DirectionLag
@@ -34,7 +34,7 @@ def sentences(
     settings: CompassEmulatorSettings, plant: TurningPlant, duration_s: float, seed: int = 1
 ) -> list[Received[bytes]]:
     rng = np.random.default_rng(seed)
-    device = make_compass("compass", DEVICE, settings, plant, rng, start_ns=0)
+    device = make_emulator("compass", DEVICE, settings, plant, rng, start_ns=0)
     return run(plant, device, nanoseconds(duration_s))
 
 
@@ -160,13 +160,13 @@ def test_same_seed_same_bytes() -> None:
 def test_line_that_is_too_slow_is_refused() -> None:
     settings = PERFECT.model_copy(update={"rate_hz": 40.0})
     with pytest.raises(ConfigError, match="baud_rate"):
-        make_compass("compass", DEVICE, settings, TurningPlant(), np.random.default_rng(1), start_ns=0)
+        make_emulator("compass", DEVICE, settings, TurningPlant(), np.random.default_rng(1), start_ns=0)
 
 
 def test_driver_streams_from_it_in_lockstep() -> None:
     clock, plant = VirtualClock(), TurningPlant()
     rng = np.random.default_rng(1)
-    device = make_compass("compass", DEVICE, CompassEmulatorSettings(), plant, rng, clock.now_ns())
+    device = make_emulator("compass", DEVICE, CompassEmulatorSettings(), plant, rng, clock.now_ns())
     world = World(plant, {"compass": device})
     with DEVICE.make_driver("compass", LoopbackLink(world, device, clock), clock) as driver:
         for _ in range(200):

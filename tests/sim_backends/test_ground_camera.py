@@ -15,7 +15,7 @@ from drivers.camera.settings import CameraSettings
 from drivers.clock import nanoseconds
 from drivers.link import CameraImage
 from drivers.samples import Image
-from sim_backends.devices.camera import make_camera
+from sim_backends.devices.camera import make_emulator
 from sim_backends.rear_scene.emulated_scene import SINKING_RAD, EmulatedScene, make_rig
 from sim_backends.rear_scene.scene import Pose
 from sim_backends.rear_scene.settings import CameraEmulatorSettings, CanopySettings, DirtSettings
@@ -301,7 +301,7 @@ DEVICE = CameraSettings(
 
 def frames(emulator: CameraEmulatorSettings, until_s: float, drop: float = 0.0) -> list[CameraImage]:
     plant = StraightPlant(velocity_x_m_s=0.1)
-    device = make_camera("camera", DEVICE, emulator, plant, np.random.default_rng(4), 0)
+    device = make_emulator("camera", DEVICE, emulator, plant, np.random.default_rng(4), 0)
     if drop:
         lost = ChanceFault(type="drop", device="camera", start_s=0, duration_s=1e3, probability=drop)
         schedule_faults(device, [lost], grey_lower_half, np.random.default_rng(1), 0)

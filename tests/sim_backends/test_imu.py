@@ -17,7 +17,7 @@ from drivers.samples import AccelerationSample, AttitudeSample, HeadingSample, R
 from drivers.units import STANDARD_GRAVITY_M_S2
 from drivers.witmotion.codec import ANGLE_STEP_RAD, RATE_STEP_RAD_S
 from drivers.witmotion.settings import WitMotionSettings
-from sim_backends.devices.witmotion import ImuEmulatorSettings, make_imu
+from sim_backends.devices.witmotion import ImuEmulatorSettings, make_emulator
 from sim_backends.world.loopback import LoopbackLink
 from sim_backends.world.plant import Truth
 from sim_backends.world.world import World
@@ -44,7 +44,7 @@ def samples_of(
     device_settings: WitMotionSettings = DEVICE,
 ) -> list[Sample]:
     rng = np.random.default_rng(seed)
-    device = make_imu("imu", device_settings, settings, plant, rng, start_ns=0)
+    device = make_emulator("imu", device_settings, settings, plant, rng, start_ns=0)
     return decode(run(plant, device, nanoseconds(duration_s)), device_settings.make_codec("imu"))
 
 
@@ -180,7 +180,7 @@ def test_same_seed_same_bytes() -> None:
 def test_line_that_is_too_slow_is_refused() -> None:
     factory_fresh = WitMotionSettings(port="simulated", baud_rate=9600)
     with pytest.raises(ConfigError, match="needs 11000 bit/s"):
-        make_imu(
+        make_emulator(
             "imu", factory_fresh, ImuEmulatorSettings(), TurningPlant(), np.random.default_rng(1), start_ns=0
         )
 
@@ -188,7 +188,7 @@ def test_line_that_is_too_slow_is_refused() -> None:
 def test_driver_streams_from_it_in_lockstep() -> None:
     clock, plant = VirtualClock(), TurningPlant()
     rng = np.random.default_rng(1)
-    device = make_imu("imu", DEVICE, ImuEmulatorSettings(), plant, rng, clock.now_ns())
+    device = make_emulator("imu", DEVICE, ImuEmulatorSettings(), plant, rng, clock.now_ns())
     world = World(plant, {"imu": device})
     with DEVICE.make_driver("imu", LoopbackLink(world, device, clock), clock) as driver:
         for _ in range(150):
@@ -214,7 +214,7 @@ def test_motor_currents_add_their_field_to_the_magnetic_frame() -> None:
         settings = ImuEmulatorSettings(frames=("magnetic",), magnetic_noise_counts=0).model_copy(
             update=changes
         )
-        device = make_imu("imu", DEVICE, settings, plant, np.random.default_rng(1), start_ns=0)
+        device = make_emulator("imu", DEVICE, settings, plant, np.random.default_rng(1), start_ns=0)
         (first, *_) = run(plant, device, nanoseconds(0.05))
         return np.array(struct.unpack("<hhh", first.payload[2:8]), np.float64)
 

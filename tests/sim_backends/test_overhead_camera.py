@@ -14,7 +14,7 @@ from drivers.link import CameraImage, Received
 from drivers.overhead_camera.markers import MarkerFinder, centre_of
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from drivers.samples import PoseFixSample
-from sim_backends.devices.overhead_camera import make_overhead_camera
+from sim_backends.devices.overhead_camera import make_emulator
 from sim_backends.overhead_scene.scene import OverheadScene, PinholeCamera
 from sim_backends.overhead_scene.settings import OverheadCameraEmulatorSettings
 from sim_backends.world.loopback import LoopbackLink
@@ -161,7 +161,7 @@ def simulated(
 ) -> tuple[EmulatedDevice[CameraImage], World]:
     plant = StraightPlant(velocity_x_m_s=0.1, wheel_count=3)
     rng = np.random.default_rng(seed)
-    camera = make_overhead_camera("overhead", device(), settings, plant, rng, START_NS)
+    camera = make_emulator("overhead", device(), settings, plant, rng, START_NS)
     return camera, World(plant, {}, {"overhead": camera})
 
 
@@ -221,7 +221,7 @@ def test_a_camera_that_cannot_be_is_refused(changes: dict[str, object], words: s
     low = device(marker_height_m=0.45)
     plant = StraightPlant()
     with pytest.raises(ConfigError, match=words):
-        make_overhead_camera("overhead", low, emulator(**changes), plant, np.random.default_rng(0), START_NS)
+        make_emulator("overhead", low, emulator(**changes), plant, np.random.default_rng(0), START_NS)
 
 
 def test_the_shipped_calibration_is_a_file_of_the_package() -> None:

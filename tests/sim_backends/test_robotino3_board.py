@@ -14,7 +14,7 @@ from drivers.samples import BumperSample, PowerSample
 from sim_backends.devices.robotino3_board import (
     CURRENT_STEP_A,
     Robotino3BoardEmulatorSettings,
-    make_robotino3_board,
+    make_emulator,
 )
 from sim_backends.world.plant import Plant, Truth
 from sim_backends.world.world import EmulatedDevice
@@ -35,7 +35,7 @@ def three_wheels(position_rad: Sequence[float] = (0.0, 0.0, 0.0)) -> ObedientPla
 def make(
     plant: Plant, settings: Robotino3BoardEmulatorSettings = EXACT, seed: int = 1
 ) -> EmulatedDevice[bytes]:
-    return make_robotino3_board("board", DEVICE, settings, plant, np.random.default_rng(seed), 0)
+    return make_emulator("board", DEVICE, settings, plant, np.random.default_rng(seed), 0)
 
 
 def bench(settings: Robotino3BoardEmulatorSettings = EXACT) -> DriveBench:

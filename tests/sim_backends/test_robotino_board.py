@@ -12,7 +12,7 @@ from drivers.robotino_board.codec import REPLY_SIZE, BoardReply, RobotinoBoardCo
 from drivers.robotino_board.parameters import Board
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.samples import BumperSample, PowerSample, WheelCommand, WheelSample
-from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings, make_robotino_board
+from sim_backends.devices.robotino_board import RobotinoBoardEmulatorSettings, make_emulator
 from sim_backends.world.line import NEVER_NS
 from sim_backends.world.loopback import LoopbackLink
 from sim_backends.world.plant import Truth
@@ -81,7 +81,7 @@ class Bench:
         self.settings = RobotinoBoardSettings(type="robotino_board", port="p", board=board)
         emulator = RobotinoBoardEmulatorSettings(type="robotino_board", current_ripple_a=ripple_a)
         self.plant = IdealPlant()
-        self.device: EmulatedDevice[bytes] = make_robotino_board(
+        self.device: EmulatedDevice[bytes] = make_emulator(
             "board", self.settings, emulator, self.plant, np.random.default_rng(seed), START_NS
         )
         self.world = World(self.plant, {"board": self.device})
@@ -318,4 +318,4 @@ def test_rover_must_have_three_wheels() -> None:
     settings = RobotinoBoardSettings(type="robotino_board", port="p")
     emulator = RobotinoBoardEmulatorSettings(type="robotino_board")
     with pytest.raises(ConfigError, match="turns 3 wheels but the simulated rover has 4"):
-        make_robotino_board("board", settings, emulator, plant, np.random.default_rng(0), START_NS)
+        make_emulator("board", settings, emulator, plant, np.random.default_rng(0), START_NS)

@@ -12,7 +12,7 @@ from drivers.errors import ConfigError
 from drivers.samples import AccelerationSample, AttitudeSample, HeadingSample, RateSample
 from drivers.units import STANDARD_GRAVITY_M_S2
 from drivers.vectornav.settings import VectorNavSettings
-from sim_backends.devices.vectornav import VectorNavEmulatorSettings, make_vectornav
+from sim_backends.devices.vectornav import VectorNavEmulatorSettings, make_emulator
 from sim_backends.world.loopback import LoopbackLink
 from sim_backends.world.world import World
 from tests.sim_backends.turning_plant import TurningPlant, decode, run
@@ -35,7 +35,7 @@ PUBLISHED = (
 
 def sent(settings: VectorNavEmulatorSettings, plant: TurningPlant, until_s: float, seed: int = 1) -> bytes:
     rng = np.random.default_rng(seed)
-    device = make_vectornav("imu", DEVICE, settings, plant, rng, start_ns=0)
+    device = make_emulator("imu", DEVICE, settings, plant, rng, start_ns=0)
     return b"".join(item.payload for item in run(plant, device, nanoseconds(until_s)))
 
 
@@ -51,7 +51,7 @@ def test_bytes_have_the_form_of_a_published_message() -> None:
 def test_perfect_sensor_tells_the_truth_however_mounted(mounting_yaw_deg: float) -> None:
     device_settings = VectorNavSettings(port="simulated", mounting_yaw_deg=mounting_yaw_deg)
     plant = TurningPlant(yaw_rad=3.0, yaw_rate_rad_s=0.5, roll_rad=0.2, pitch_rad=-0.1, speed_m_s=0.8)
-    device = make_vectornav("imu", device_settings, PERFECT, plant, np.random.default_rng(1), start_ns=0)
+    device = make_emulator("imu", device_settings, PERFECT, plant, np.random.default_rng(1), start_ns=0)
     received = run(plant, device, nanoseconds(0.04))
     attitude, heading, acceleration, rate = decode(received, device_settings.make_codec("imu"))
     assert isinstance(attitude, AttitudeSample)
@@ -89,7 +89,7 @@ def test_same_seed_same_bytes() -> None:
 def test_line_that_is_too_slow_is_refused() -> None:
     slow = VectorNavSettings(port="simulated", baud_rate=9600)
     with pytest.raises(ConfigError, match="needs 48800 bit/s"):
-        make_vectornav(
+        make_emulator(
             "imu", slow, VectorNavEmulatorSettings(), TurningPlant(), np.random.default_rng(1), start_ns=0
         )
 
@@ -97,7 +97,7 @@ def test_line_that_is_too_slow_is_refused() -> None:
 def test_driver_streams_from_it_in_lockstep() -> None:
     clock, plant = VirtualClock(), TurningPlant()
     settings = VectorNavEmulatorSettings()
-    device = make_vectornav("imu", DEVICE, settings, plant, np.random.default_rng(1), clock.now_ns())
+    device = make_emulator("imu", DEVICE, settings, plant, np.random.default_rng(1), clock.now_ns())
     world = World(plant, {"imu": device})
     with DEVICE.make_driver("imu", LoopbackLink(world, device, clock), clock) as driver:
         for _ in range(150):

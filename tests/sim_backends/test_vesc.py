@@ -8,7 +8,7 @@ from drivers.clock import seconds
 from drivers.errors import ConfigError
 from drivers.samples import FaultSample, PowerSample
 from drivers.vesc.settings import VescSettings
-from sim_backends.devices.vesc import VescEmulatorSettings, make_vesc
+from sim_backends.devices.vesc import VescEmulatorSettings, make_emulator
 from sim_backends.world.plant import Plant
 from sim_backends.world.world import EmulatedDevice
 from tests.sim_backends.obedient_plant import START_NS, DriveBench, ObedientPlant, faults, of_wheel
@@ -28,7 +28,7 @@ SPEEDS = (1.0, -2.0, 3.0, 0.5)
 
 def bench(settings: VescEmulatorSettings = EXACT, plant: ObedientPlant | None = None) -> DriveBench:
     def make(wheels: Plant) -> EmulatedDevice[bytes]:
-        return make_vesc("wheels", DEVICE, settings, wheels, np.random.default_rng(1), START_NS)
+        return make_emulator("wheels", DEVICE, settings, wheels, np.random.default_rng(1), START_NS)
 
     return DriveBench(DEVICE, make, plant)
 
@@ -42,7 +42,7 @@ def bus(emulated: EmulatedDevice[bytes], until_ns: int) -> list[tuple[str, str]]
 def test_bytes_on_the_bus() -> None:
     """Written down by hand: 3 rad/s, 0.5 A per rad/s, 20:1, 7 pole pairs: 4010 electrical turns a minute."""
     plant = ObedientPlant()
-    emulated = make_vesc("wheels", DEVICE, EXACT, plant, np.random.default_rng(1), START_NS)
+    emulated = make_emulator("wheels", DEVICE, EXACT, plant, np.random.default_rng(1), START_NS)
     plant.set_wheel_speeds((3.0, 3.0, 0.0, 0.0))
     for t_ns in range(START_NS, START_NS + 21_000_000, 500_000):
         plant.advance(t_ns)
@@ -163,7 +163,7 @@ def test_same_seed_same_bytes() -> None:
     heard = []
     for plant, seed in zip(plants, (5, 5, 6), strict=True):
         rng = np.random.default_rng(seed)
-        emulated = make_vesc("wheels", DEVICE, VescEmulatorSettings(), plant, rng, START_NS)
+        emulated = make_emulator("wheels", DEVICE, VescEmulatorSettings(), plant, rng, START_NS)
         for t_ns in range(START_NS, START_NS + 200_000_000, 1_000_000):
             plant.advance(t_ns)
             emulated.run_event(t_ns)
@@ -174,7 +174,7 @@ def test_same_seed_same_bytes() -> None:
 def test_it_must_fit_the_rover_and_the_bus() -> None:
     rng = np.random.default_rng(1)
     with pytest.raises(ConfigError, match="has 4 wheels, the simulated rover 3"):
-        make_vesc("wheels", DEVICE, EXACT, ObedientPlant((0.0,) * 3), rng, START_NS)
+        make_emulator("wheels", DEVICE, EXACT, ObedientPlant((0.0,) * 3), rng, START_NS)
     slow = DEVICE.model_copy(update={"bit_rate": 50_000})
     with pytest.raises(ConfigError, match="raise bit_rate or lower wheel_rate_hz"):
-        make_vesc("wheels", slow, EXACT, ObedientPlant(), rng, START_NS)
+        make_emulator("wheels", slow, EXACT, ObedientPlant(), rng, START_NS)

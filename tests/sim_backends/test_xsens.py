@@ -11,7 +11,7 @@ from drivers.errors import ConfigError
 from drivers.samples import AccelerationSample, AttitudeSample, HeadingSample, RateSample
 from drivers.units import STANDARD_GRAVITY_M_S2
 from drivers.xsens.settings import XsensSettings
-from sim_backends.devices.xsens import XsensEmulatorSettings, make_xsens
+from sim_backends.devices.xsens import XsensEmulatorSettings, make_emulator
 from sim_backends.world.loopback import LoopbackLink
 from sim_backends.world.world import World
 from tests.sim_backends.turning_plant import TurningPlant, decode, run
@@ -29,7 +29,7 @@ PERFECT = XsensEmulatorSettings(
 
 
 def sent(settings: XsensEmulatorSettings, plant: TurningPlant, until_s: float, seed: int = 1) -> bytes:
-    device = make_xsens("imu", DEVICE, settings, plant, np.random.default_rng(seed), start_ns=0)
+    device = make_emulator("imu", DEVICE, settings, plant, np.random.default_rng(seed), start_ns=0)
     return b"".join(item.payload for item in run(plant, device, nanoseconds(until_s)))
 
 
@@ -48,7 +48,7 @@ def test_bytes_are_those_of_the_manual() -> None:
 def test_perfect_sensor_tells_the_truth_however_mounted(mounting_yaw_deg: float, yaw_zero_deg: float) -> None:
     settings = XsensSettings(port="simulated", mounting_yaw_deg=mounting_yaw_deg, yaw_zero_deg=yaw_zero_deg)
     plant = TurningPlant(yaw_rad=3.0, yaw_rate_rad_s=0.5, roll_rad=0.2, pitch_rad=-0.1, speed_m_s=0.8)
-    device = make_xsens("imu", settings, PERFECT, plant, np.random.default_rng(1), start_ns=0)
+    device = make_emulator("imu", settings, PERFECT, plant, np.random.default_rng(1), start_ns=0)
     received = run(plant, device, nanoseconds(0.018))
     attitude, heading, acceleration, rate = decode(received, settings.make_codec("imu"))
     assert isinstance(attitude, AttitudeSample)
@@ -80,13 +80,15 @@ def test_same_seed_same_bytes() -> None:
 def test_line_that_is_too_slow_is_refused() -> None:
     slow = XsensSettings(port="simulated", baud_rate=57_600)
     with pytest.raises(ConfigError, match="needs 73000 bit/s"):
-        make_xsens("imu", slow, XsensEmulatorSettings(), TurningPlant(), np.random.default_rng(1), start_ns=0)
+        make_emulator(
+            "imu", slow, XsensEmulatorSettings(), TurningPlant(), np.random.default_rng(1), start_ns=0
+        )
 
 
 def test_driver_streams_from_it_in_lockstep() -> None:
     clock, plant = VirtualClock(), TurningPlant()
     settings = XsensEmulatorSettings()
-    device = make_xsens("imu", DEVICE, settings, plant, np.random.default_rng(1), clock.now_ns())
+    device = make_emulator("imu", DEVICE, settings, plant, np.random.default_rng(1), clock.now_ns())
     world = World(plant, {"imu": device})
     with DEVICE.make_driver("imu", LoopbackLink(world, device, clock), clock) as driver:
         for _ in range(150):
