@@ -292,8 +292,8 @@ class Suite:
     ) -> Case:
         def write() -> None:
             if beside:
-                for other in ("summary.csv", "plates.csv", "wheel.csv"):
-                    shutil.copy(self._honest / other, file.parent / other)
+                for name in ("summary.csv", "plates.csv", "wheel.csv"):
+                    shutil.copy(self._honest / name, file.parent / name)
             file.write_bytes(make())
 
         return self._written(name, file, write, command)

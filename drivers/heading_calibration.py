@@ -49,7 +49,7 @@ class DeviationTable(Calibration):
     @field_validator("heading_deg")
     @classmethod
     def _require_increasing(cls, heading_deg: tuple[float, ...]) -> tuple[float, ...]:
-        if any(right <= left for left, right in pairwise(heading_deg)):
+        if any(after <= before for before, after in pairwise(heading_deg)):
             raise ValueError("must be strictly increasing: sort the table and merge repeated headings")
         return heading_deg
 

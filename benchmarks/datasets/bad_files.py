@@ -176,10 +176,10 @@ def text_cases() -> Iterator[Bad]:
 def damaged(raw: bytes, seed: int, share: float = 0.01) -> bytes:
     """Return bytes of which some are others."""
     rng = np.random.default_rng(seed)
-    found = bytearray(raw)
-    for place in rng.integers(0, len(found), max(3, int(share * len(found)))):
-        found[place] = rng.integers(0, 256)
-    return bytes(found)
+    changed = bytearray(raw)
+    for place in rng.integers(0, len(changed), max(3, int(share * len(changed)))):
+        changed[place] = rng.integers(0, 256)
+    return bytes(changed)
 
 
 def sparse(folder: Path, name: str) -> Path:

@@ -97,8 +97,8 @@ def run_of(folder: Path, kind: str, name: str) -> Path:
 
 def runs_of(folder: Path, kind: str) -> list[Path]:
     """Return the runs of one robot."""
-    found = (folder / "optiodom" / kind / "circular").glob("*/*_run-*.csv.gz")
-    return sorted(path for path in found if not path.name.endswith("_odo.csv.gz"))
+    paths = (folder / "optiodom" / kind / "circular").glob("*/*_run-*.csv.gz")
+    return sorted(path for path in paths if not path.name.endswith("_odo.csv.gz"))
 
 
 def differential(path: Path) -> Measured:
@@ -256,8 +256,8 @@ def scaled(factor: float, *names: str) -> Change:
     return change(**{name: lambda each, name=name: factor * each[name] for name in names})
 
 
-def swapped(one: str, other: str) -> Change:
-    return change(**{one: lambda each: each[other], other: lambda each: each[one]})
+def swapped(first: str, second: str) -> Change:
+    return change(**{first: lambda each: each[second], second: lambda each: each[first]})
 
 
 def clock(factor: float) -> Change:
@@ -339,7 +339,7 @@ EXCHANGED, REVERSED, CLOCK, WRAP = (
 def cases() -> list[Case]:
     """Return the 40 faults."""
     both = ("w0", "w1")
-    found = [
+    recorded = [
         Case("diff", "left and right swapped", swapped(*both), EXCHANGED),
         Case("diff", "right wheel reversed", reversed_("w0"), REVERSED),
         Case("diff", "left wheel reversed", reversed_("w1"), REVERSED),
@@ -381,8 +381,8 @@ def cases() -> list[Case]:
         Case("car", "rpm called rad/s", scaled(RPM, *both), ("correct the unit",)),
         Case("car", "clock 10 times too fast", clock(10.0), CLOCK),
     ]
-    assert len(found) == 40
-    return found
+    assert len(recorded) == 40
+    return recorded
 
 
 def drives(folder: Path) -> dict[str, Measured]:
@@ -477,7 +477,7 @@ def import_drive(drive: Measured, folder: Path) -> Outcome:
         return Outcome(refusal=str(error))
     unseen = [odd.what for odd in contents.oddities if odd.done == NOT_SHOWN]
     told = [odd.what for odd in contents.oddities if odd.done != NOT_SHOWN] + contents.notes
-    return Outcome("", [found.text for found in contents.findings], told, unseen, error_m(log))
+    return Outcome("", [finding.text for finding in contents.findings], told, unseen, error_m(log))
 
 
 def error_m(log: Path) -> float:

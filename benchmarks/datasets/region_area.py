@@ -61,12 +61,12 @@ def areas_m2(tree: Path, place: Path) -> Array:
     subprocess.run(
         (sys.executable, "-c", run, *command), cwd=place, env=environment, check=True, capture_output=True
     )
-    found = []
+    areas = []
     for message in LogReader(log).messages():
         if message.topic == "/estimate":
             xx, xy, _, yy, _, _ = cast("dict[str, Any]", message.json())["estimate"]["covariance"]
-            found.append(math.pi * CHI2_95 * math.sqrt(max(0.0, xx * yy - xy * xy)))
-    return np.array(found)
+            areas.append(math.pi * CHI2_95 * math.sqrt(max(0.0, xx * yy - xy * xy)))
+    return np.array(areas)
 
 
 def _entry(tree: Path) -> str:

@@ -114,8 +114,8 @@ def spoiled(drive: Measured, kind: str, since: float) -> Measured:
     columns = dict(drive.columns)
     if kind == "encoders exchanged":
         moved = [steps(columns[name]) for name in ("w0", "w1")]
-        for name, own, other in zip(("w0", "w1"), moved, moved[::-1], strict=True):
-            columns[name] = columns[name][0] + np.cumsum(np.where(wrong, other, own))
+        for name, own, neighbour in zip(("w0", "w1"), moved, moved[::-1], strict=True):
+            columns[name] = columns[name][0] + np.cumsum(np.where(wrong, neighbour, own))
     else:
         columns = {name: KINDS[kind](name, values, wrong) for name, values in columns.items()}
     return replace(drive, columns=columns)

@@ -153,9 +153,9 @@ def shown_trace(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return the direction of a trace with errors, in deg, and in which frames it is seen."""
     source = TraceErrors(rng)
-    found = [source.next() for _ in true_deg]
-    missed = np.array([is_missed for _, is_missed in found])
-    return true_deg + np.array([error for error, _ in found]), is_present & ~missed
+    shown = [source.next() for _ in true_deg]
+    missed = np.array([is_missed for _, is_missed in shown])
+    return true_deg + np.array([error for error, _ in shown]), is_present & ~missed
 
 
 class TruthfulTrace:
@@ -326,7 +326,7 @@ def rows_of(moments: Sequence[Moment]) -> Errors:
     for moment in moments:
         if moment.output.mode is Mode.RUNNING and moment.t_s >= next_s:
             then_s = moment.t_s - moment.age_s
-            truth = np.array([np.interp(then_s, times_s, one) for one in truths.T])
+            truth = np.array([np.interp(then_s, times_s, values) for values in truths.T])
             rows.append(find_errors(moment.output.estimate, truth))
             next_s = moment.t_s + EVERY_S
     return rows
@@ -382,9 +382,9 @@ def main() -> int:
     parts: defaultdict[str, Errors] = defaultdict(list)
     ends = Counter[str]()
     with open_executor(arguments.cluster, arguments.workers) as pool:
-        found = pool.map(mission, cases, [arguments.camera] * len(cases))
+        results = pool.map(mission, cases, [arguments.camera] * len(cases))
         console = Console(stderr=True)
-        for case, (end, errors) in track(zip(cases, found, strict=True), total=len(cases), console=console):
+        for case, (end, errors) in track(zip(cases, results, strict=True), total=len(cases), console=console):
             ends[f"{case.way}: {end}"] += 1
             pooled[case.group] += errors
             parts[f"{case.group}, {case.ground}"] += errors

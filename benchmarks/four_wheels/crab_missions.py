@@ -79,11 +79,11 @@ def figures(way: str, slope_deg: float, seed: int) -> Figures:
     }
 
 
-def over_seeds(found: Sequence[Figures]) -> Figures:
+def over_seeds(of_seeds: Sequence[Figures]) -> Figures:
     """Return medians of the distances and sums of the failures."""
-    medians = {name: float(np.median([row[name] for row in found])) for name in found[0]}
-    greatest = {"greatest_rms_m": max(row["rms_m"] for row in found)}
-    failures = {"not_finished": sum(row["not_finished"] for row in found)}
+    medians = {name: float(np.median([row[name] for row in of_seeds])) for name in of_seeds[0]}
+    greatest = {"greatest_rms_m": max(row["rms_m"] for row in of_seeds)}
+    failures = {"not_finished": sum(row["not_finished"] for row in of_seeds)}
     return {name: round(value, 4) for name, value in (medians | greatest | failures).items()}
 
 
@@ -96,16 +96,16 @@ def main() -> int:
     parser.add_argument("--only", choices=WAYS, help="one way of driving")
     arguments = parser.parse_args()
     ways = WAYS if arguments.only is None else (arguments.only,)
-    found: dict[tuple[str, float], list[Figures]] = {
+    by_case: dict[tuple[str, float], list[Figures]] = {
         (way, slope_deg): [] for way in ways for slope_deg in SLOPES_DEG
     }
     for seed in range(arguments.first, arguments.first + arguments.seeds):
-        for way, slope_deg in found:
-            found[way, slope_deg].append(figures(way, slope_deg, seed))
-            row = json.dumps(found[way, slope_deg][-1])
+        for way, slope_deg in by_case:
+            by_case[way, slope_deg].append(figures(way, slope_deg, seed))
+            row = json.dumps(by_case[way, slope_deg][-1])
             print(f"seed {seed}, {slope_deg:g} deg, {way}: {row}", file=sys.stderr, flush=True)
     report: dict[str, dict[str, Figures]] = {way: {} for way in ways}
-    for (way, slope_deg), rows in found.items():
+    for (way, slope_deg), rows in by_case.items():
         report[way][f"{slope_deg:g} deg"] = over_seeds(rows)
     print(json.dumps({"seeds": arguments.seeds, "length_m": LENGTH_M, **report}, indent=2))
     missed = [

@@ -107,10 +107,10 @@ class Eyes:
         image: Image = self._scene.render(self.pose(truth, press))
         rim_m_s = 0.092 * float(np.mean(truth.wheel_speed_rad_s))
         grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
-        found = self._estimator.step(
+        angle = self._estimator.step(
             nanoseconds(press * PRESS_S), grey, wheel_speed_m_s=rim_m_s, rates_rad_s=rates_rad_s
         )
-        return found.theta_rad if found.detected else None
+        return angle.theta_rad if angle.detected else None
 
 
 @dataclass
@@ -216,10 +216,10 @@ def run_seed(seed: int) -> dict[str, dict[str, dict[str, float]]]:
     }
 
 
-def summary(found: Sequence[dict[str, float]]) -> dict[str, float]:
+def summary(rows: Sequence[dict[str, float]]) -> dict[str, float]:
     """Return medians over the seeds, and the greatest final distance."""
-    medians = {name: round(float(np.median([row[name] for row in found])), 3) for name in found[0]}
-    return medians | {"greatest_final_m": round(max(row["final_m"] for row in found), 3)}
+    medians = {name: round(float(np.median([row[name] for row in rows])), 3) for name in rows[0]}
+    return medians | {"greatest_final_m": round(max(row["final_m"] for row in rows), 3)}
 
 
 def main() -> int:
@@ -228,17 +228,19 @@ def main() -> int:
     )
     parser.add_argument("--seeds", type=int, default=10)
     arguments = parser.parse_args()
-    found = []
+    results = []
     for seed in range(FIRST_SEED, FIRST_SEED + arguments.seeds):
-        found.append(run_seed(seed))
-        print(f"seed {seed}: {json.dumps(found[-1])}", file=sys.stderr)
-    report = {name: {who: summary([one[name][who] for one in found]) for who in DRIVERS} for name in SITES}
+        results.append(run_seed(seed))
+        print(f"seed {seed}: {json.dumps(results[-1])}", file=sys.stderr)
+    report = {
+        name: {who: summary([result[name][who] for result in results]) for who in DRIVERS} for name in SITES
+    }
     print(json.dumps({"seeds": arguments.seeds, **report}, indent=2))
     return 0 if all(_halves(rows["crab"], rows["no steering"]) for rows in report.values()) else 1
 
 
-def _halves(row: dict[str, float], other: dict[str, float]) -> bool:
-    return all(row[name] <= 0.5 * other[name] for name in ("final_m", "rms_m"))
+def _halves(row: dict[str, float], reference: dict[str, float]) -> bool:
+    return all(row[name] <= 0.5 * reference[name] for name in ("final_m", "rms_m"))
 
 
 if __name__ == "__main__":

@@ -152,11 +152,11 @@ def trace_quality(recorded: FieldDrive, traces: Traces) -> dict[str, float]:
     """Return rms of found angles against the true direction, and the share missed where a trace shows."""
     present = np.array([frame.trace_present for frame in recorded.sequence.truth])
     true_deg = np.array([frame.theta_t_deg for frame in recorded.sequence.truth])
-    found = traces.detected > 0
-    error = (traces.theta_deg - true_deg)[found]
+    is_detected = traces.detected > 0
+    error = (traces.theta_deg - true_deg)[is_detected]
     return {
         "rms_deg": float(np.sqrt(np.mean(error**2))),
-        "missed_share": float(np.mean(~found[present])),
+        "missed_share": float(np.mean(~is_detected[present])),
     }
 
 
@@ -188,8 +188,8 @@ def summary(outcomes: Sequence[Outcome]) -> dict[str, dict[str, float]]:
     """Return medians over the seeds, and the greatest final error."""
     rows = {"drive": _medians([o.drive for o in outcomes]), "trace": _medians([o.trace for o in outcomes])}
     for odometry in ODOMETRIES:
-        found = [outcome.scores[odometry] for outcome in outcomes]
-        rows[odometry] = _medians(found) | {"greatest_final_m": round(max(f["final_m"] for f in found), 3)}
+        scores = [outcome.scores[odometry] for outcome in outcomes]
+        rows[odometry] = _medians(scores) | {"greatest_final_m": round(max(f["final_m"] for f in scores), 3)}
     return rows
 
 
@@ -207,12 +207,12 @@ def main() -> int:
     arguments = parser.parse_args()
     if arguments.pictures is not None:
         arguments.pictures.mkdir(parents=True, exist_ok=True)
-    found: list[dict[str, Outcome]] = []
+    results: list[dict[str, Outcome]] = []
     for seed in range(FIRST_SEED, FIRST_SEED + arguments.seeds):
-        found.append(run_seed(seed, arguments.method, None if found else arguments.pictures))
-        ends = ", ".join(f"{name} {found[-1][name].scores['ours']['final_m']:.3f} m" for name in SITES)
+        results.append(run_seed(seed, arguments.method, None if results else arguments.pictures))
+        ends = ", ".join(f"{name} {results[-1][name].scores['ours']['final_m']:.3f} m" for name in SITES)
         print(f"seed {seed}, ours ends off by: {ends}", file=sys.stderr)
-    report = {name: summary([outcomes[name] for outcomes in found]) for name in SITES}
+    report = {name: summary([outcomes[name] for outcomes in results]) for name in SITES}
     print(json.dumps({"seeds": arguments.seeds, "method": arguments.method, **report}, indent=2))
     return 0 if all(_reaches(report[name]["ours"], bar) for name, bar in BARS_M.items()) else 1
 

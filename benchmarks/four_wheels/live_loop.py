@@ -98,7 +98,7 @@ def step_times_us(path: Path) -> dict[str, list[float]]:
 
     with mock.patch.object(ControlLoop, "step", step):
         drive(WAYS[0], FIRST_SEED, path)
-    return {name: np.percentile(found, (50, 99)).round().tolist() for name, found in times.items()}
+    return {name: np.percentile(durations, (50, 99)).round().tolist() for name, durations in times.items()}
 
 
 def main() -> int:
@@ -114,11 +114,11 @@ def main() -> int:
     report: dict[str, dict[str, list[float]]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for way in arguments.way or WAYS:
-            found = [
+            results = [
                 drive(way, seed, Path(folder) / f"{way} {seed}.mcap", changes)
                 for seed in range(FIRST_SEED, FIRST_SEED + arguments.seeds)
             ]
-            report[way] = {name: median_and_range([row[name] for row in found]) for name in found[0]}
+            report[way] = {name: median_and_range([row[name] for row in results]) for name in results[0]}
             print(f"{way}: {json.dumps(report[way])}", file=sys.stderr)
         times = {} if arguments.way else {"step_us": step_times_us(Path(folder) / "timed.mcap")}
     print(json.dumps({"seeds": arguments.seeds, **report, **times}, indent=2))

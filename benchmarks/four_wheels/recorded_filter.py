@@ -96,8 +96,8 @@ def drives_of(plant: str, seed: int) -> dict[str, Recorded]:
     """Return the drives of both tests."""
     if plant == "nature":
         sites = {"test 1": nature.SIDEWAYS, "test 2": nature.MOUNDS}
-        found = {name: nature.field_test(site, seed) for name, site in sites.items()}
-        return {name: Recorded(drive.log, drive.truth) for name, drive in found.items()}
+        by_site = {name: nature.field_test(site, seed) for name, site in sites.items()}
+        return {name: Recorded(drive.log, drive.truth) for name, drive in by_site.items()}
     rover = draw_rover(seed)
     drives: dict[str, Recorded] = {}
     for name, site in (("test 1", SIDEWAYS), ("test 2", MOUNDS)):
@@ -119,16 +119,18 @@ def drives_of(plant: str, seed: int) -> dict[str, Recorded]:
 def samples(log: Columns, row: int, t_ns: int, trace: RecordedTrace) -> list[Sample]:
     """Return what arrives with a row."""
     value = {name: float(column[row]) for name, column in log.items()}
-    found: list[Sample] = [
+    samples_of_drive: list[Sample] = [
         WheelSample(device="wheels", t_ns=t_ns, wheel=wheel, position_rad=value[f"enc{wheel + 1}_rad"])
         for wheel in range(4)
     ]
-    found.append(RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=math.radians(value["gyro_z_deg_s"])))
+    samples_of_drive.append(
+        RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=math.radians(value["gyro_z_deg_s"]))
+    )
     pitch_rad, roll_rad = -math.radians(value["pitch_deg"]), math.radians(value["roll_deg"])
-    found.append(AttitudeSample(device="imu", t_ns=t_ns, pitch_rad=pitch_rad, roll_rad=roll_rad))
+    samples_of_drive.append(AttitudeSample(device="imu", t_ns=t_ns, pitch_rad=pitch_rad, roll_rad=roll_rad))
     if row % COMPASS_ROWS == 0:
         heading_rad = math.radians(value["compass_deg"])
-        found.append(
+        samples_of_drive.append(
             HeadingSample(
                 device="compass", t_ns=t_ns, heading_rad=heading_rad, reference=HeadingReference.MAGNETIC
             )
@@ -144,8 +146,10 @@ def samples(log: Columns, row: int, t_ns: int, trace: RecordedTrace) -> list[Sam
             theta_sd_rad=None,
         )
         picture = np.zeros((1, 1), np.uint8)
-        found.append(FrameSample(device=CAMERA, t_ns=t_ns, t_capture_ns=None, index=row, image=picture))
-    return found
+        samples_of_drive.append(
+            FrameSample(device=CAMERA, t_ns=t_ns, t_capture_ns=None, index=row, image=picture)
+        )
+    return samples_of_drive
 
 
 def estimate(drive: Recorded, parameters: ScompParameters, settings: FilterSettings, fixes: str) -> Errors:
@@ -205,20 +209,20 @@ def main() -> int:
     settings = load_config("el-dorado").filter
     drives = [drives_of(arguments.plant, arguments.first + number) for number in range(arguments.seeds + 1)]
     fitted = [
-        identify(drive_of(dict(one["test 1"].log), "simulated")[0], one["test 1"].path).parameters
-        for one in drives
+        identify(drive_of(dict(drive["test 1"].log), "simulated")[0], drive["test 1"].path).parameters
+        for drive in drives
     ]
     for known, ground in enumerate(reversed(GROUNDS)):
         for fixes in FIXES:
             for test in ("test 1", "test 2"):
-                found = [
+                results = [
                     estimate(drives[seed][test], fitted[seed + 1 - known], settings, fixes)
                     for seed in range(arguments.seeds)
                 ]
-                ends_m = [math.sqrt(errors[-1][1]) for errors in found]
+                ends_m = [math.sqrt(errors[-1][1]) for errors in results]
                 name = f"{ground}, {fixes}, {test}"
                 print(f"{name}: end {np.median(ends_m):.3f} m, greatest {max(ends_m):.3f} m")
-                print_errors(name, np.array([row for errors in found for row in errors]))
+                print_errors(name, np.array([row for errors in results for row in errors]))
     return 0
 
 

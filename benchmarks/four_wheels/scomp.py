@@ -107,10 +107,10 @@ def honesty(results: Sequence[tuple[Result, TruePath]]) -> dict[str, float]:
         track = result.track
         shares.append(float((track.x_m[-1] - path.x_m[-1]) / track.sigma_x_m[-1]))
         shares.append(float((track.y_m[-1] - path.y_m[-1]) / track.sigma_y_m[-1]))
-    found = [innovation for result, _ in results for innovation in result.innovations]
-    names = sorted({innovation.name for innovation in found})
+    innovations = [innovation for result, _ in results for innovation in result.innovations]
+    names = sorted({innovation.name for innovation in innovations})
     nis = {
-        f"nis_{name.replace(' ', '_')}": [i.nis for i in found if i.name == name and i.nis is not None]
+        f"nis_{name.replace(' ', '_')}": [i.nis for i in innovations if i.name == name and i.nis is not None]
         for name in names
     }
     return {
@@ -151,7 +151,7 @@ def main() -> int:
                 scores[name][method].append(score(run(drive, parameters), recorded, path))
             if arguments.pictures and seed == FIRST_SEED:
                 draw(arguments.pictures, recorded, parameters, name)
-    tables = {name: {m: table(found) for m, found in by.items()} for name, by in scores.items()}
+    tables = {name: {m: table(of_method) for m, of_method in by.items()} for name, by in scores.items()}
     report = {name: {**tables[name], "honesty": honesty(results[name])} for name in TESTS}
     print(json.dumps({"seeds": arguments.seeds, **report}, indent=2))
     return 0 if all(reaches(tables[name]["online"], bar) for name, bar in BARS.items()) else 1

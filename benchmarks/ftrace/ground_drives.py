@@ -66,8 +66,8 @@ Finders = dict[str, list[Judged]]
 def drive(folder: Path) -> dict[str, Judged]:
     """Return the judged frames of a rendered drive, by finder."""
     rig, telemetry, images = _recorded(folder)
-    found = _flow(rig, images, telemetry)
-    return {"fused": fused(folder), "flow+gyro": _judged(folder, rig, found)}
+    angles = _flow(rig, images, telemetry)
+    return {"fused": fused(folder), "flow+gyro": _judged(folder, rig, angles)}
 
 
 def fused(folder: Path) -> Judged:
@@ -86,8 +86,8 @@ def _recorded(folder: Path) -> tuple[RigFile, list[TelemetryRow], list[Image]]:
     return rig, telemetry, images
 
 
-def _judged(folder: Path, rig: RigFile, found: Found) -> Judged:
-    return judge(found, _truth(folder / "truth.csv"), rig.geometry().wheel_width_m)
+def _judged(folder: Path, rig: RigFile, angles: Found) -> Judged:
+    return judge(angles, _truth(folder / "truth.csv"), rig.geometry().wheel_width_m)
 
 
 def reliability(judged: Judged) -> list[tuple[float, float, int, float, float]]:

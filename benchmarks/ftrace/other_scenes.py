@@ -84,10 +84,13 @@ def main() -> int:
                 seconds = None if name == "sparse" else given.seconds
                 sequence = OtherSequence(make_drive(name, seed, seconds), look)
                 judged = drive_through(sequence, methods, not given.no_peers, given.pictures)
-                _report(f"{name} {seed} {look}", {finder: [one] for finder, one in judged.items()})
+                _report(
+                    f"{name} {seed} {look}",
+                    {finder: [judged_drive] for finder, judged_drive in judged.items()},
+                )
                 for pool in (f"look {look}", "all") if name != "sparse" else ():
-                    for finder, one in judged.items():
-                        pooled.setdefault(pool, {}).setdefault(finder, []).append(one)
+                    for finder, judged_drive in judged.items():
+                        pooled.setdefault(pool, {}).setdefault(finder, []).append(judged_drive)
     for pool in sorted(pooled, key=lambda name: (name == "all", name)):
         _report(pool, pooled[pool])
     return 0

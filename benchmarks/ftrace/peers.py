@@ -141,8 +141,8 @@ class PlanarFlow:
             # Columns to the right, rows backwards: seen from above, ground turns clockwise under a left turn.
             turned = start @ np.array([[1.0, turn_rad], [-turn_rad, 1.0]])
             return np.asarray(np.median(end - turned, axis=0), np.float64)
-        found, _ = cv2.estimateAffinePartial2D(start, end, ransacReprojThreshold=RANSAC_M / PIXEL_M)
-        matrix = _or_none(found)
+        transform, _ = cv2.estimateAffinePartial2D(start, end, ransacReprojThreshold=RANSAC_M / PIXEL_M)
+        matrix = _or_none(transform)
         if matrix is None:
             return None
         return np.asarray(matrix, np.float64)[:, 2]
@@ -179,6 +179,6 @@ class BandFilter:
         return float(np.arctan(self._slopes[slope])), float(left)
 
 
-def _or_none(found: Found) -> Found | None:
+def _or_none(angles: Found) -> Found | None:
     """Return what OpenCV found, which may be None although its type hints deny it."""
-    return found
+    return angles

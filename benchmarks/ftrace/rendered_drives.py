@@ -90,7 +90,7 @@ def run(
         spent_ms.append((stopwatch_ns() - start_ns) / 1e6)
         angles.append(angle)
     detected = np.array([angle.detected for angle in angles])
-    found = Found(
+    result = Found(
         theta_deg=np.array([angle.theta_deg for angle in angles]),
         distance_m=np.array([_or_nan(angle.distance_m) for angle in angles]),
         path_off_deg=np.array([_path_off_deg(sequence, frame, angle) for frame, angle in enumerate(angles)]),
@@ -100,7 +100,7 @@ def run(
         spent_ms=np.array(spent_ms),
         theta_sd_deg=np.degrees([_or_nan(angle.theta_sd_rad) for angle in angles]),
     )
-    return found, angles
+    return result, angles
 
 
 def run_peer(sequence: FrameSequence, images: Sequence[Image], peer: Peer) -> Found:
@@ -130,14 +130,14 @@ def run_peer(sequence: FrameSequence, images: Sequence[Image], peer: Peer) -> Fo
 
 def misses(name: str, table: Mapping[str, Mapping[str, float]]) -> list[str]:
     """Return what misses a bar: of `fused`, in all sets together and where images are sparse."""
-    found = []
+    sentences = []
     if name == "sparse":
-        found = [_over(name, "fused", key, table, most) for key, most in MOST_SPARSE.items()]
+        sentences = [_over(name, "fused", key, table, most) for key, most in MOST_SPARSE.items()]
     if name == "all":
-        found = [_over(name, "fused", key, table, most) for key, most in MOST.items()]
+        sentences = [_over(name, "fused", key, table, most) for key, most in MOST.items()]
         if "fused" in table and table["fused"]["roc"] < LEAST_ROC:
-            found.append(f"{name} fused: roc {table['fused']['roc']:.2f} < {LEAST_ROC:g}")
-    return [text for text in found if text]
+            sentences.append(f"{name} fused: roc {table['fused']['roc']:.2f} < {LEAST_ROC:g}")
+    return [text for text in sentences if text]
 
 
 def show(name: str, table: Mapping[str, Mapping[str, float]]) -> str:
@@ -162,8 +162,8 @@ def drive_through(
     width_m = sequence.rig.wheel.width_m
     results: dict[str, Judged] = {}
     for method in methods:
-        found, angles = run(sequence, images, method)
-        results[method] = judge(found, sequence.truth, width_m)
+        result, angles = run(sequence, images, method)
+        results[method] = judge(result, sequence.truth, width_m)
         if pictures is not None and method == methods[-1]:
             _draw(pictures / f"{sequence.name}_{sequence.seed}.png", sequence, images, angles)
     for name, make in PEERS.items() if with_peers else ():
@@ -246,8 +246,8 @@ def _path_off_deg(sequence: FrameSequence, frame: int, angle: TraceAngle) -> flo
         for line in (angle.path_m, true)
         for order in [np.argsort(line[:, 0])]
     ]
-    found, right = (math.atan2(y[1] - y[0], near - far) for y in both)
-    return math.degrees(found - right)
+    by_path, right = (math.atan2(y[1] - y[0], near - far) for y in both)
+    return math.degrees(by_path - right)
 
 
 def _draw(path: Path, sequence: FrameSequence, images: Sequence[Image], angles: Sequence[TraceAngle]) -> None:

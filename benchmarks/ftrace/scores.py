@@ -84,33 +84,33 @@ class Judged:
     within: Floats
 
 
-def judge(found: Found, truth: Sequence[FrameTruth], wheel_width_m: float) -> Judged:
+def judge(angles: Found, truth: Sequence[FrameTruth], wheel_width_m: float) -> Judged:
     """Compare what was found with the truth of the same frames."""
     theta, chord = (np.array([getattr(row, name) for row in truth]) for name in ("theta_t_deg", "chord_deg"))
     line, chord_line = (np.array([getattr(row, name) for row in truth]) for name in ("d_t_m", "chord_d_m"))
     present = np.array([row.trace_present for row in truth])
-    seen = present & found.detected
-    angle_off = np.fmin(np.abs(found.theta_deg - theta), np.abs(found.theta_deg - chord))
-    place_off = np.fmin(np.abs(found.distance_m - line), np.abs(found.distance_m - chord_line))
-    error = np.abs(found.theta_deg - theta)
+    seen = present & angles.detected
+    angle_off = np.fmin(np.abs(angles.theta_deg - theta), np.abs(angles.theta_deg - chord))
+    place_off = np.fmin(np.abs(angles.distance_m - line), np.abs(angles.distance_m - chord_line))
+    error = np.abs(angles.theta_deg - theta)
     long = present & (np.array([row.visible_m for row in truth]) >= LONG_M)
-    is_within = (error <= 2 * found.theta_sd_deg).astype(np.float64)
+    is_within = (error <= 2 * angles.theta_sd_deg).astype(np.float64)
     return Judged(
         present=present,
-        detected=found.detected,
-        run=_runs(present & ~found.detected, present),
+        detected=angles.detected,
+        run=_runs(present & ~angles.detected, present),
         misidentified=seen & ((angle_off > RIGHT_WITHIN_DEG) | (place_off > wheel_width_m / 2)),
-        hold_deg=_held(found.theta_deg, np.isfinite(found.theta_deg)) - theta,
-        chord_deg=np.where(seen, found.theta_deg - chord, np.nan),
-        path_deg=np.where(seen, found.path_off_deg, np.nan),
-        has_angle=np.isfinite(found.theta_deg),
+        hold_deg=_held(angles.theta_deg, np.isfinite(angles.theta_deg)) - theta,
+        chord_deg=np.where(seen, angles.theta_deg - chord, np.nan),
+        path_deg=np.where(seen, angles.path_off_deg, np.nan),
+        has_angle=np.isfinite(angles.theta_deg),
         right=present & (np.nan_to_num(error, nan=np.inf) < RIGHT_WITHIN_DEG),
-        confidence=found.confidence,
-        tracked=found.tracked,
-        spent_ms=found.spent_ms,
+        confidence=angles.confidence,
+        tracked=angles.tracked,
+        spent_ms=angles.spent_ms,
         long=long,
-        long_run=_runs(long & ~found.detected, long),
-        within=np.where(np.isfinite(error) & np.isfinite(found.theta_sd_deg), is_within, np.nan),
+        long_run=_runs(long & ~angles.detected, long),
+        within=np.where(np.isfinite(error) & np.isfinite(angles.theta_sd_deg), is_within, np.nan),
     )
 
 

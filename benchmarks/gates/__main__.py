@@ -60,17 +60,17 @@ def _measure_cells(
 def measure_fields(pool: Executor) -> Table:
     """Return the table of the field figures: median, least and greatest over the seeds."""
     jobs = [(field, seed) for field in fields.FIELDS for seed in range(fields.SEEDS)]
-    found: dict[str, list[float]] = {}
+    by_field: dict[str, list[float]] = {}
     for figures in _run(pool, fields.measure_field, jobs, FIELDS):
         for name, value in figures.items():
-            found.setdefault(name, []).append(value)
+            by_field.setdefault(name, []).append(value)
     return {
         name: {
             "median": f"{statistics.median(values):.3f}",
             "least": f"{min(values):.3f}",
             "greatest": f"{max(values):.3f}",
         }
-        for name, values in found.items()
+        for name, values in by_field.items()
     }
 
 
@@ -91,8 +91,8 @@ def measure_faults(pool: Executor) -> Table:
 def _run(
     pool: Executor, function: Callable[..., Found], jobs: Sequence[tuple[object, ...]], what: str
 ) -> Iterable[Found]:
-    found = pool.map(function, *zip(*jobs, strict=True))
-    return track(found, what, total=len(jobs), console=SCREEN)
+    results = pool.map(function, *zip(*jobs, strict=True))
+    return track(results, what, total=len(jobs), console=SCREEN)
 
 
 def _words(figures: dict[str, float]) -> dict[str, str]:

@@ -170,10 +170,10 @@ def changed(number: Number, factor: float) -> Iterator[None]:
 def _configured(owner: type, name: str, factor: float, shipped: str) -> Config:
     """Return a shipped configuration with a setting changed, wherever it has it."""
     config = CONFIGURE(shipped)
-    found = [each for each in _settings(config) if isinstance(each, owner) and vars(each)[name] is not None]
-    if not found:
+    holders = [each for each in _settings(config) if isinstance(each, owner) and vars(each)[name] is not None]
+    if not holders:
         raise NotSetError
-    for settings in found:
+    for settings in holders:
         vars(settings)[name] = varied(vars(settings)[name], factor)
     return config
 
@@ -217,8 +217,8 @@ def figures() -> Figures:
 
 def trace_figures() -> dict[str, float]:
     """Return error of the trace's angle, missed frames, and errors within two of its deviations."""
-    found = figures_of_trace(together([fused(TRACE_DRIVES / name) for name in SHORT_DRIVES]))
-    return {text: found[name] for name, text in FIGURES_OF_TRACE.items()}
+    results = figures_of_trace(together([fused(TRACE_DRIVES / name) for name in SHORT_DRIVES]))
+    return {text: results[name] for name, text in FIGURES_OF_TRACE.items()}
 
 
 usual_trace_figures = cache(trace_figures)
@@ -230,18 +230,18 @@ def trace_changes(number: Number, factors: Sequence[float]) -> str:
         return "of `hough`"
     if not TRACE_DRIVES.is_dir():
         return "not measured"
-    usual, found = usual_trace_figures(), []
+    usual, changed_figures = usual_trace_figures(), []
     for factor in factors:
         try:
             with changed(number, factor):
-                found.append(trace_figures())
+                changed_figures.append(trace_figures())
         except (TypeError, ValueError, IndexError, ArithmeticError, cv2.error):  # a shape or an index
             return "refused"
     return (
         "; ".join(
-            f"{name} {' / '.join(_rounded(each[name] - value) for each in found)}"
+            f"{name} {' / '.join(_rounded(each[name] - value) for each in changed_figures)}"
             for name, value in usual.items()
-            if any(_rounded(each[name] - value) != "0" for each in found)
+            if any(_rounded(each[name] - value) != "0" for each in changed_figures)
         )
         or "0 / 0"
     )
@@ -261,18 +261,18 @@ def changes(number: Number, factors: Sequence[float] = FACTORS) -> dict[str, str
         return dict.fromkeys(usual, "of another rover")
     if number.module.startswith(OF_CAMERA) or number.title in NUMBERS_OF_CAMERA:
         return dict.fromkeys(usual, "no camera")
-    found: list[Figures | str] = []
+    results: list[Figures | str] = []
     for factor in factors:
         try:
             with changed(number, factor):
-                found.append(figures())
+                results.append(figures())
         except NotSetError:
-            found.append("not set")
+            results.append("not set")
         except ValueError:  # out of its range
-            found.append("refused")
+            results.append("refused")
     return {
         name: " / ".join(
-            _change(each if isinstance(each, str) else each[name] - usual[name]) for each in found
+            _change(each if isinstance(each, str) else each[name] - usual[name]) for each in results
         )
         for name in usual
     }
@@ -298,12 +298,12 @@ def main() -> int:
     with open_executor() as pool:
         print("| number | value | path, mm | date |")
         print("|---|---|---|---|")
-        found = track(
+        rows = track(
             pool.map(partial(changes, factors=arguments.factors), every),
             total=len(every),
             console=Console(stderr=True),
         )
-        for number, row in zip(every, found, strict=True):
+        for number, row in zip(every, rows, strict=True):
             cells = [number.title, number.text, *row.values(), today]
             print(f"| {' | '.join(cells)} |", flush=True)
     return 0

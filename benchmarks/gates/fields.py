@@ -13,8 +13,8 @@ SEEDS = 3
 def live(seed: int) -> dict[str, float]:
     """Return the figures of the shipped El-Dorado's loop."""
     with tempfile.TemporaryDirectory() as folder:
-        found = live_loop.drive("shipped", seed, Path(folder) / "run.mcap")
-    return {f"live loop, {name}": found[name] for name in ("estimate_off_m", "end_missed_m", "slip_rms")}
+        driven = live_loop.drive("shipped", seed, Path(folder) / "run.mcap")
+    return {f"live loop, {name}": driven[name] for name in ("estimate_off_m", "end_missed_m", "slip_rms")}
 
 
 def tests_of_the_paper(seed: int) -> dict[str, float]:
@@ -25,8 +25,8 @@ def tests_of_the_paper(seed: int) -> dict[str, float]:
 
 def crab(seed: int) -> dict[str, float]:
     """Return how far the rover is from its line where it steers against the slip angle."""
-    found = field_crab.run_seed(seed)
-    return {f"crab {name}, final_m": drivers["crab"]["final_m"] for name, drivers in found.items()}
+    driven = field_crab.run_seed(seed)
+    return {f"crab {name}, final_m": drivers["crab"]["final_m"] for name, drivers in driven.items()}
 
 
 FIELDS: Mapping[str, Callable[[int], dict[str, float]]] = {

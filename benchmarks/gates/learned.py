@@ -91,13 +91,13 @@ def main() -> int:
     natures = arguments.nature or list(NATURE_NAMES)
     seeds = range(arguments.first, arguments.first + arguments.floors)
     jobs = [(nature, seed) for nature in natures for seed in seeds]
-    console, found = Console(), dict[str, list[Learned]]()
+    console, by_law = Console(), dict[str, list[Learned]]()
     with open_executor(arguments.cluster, arguments.processes) as pool:
         results = pool.map(learn_floor, *zip(*jobs, strict=True))
         for (nature, seed), floor in track(
             zip(jobs, results, strict=True), total=len(jobs), console=Console(stderr=True)
         ):
-            found.setdefault(nature, []).append(floor)
+            by_law.setdefault(nature, []).append(floor)
             paths = "too few"
             if floor.before_mm is not None and floor.after_mm is not None:
                 paths = (
@@ -105,7 +105,7 @@ def main() -> int:
                     f"path {floor.before_mm:.1f} to {floor.after_mm:.1f} mm"
                 )
             console.print(f"{nature} {seed}: {floor.labels} labels, {paths}", soft_wrap=True)
-    for nature, floors in found.items():
+    for nature, floors in by_law.items():
         before = [floor.before_mm for floor in floors if floor.before_mm is not None]
         after = [floor.after_mm for floor in floors if floor.after_mm is not None]
         if before:
@@ -115,7 +115,7 @@ def main() -> int:
                 soft_wrap=True,
             )
     is_good = all(
-        floor.has_finished and floor.before_mm is not None for each in found.values() for floor in each
+        floor.has_finished and floor.before_mm is not None for each in by_law.values() for floor in each
     )
     return 0 if is_good else 1
 

@@ -54,15 +54,15 @@ def write_table(page: str, heading: str, table: Table) -> str:
     Raises:
         PageError: There is no such heading with a table.
     """
-    before, found, after = page.partition(f"\n## {heading}\n")
+    before, title, after = page.partition(f"\n## {heading}\n")
     lines = after.splitlines(keepends=True)
     rows = [number for number, line in enumerate(lines) if line.startswith("|")]
     end = next((number for number, line in enumerate(lines) if line.startswith("## ")), len(lines))
     rows = [number for number in rows if number < end]
-    if not found or not rows:
+    if not title or not rows:
         raise PageError(f"{PAGE} has no table below '{heading}'")
     text = "".join(f"{line}\n" for line in markdown(table))
-    return before + found + "".join(lines[: rows[0]]) + text + "".join(lines[rows[-1] + 1 :])
+    return before + title + "".join(lines[: rows[0]]) + text + "".join(lines[rows[-1] + 1 :])
 
 
 def markdown(table: Table) -> Iterator[str]:

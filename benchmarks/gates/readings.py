@@ -183,15 +183,15 @@ def find_windows(config: Config, driven: Driven) -> Sequence[Window]:
             start = None
         elif rover is not before:
             if start is not None:
-                found = _effective_slip(kinematics, driven.moments[start : index + 1])
-                if found is not None:
+                effective_slip = _effective_slip(kinematics, driven.moments[start : index + 1])
+                if effective_slip is not None:
                     is_read = rover.source is SlipSource.EXCITATION
                     windows.append(
                         Window(
                             slip=rover.slip,
                             sd=rover.sd,
                             reason=rover.reason or ("" if is_read else rover.source.value),
-                            effective=found,
+                            effective=effective_slip,
                             duration_s=moment.t_s - driven.moments[start].t_s,
                         )
                     )
@@ -203,14 +203,14 @@ def find_windows(config: Config, driven: Driven) -> Sequence[Window]:
 def _effective_slip(kinematics: Kinematics, moments: Sequence[Moment]) -> float | None:
     """Return the slip of all wheels that gives the true translation; None with too little travel."""
     travelled_m, turn_rad, true_m = 0j, 0.0, 0j
-    for one, two in pairwise(moments):
-        first, last = one.output.odometry, two.output.odometry
+    for begin, end in pairwise(moments):
+        first, last = begin.output.odometry, end.output.odometry
         step_m = complex(last.x_m - first.x_m, last.y_m - first.y_m)
         step_rad = math.remainder(last.yaw_rad - first.yaw_rad, math.tau)
         travelled_m += step_m * cmath.rect(1.0, -first.yaw_rad - 0.5 * step_rad)
         turn_rad += step_rad
-        step_m = complex(two.truth[0] - one.truth[0], two.truth[1] - one.truth[1])
-        true_m += step_m * cmath.rect(1.0, -0.5 * (one.truth[2] + two.truth[2]))
+        step_m = complex(end.truth[0] - begin.truth[0], end.truth[1] - begin.truth[1])
+        true_m += step_m * cmath.rect(1.0, -0.5 * (begin.truth[2] + end.truth[2]))
     if abs(travelled_m) < LEAST_TRAVEL_M:
         return None
     true_rad = moments[-1].truth[2] - moments[0].truth[2]
@@ -300,8 +300,8 @@ def main() -> None:
     )
     seeds = range(arguments.first, arguments.first + arguments.floors)
     with open_executor(arguments.cluster) as pool:
-        found = pool.map(try_floor, [trial] * len(seeds), seeds)
-        results = list(track(found, "floors", total=len(seeds), console=Console(stderr=True)))
+        of_floors = pool.map(try_floor, [trial] * len(seeds), seeds)
+        results = list(track(of_floors, "floors", total=len(seeds), console=Console(stderr=True)))
     if arguments.each:
         for seed, result in zip(seeds, results, strict=True):
             print(seed, _each(result))

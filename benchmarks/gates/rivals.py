@@ -87,8 +87,8 @@ def main() -> None:
     seeds = range(arguments.first, arguments.first + arguments.floors)
     jobs = list(product(NATURE_NAMES, range(len(WAYS)), seeds))
     with open_executor(arguments.cluster) as pool:
-        found = pool.map(drive_way, *zip(*jobs, strict=True))
-        ways = list(track(found, "floors", total=len(jobs), console=Console(stderr=True)))
+        results = pool.map(drive_way, *zip(*jobs, strict=True))
+        ways = list(track(results, "floors", total=len(jobs), console=Console(stderr=True)))
         turns = list(product(NATURE_NAMES, seeds))
         errors = np.abs(list(pool.map(turn_error, *zip(*turns, strict=True))))
     driven = dict(zip(jobs, ways, strict=True))

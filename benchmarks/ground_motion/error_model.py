@@ -81,18 +81,18 @@ def modelled(pairs: Pairs, seed: int, errors: CameraErrors | None = None) -> Pai
     errors = replace(errors or CameraErrors(), period_ns=1, delay_ns=0)
     rover = _Replayed(pairs.true)
     camera = GroundCamera(rover, np.random.default_rng(seed), errors, point_m=(0.0, 0.0))
-    found, sd, valid, reasons = [], [], [], []
+    velocities, sd, valid, reasons = [], [], [], []
     for number in range(len(pairs.true) + 1):
         rover.number = number
         t_ns = nanoseconds(1.0 + number)
         (frame,) = camera.frames(t_ns)
         motion = camera.measure(frame, t_ns, None)
         if motion is not None:
-            found.append([motion.forward_m, motion.left_m, motion.turn_rad])
+            velocities.append([motion.forward_m, motion.left_m, motion.turn_rad])
             sd.append([motion.forward_sd_m, motion.left_sd_m, motion.turn_sd_rad])
             valid.append(motion.is_valid)
             reasons.append(motion.invalid_because)
-    return replace(pairs, found=np.array(found), sd=np.array(sd), valid=np.array(valid), reasons=reasons)
+    return replace(pairs, found=np.array(velocities), sd=np.array(sd), valid=np.array(valid), reasons=reasons)
 
 
 @dataclass(frozen=True, slots=True)

@@ -119,10 +119,10 @@ def _plain(images: list[Image]) -> tuple[Floats, Floats, float, float]:
     for before, after in pairwise(images):
         started = time.thread_time()
         corners = cv2.goodFeaturesToTrack(before, 400, 0.005, 6)
-        found, status, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, corners.copy(), maxLevel=3)
+        moved, status, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, corners.copy(), maxLevel=3)
         keep = status.ravel() > 0
         spots = []
-        for pixels in (corners, found):
+        for pixels in (corners, moved):
             rays = np.c_[pixels.reshape(-1, 2), np.ones(len(pixels))] @ to_road.T
             spots.append(HEIGHT_M * np.stack([rays[:, 2], -rays[:, 0]], axis=1) / rays[:, 1:2])
         forward_m, left_m = np.median((spots[0] - spots[1])[keep], axis=0)
@@ -133,10 +133,10 @@ def _plain(images: list[Image]) -> tuple[Floats, Floats, float, float]:
     return table, np.full_like(table, np.nan), np.nan, float(np.median(spent_ms))
 
 
-def _report(name: str, found: Floats, sd: Floats, scale_sd: float, step_ms: float, true: Floats) -> None:
-    valid = np.isfinite(found[:, 0])
-    error = (found - true)[valid]
-    distance = float(found[valid, 0].sum() / true[valid, 0].sum() - 1)
+def _report(name: str, measured: Floats, sd: Floats, scale_sd: float, step_ms: float, true: Floats) -> None:
+    valid = np.isfinite(measured[:, 0])
+    error = (measured - true)[valid]
+    distance = float(measured[valid, 0].sum() / true[valid, 0].sum() - 1)
     text = (
         f"{name}: {100 * valid.mean():.0f} % of {len(valid)} pairs; a pair forward "
         f"{1000 * error[:, 0].mean():+.0f} mm, sd {1000 * error[:, 0].std():.0f} mm; sideways "
@@ -144,7 +144,7 @@ def _report(name: str, found: Floats, sd: Floats, scale_sd: float, step_ms: floa
         f"distance {100 * distance:+.1f} %; {step_ms:.1f} ms a step"
     )
     if np.isfinite(scale_sd):
-        told = np.hypot(sd[valid, 0], scale_sd * found[valid, 0])
+        told = np.hypot(sd[valid, 0], scale_sd * measured[valid, 0])
         shares = [np.abs(error[:, 0]) < 2 * told, np.abs(error[:, 1]) < 2 * sd[valid, 1]]
         shares.append(np.abs(error[:, 2]) < 2 * sd[valid, 2])
         forward, left, turn = (100 * float(share.mean()) for share in shares)

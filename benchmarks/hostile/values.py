@@ -52,7 +52,7 @@ def places_of(value: object) -> Iterator[tuple[str | int, ...]]:
         parts = list(enumerate(value))
     for key, inner in parts:
         yield (key,)
-        yield from ((key, *rest) for rest in places_of(inner))
+        yield from ((key, *below) for below in places_of(inner))
 
 
 def change_at(value: object, place: Sequence[str | int], new: object) -> object:

@@ -192,14 +192,14 @@ def main() -> None:
     with served() as url:
         measured = [measure(url, number) for number in range(times)]
     paint_ms, slider_ms, stop_ms = (median(column) for column in zip(*measured, strict=True))
-    for name, found, bar in (
+    for name, figure, bar in (
         ("first paint", paint_ms, PAINT_BAR_MS),
         ("slider to applied gain", slider_ms, SLIDER_BAR_MS),
         ("emergency stop to zero set-points", stop_ms, STOP_BAR_MS),
     ):
-        print(f"{name}: median {found:.0f} ms of {times}, bar {bar:.0f} ms")
-    one, five, fifteen = os.getloadavg()
-    print(f"load of the computer: {one:.1f}, {five:.1f}, {fifteen:.1f} on {os.cpu_count()} processors")
+        print(f"{name}: median {figure:.0f} ms of {times}, bar {bar:.0f} ms")
+    one_minute, five, fifteen = os.getloadavg()
+    print(f"load of the computer: {one_minute:.1f}, {five:.1f}, {fifteen:.1f} on {os.cpu_count()} processors")
     assert max(costs) <= COST_BAR_US
     assert paint_ms <= PAINT_BAR_MS
     assert slider_ms <= SLIDER_BAR_MS

@@ -130,12 +130,12 @@ def main() -> int:
     parser.add_argument("--frames", type=int, default=400_000)
     parser.add_argument("--seconds", type=float, default=30.0)
     options = parser.parse_args()
-    result: dict[str, object] = {"decoding": (found := decoding(options.frames))}
+    result: dict[str, object] = {"decoding": (rates := decoding(options.frames))}
     for suffix in (".log", ".blf"):
         result[f"import{suffix}"] = importing(suffix, options.seconds)
     result["peak_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(json.dumps(result, indent=2))
-    return 0 if found["same"] else 1
+    return 0 if rates["same"] else 1
 
 
 if __name__ == "__main__":

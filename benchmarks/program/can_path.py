@@ -59,8 +59,8 @@ class Rover(threading.Thread):
             self.heard += len(self._port.read())
             if self.is_sending:
                 writer = next(kinds)
-                other = pack_can_frame(CanFrame(0x301, self.sent.to_bytes(8, "little")))
-                is_taken = self._port.write(other if writer is None else writer.write({}))
+                foreign = pack_can_frame(CanFrame(0x301, self.sent.to_bytes(8, "little")))
+                is_taken = self._port.write(foreign if writer is None else writer.write({}))
                 self.sent += is_taken
                 self.refused += not is_taken
             next_ns += FRAME_PERIOD_NS

@@ -37,13 +37,13 @@ def _examples() -> list[tuple[str, str]]:
     """Return command lines and the samples that they need."""
     group = get_command(app)
     assert isinstance(group, TyperGroup)
-    found = [(line, sample) for text in _helps(group) for line, sample in _of_help(" ".join(text.split()))]
+    samples = [(line, sample) for text in _helps(group) for line, sample in _of_help(" ".join(text.split()))]
     rows = [line for line in (ROOT / "README.md").read_text("utf-8").splitlines() if line.startswith("| ")]
     for row in rows:
         cells = [cell.strip(" `") for cell in row.strip("|").split("|")]
         if len(cells) == 4 and cells[1].startswith("rover-hil "):
-            found.append((cells[1], cells[3] if " " not in cells[3] else ""))
-    return list(dict.fromkeys(found))
+            samples.append((cells[1], cells[3] if " " not in cells[3] else ""))
+    return list(dict.fromkeys(samples))
 
 
 def _helps(group: TyperGroup) -> list[str]:

@@ -21,8 +21,10 @@ def blocks_of(text: str) -> list[list[str]]:
     """Return the command lines of each block of a page that runs as it stands."""
     fenced = re.findall(r"(?ms)^```(\w*)\n(.*?)^```$", text.replace("\\\n", " "))
     blocks = [block for language, block in fenced if not language]
-    found = [[line.partition("  #")[0] for line in block.splitlines() if line.strip()] for block in blocks]
-    return [lines for lines in found if _runs(lines)]
+    all_blocks = [
+        [line.partition("  #")[0] for line in block.splitlines() if line.strip()] for block in blocks
+    ]
+    return [lines for lines in all_blocks if _runs(lines)]
 
 
 def _runs(lines: list[str]) -> bool:

@@ -58,14 +58,14 @@ def compare_logs(kernels: Sequence[str]) -> int:
             _program(made, folder, "run", config.name, "--virtual", "--duration", DURATION_S, "--out", out)
             for replayed in kernels:
                 done = _program(replayed, folder, "replay", f"{out}/run.mcap", "--json")
-                found = json.loads(done)
-                was, now = (found[key][BLAS_KERNEL] for key in ("made_with", "replayed_with"))
-                fields = [difference["field"] for difference in found["differences"]]
+                compared = json.loads(done)
+                was, now = (compared[key][BLAS_KERNEL] for key in ("made_with", "replayed_with"))
+                fields = [difference["field"] for difference in compared["differences"]]
                 names = (made or was, replayed or now)
-                is_right = names == (was, now) and found["identical"]
+                is_right = names == (was, now) and compared["identical"]
                 wrong += not is_right
                 outcome = (
-                    "identical" if found["identical"] else f"{len(fields)} fields: {', '.join(fields[:4])}"
+                    "identical" if compared["identical"] else f"{len(fields)} fields: {', '.join(fields[:4])}"
                 )
                 print(
                     f"{rover}, made with {was}, replayed with {now}: {outcome}{'' if is_right else ' WRONG'}",

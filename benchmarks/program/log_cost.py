@@ -116,7 +116,7 @@ def jpeg_pictures() -> list[CameraImage]:
     import cv2
     import numpy as np
 
-    found = []
+    pictures = []
     for path in sorted(PHOTOGRAPHS.glob("*.png"))[:4]:
         read = cv2.imread(str(path), cv2.IMREAD_COLOR)
         assert read is not None
@@ -124,8 +124,8 @@ def jpeg_pictures() -> list[CameraImage]:
         for shift in range(0, 160, 40):
             pixels = np.ascontiguousarray(photograph[shift : shift + 480, shift : shift + 640], np.uint8)
             data = cv2.imencode(".jpg", pixels, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[1].tobytes()
-            found.append(CameraImage(pixels, None, data))
-    return found
+            pictures.append(CameraImage(pixels, None, data))
+    return pictures
 
 
 def measure(

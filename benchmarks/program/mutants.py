@@ -158,8 +158,8 @@ def mutations(package: str, text: str) -> list[Mutant]:
     indent = text[: len(text) - len(text.lstrip())]
     if textwrap.indent(flat, indent) != text:
         return []  # a string over several lines, which would change
-    module, found, _, _ = create_mutations("function.py", flat)
-    codes = [module.deep_replace(each.original_node, each.mutated_node).code for each in found]
+    module, mutants, _, _ = create_mutations("function.py", flat)
+    codes = [module.deep_replace(each.original_node, each.mutated_node).code for each in mutants]
     return [Mutant(package, text, textwrap.indent(code, indent)) for code in codes]
 
 

@@ -62,8 +62,8 @@ def main() -> None:
             print(f"run {number}: {end}; stops: {reasons}; sign of life late by {late_ms:.0f} ms", flush=True)
         if load is not None:
             print(f"load: {len(load.busy_rounds)} busy processes, {load.written_mib} MiB written")
-    one, five, fifteen = os.getloadavg()
-    print(f"load of the computer: {one:.1f}, {five:.1f}, {fifteen:.1f} on {os.cpu_count()} processors")
+    one_minute, five, fifteen = os.getloadavg()
+    print(f"load of the computer: {one_minute:.1f}, {five:.1f}, {fifteen:.1f} on {os.cpu_count()} processors")
     print(f"{stopped} of {options.times} healthy runs stopped, bar 0")
     assert not stopped
 

@@ -61,7 +61,9 @@ def mission(seed: int, way: str) -> tuple[str, list[tuple[float, ...]]]:
     for moment in driven.moments:
         if moment.output.mode is Mode.RUNNING and moment.t_s >= next_s:
             then_s = moment.t_s - moment.age_s
-            rows.append(figures(moment, np.array([np.interp(then_s, times_s, one) for one in truths.T])))
+            rows.append(
+                figures(moment, np.array([np.interp(then_s, times_s, values) for values in truths.T]))
+            )
             next_s = moment.t_s + EVERY_S
     return driven.mode.value, rows
 
@@ -83,9 +85,9 @@ def main() -> int:
     last: defaultdict[str, list[tuple[float, ...]]] = defaultdict(list)
     ends = Counter[str]()
     with open_executor(arguments.cluster, arguments.workers) as pool:
-        found = pool.map(mission, *zip(*jobs, strict=True))
+        results = pool.map(mission, *zip(*jobs, strict=True))
         for (_, way), (end, figures_) in track(
-            zip(jobs, found, strict=True), total=len(jobs), console=Console(stderr=True)
+            zip(jobs, results, strict=True), total=len(jobs), console=Console(stderr=True)
         ):
             rows[way] += figures_
             last[way].append(figures_[-1])

@@ -57,10 +57,10 @@ def mission(seed: int, way: str) -> Errors:
 
 def row_of(missions: Sequence[Errors]) -> str:
     """Return number and standard deviations of the errors."""
-    rest = np.concatenate(missions)
-    position_mm = 1e3 * math.sqrt(float(np.mean(rest[:, 0] ** 2 + rest[:, 1] ** 2)))
-    yaw_deg = math.degrees(float(np.sqrt(np.mean(rest[:, 2] ** 2))))
-    return f"{len(rest)} fixes, position {position_mm:.2f} mm, yaw {yaw_deg:.2f} deg"
+    stacked = np.concatenate(missions)
+    position_mm = 1e3 * math.sqrt(float(np.mean(stacked[:, 0] ** 2 + stacked[:, 1] ** 2)))
+    yaw_deg = math.degrees(float(np.sqrt(np.mean(stacked[:, 2] ** 2))))
+    return f"{len(stacked)} fixes, position {position_mm:.2f} mm, yaw {yaw_deg:.2f} deg"
 
 
 def main() -> None:
@@ -75,8 +75,8 @@ def main() -> None:
     seeds = range(arguments.first, arguments.first + arguments.missions)
     jobs = [(seed, way) for way in WAYS for seed in seeds]
     with open_executor(arguments.cluster) as pool:
-        found = pool.map(mission, *zip(*jobs, strict=True))
-        results = list(track(found, "missions", total=len(jobs), console=Console(stderr=True)))
+        outcomes = pool.map(mission, *zip(*jobs, strict=True))
+        results = list(track(outcomes, "missions", total=len(jobs), console=Console(stderr=True)))
     for place, way in enumerate(WAYS):
         print(f"{way}: {row_of(results[place * len(seeds) :][: len(seeds)])}")
 

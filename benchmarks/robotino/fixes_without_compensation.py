@@ -60,8 +60,8 @@ def main() -> None:
     groups = [(rate, value) for rate in arguments.fixes_per_s for value in VALUES]
     jobs = [(seed, value, rate) for rate, value in groups for seed in seeds]
     with open_executor(arguments.cluster, arguments.workers) as pool:
-        found = pool.map(mission, *zip(*jobs, strict=True))
-        results = list(track(found, total=len(jobs), console=Console(stderr=True)))
+        outcomes = pool.map(mission, *zip(*jobs, strict=True))
+        results = list(track(outcomes, total=len(jobs), console=Console(stderr=True)))
     for index, (rate, value) in enumerate(groups):
         ends, stops, nees, error_m2 = zip(*results[index * len(seeds) :][: len(seeds)], strict=True)
         print(

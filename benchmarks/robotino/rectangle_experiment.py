@@ -151,13 +151,13 @@ def summarise(results: Sequence[Result], seeds: int) -> dict[str, float]:
         "closure_mm": [1e3 * r.closure_m for r in results],
         "estimate_mm": [1e3 * r.estimate_m for r in results],
     }
-    found = {name: float(np.median(values)) for name, values in columns.items()}
-    found |= {f"{name}_80": float(np.quantile(values, 0.8)) for name, values in columns.items()}
-    found["finished"] = float(np.mean([r.finished for r in results]))
+    medians = {name: float(np.median(values)) for name, values in columns.items()}
+    medians |= {f"{name}_80": float(np.quantile(values, 0.8)) for name, values in columns.items()}
+    medians["finished"] = float(np.mean([r.finished for r in results]))
     reached = np.array([reaches_bar(r) for r in results]).reshape(-1, seeds)
-    found["runs_within_bars"] = float(reached.mean())
-    found["sites_within_bars"] = float((reached.mean(axis=1) >= 0.5).mean())
-    return {name: round(value, 3) for name, value in found.items()}
+    medians["runs_within_bars"] = float(reached.mean())
+    medians["sites_within_bars"] = float((reached.mean(axis=1) >= 0.5).mean())
+    return {name: round(value, 3) for name, value in medians.items()}
 
 
 def draw(results: dict[str, list[Result]], path: Path) -> None:
@@ -194,10 +194,10 @@ def experiment(sites: int, seeds: int, cluster: str | None) -> Iterator[tuple[st
     with open_executor(cluster) as pool:
         for version in VERSIONS:
             jobs = [(version, FIRST_TEST_SITE + site, seed) for site in range(sites) for seed in range(seeds)]
-            found = pool.map(run_once, jobs, chunksize=4)
+            results = pool.map(run_once, jobs, chunksize=4)
             yield (
                 version.name,
-                list(track(found, version.name, total=len(jobs), console=Console(stderr=True))),
+                list(track(results, version.name, total=len(jobs), console=Console(stderr=True))),
             )
 
 

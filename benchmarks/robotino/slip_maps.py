@@ -48,19 +48,20 @@ def main() -> int:
     )
     parser.add_argument("data", type=Path)
     data = parser.parse_args().data
-    one = _read(data / "one_surface_type")
+    one_surface = _read(data / "one_surface_type")
     two = _read(data / "two_surface_types")
-    first, second = _halves(one)
+    first, second = _halves(one_surface)
     # The two ways to split are one sample: their errors are put together.
     tables = {
         "other_half": _scores([(first, second), (second, first)]),
         "two_surfaces": _scores([(first, two), (second, two)]),
     }
-    names = sorted({run.surface for run in one})
-    scale = find_scale(one)
+    names = sorted({run.surface for run in one_surface})
+    scale = find_scale(one_surface)
     unseen = {
         name: _scores(
-            [([r for r in one if r.surface != name], [r for r in one if r.surface == name])], scale.m_per_px
+            [([r for r in one_surface if r.surface != name], [r for r in one_surface if r.surface == name])],
+            scale.m_per_px,
         )
         for name in names
     }
@@ -89,10 +90,10 @@ def _scores(
     by_training: dict[str, list[float]] = {}
     for train, test in splits:
         scale = find_scale(train).m_per_px if m_per_px is None else m_per_px
-        for name, found in score_runs(fit_maps(train, scale), test, scale).items():
-            errors.setdefault(name, []).extend(found)
-            by_training.setdefault(name, []).append(round(Score.of(found).rms, 4))
-    scores = {name: Score.of(found) for name, found in errors.items() if found}
+        for name, run_errors in score_runs(fit_maps(train, scale), test, scale).items():
+            errors.setdefault(name, []).extend(run_errors)
+            by_training.setdefault(name, []).append(round(Score.of(run_errors).rms, 4))
+    scores = {name: Score.of(run_errors) for name, run_errors in errors.items() if run_errors}
     return {
         name: {
             "rms": round(score.rms, 4),

@@ -126,10 +126,10 @@ def drive(slip: dict[str, object] | None, ground: Site | Floor, seed: int) -> Ru
             _, output, _ = rig.cycle(now_ns)
             mode, truth = output.mode, world.plant.truth()
             rover = None if output.slip is None else output.slip.rover
-            found = (math.nan, math.nan, 0.0) if rover is None else (rover.slip, rover.sd, not rover.reason)
+            reading = (math.nan, math.nan, 0.0) if rover is None else (rover.slip, rover.sd, not rover.reason)
             pose = (truth.x_m, truth.y_m, truth.yaw_rad)
             moves = (*truth.wheel_position_rad, mode is Mode.RUNNING)
-            rows.append((seconds(now_ns - start_ns), *pose, *moves, *found))
+            rows.append((seconds(now_ns - start_ns), *pose, *moves, *reading))
     table = np.array(rows)
     assert config.mission is not None
     path, corners = TruePath.of(Track.of(table[:, :4]).from_first_pose()), config.mission.corners()
@@ -163,16 +163,16 @@ def print_row(ground: str, use: str, runs: Sequence[Run]) -> None:
 
 def on_unknown_ground(first: int, seeds: int) -> bool:
     """Print the rows of unknown ground; return whether the bars are reached."""
-    found: dict[str, list[Run]] = {use: [] for use in USES}
+    by_use: dict[str, list[Run]] = {use: [] for use in USES}
     for ground, make in GROUNDS.items():
         for use, slip in USES.items():
             runs = [drive(slip, make(seed), seed) for seed in range(first, first + seeds)]
             print_row(ground, use, runs)
-            found[use] += runs
-    path_m = {use: math.sqrt(float(np.mean([run.path_m**2 for run in runs]))) for use, runs in found.items()}
-    wrong = {use: float(np.mean([run.wrong for run in runs])) for use, runs in found.items()}
+            by_use[use] += runs
+    path_m = {use: math.sqrt(float(np.mean([run.path_m**2 for run in runs]))) for use, runs in by_use.items()}
+    wrong = {use: float(np.mean([run.wrong for run in runs])) for use, runs in by_use.items()}
     for use in USES:
-        print_row("all of these", use, found[use])
+        print_row("all of these", use, by_use[use])
     return all(wrong[use] <= WRONG_BAR and path_m[use] <= PATH_BAR * path_m["encoders"] for use in CURRENT)
 
 

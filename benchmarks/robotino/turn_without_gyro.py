@@ -60,14 +60,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--missions", type=int, default=6)
     missions = parser.parse_args().missions
-    found: list[float] = []
+    off: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(FIRST_SEED, FIRST_SEED + missions):
             path = Path(folder) / f"{seed}.mcap"
-            found += errors(drive_mission(seed, path), path)
-    sizes = np.abs(found)
+            off += errors(drive_mission(seed, path), path)
+    sizes = np.abs(off)
     percentiles = {f"{percent} %": float(np.percentile(sizes, percent)) for percent in (50, 90, 99)}
-    figures = {"seconds": len(found), "sd": float(np.sqrt(np.mean(sizes**2))), "greatest": float(sizes.max())}
+    figures = {"seconds": len(off), "sd": float(np.sqrt(np.mean(sizes**2))), "greatest": float(sizes.max())}
     print(json.dumps(figures | percentiles, indent=1))
 
 

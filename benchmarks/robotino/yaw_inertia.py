@@ -81,10 +81,10 @@ def errors_of(name: str, seed: int, *, is_in_place: bool) -> tuple[float, ...]:
     true_kg_m2 = machine.yaw_inertia_kg_m2 + machine.mass_kg * offset_m**2
     assert isinstance(config.rover, OmniRoverSettings)
     outermost_m = config.rover.base_radius_m + config.rover.wheel_radius_m
-    found = [config.slip.excitation.inertia_kg_m2(outermost_m)]
+    inertias = [config.slip.excitation.inertia_kg_m2(outermost_m)]
     moment = _moment_nm(config, [np.array(rows) for rows in wheels])
-    found += [_inertia_kg_m2(config, moment, np.array(gyro), age_s) for age_s in CURRENT_AGES_S]
-    return tuple(each / true_kg_m2 - 1.0 for each in found)
+    inertias += [_inertia_kg_m2(config, moment, np.array(gyro), age_s) for age_s in CURRENT_AGES_S]
+    return tuple(each / true_kg_m2 - 1.0 for each in inertias)
 
 
 def _moment_nm(config: Config, wheels: Sequence[Array]) -> Array:
@@ -107,23 +107,23 @@ def _inertia_kg_m2(config: Config, moment: Array, gyro: Array, current_age_s: fl
     assert config.slip is not None
     turning = math.tau * config.slip.excitation.frequency_hz
     age_s = config.device_roles().wheel_age_s or 0.0
-    found = []
+    inertias = []
     for start_s in np.arange(moment[0, 0] + FIRST_S, moment[-1, 0] - WINDOW_S, WINDOW_S):
         rate = _sinusoid(turning, gyro, start_s)
         if abs(rate) < LEAST_RATE_RAD_S:
             continue
         # Older readings lag: their angle is turned ahead.
         ahead = cmath.exp(1j * turning * (age_s + current_age_s))
-        found.append((_sinusoid(turning, moment, start_s) * ahead / (1j * turning * rate)).real)
-    return float(np.median(found)) if found else math.nan
+        inertias.append((_sinusoid(turning, moment, start_s) * ahead / (1j * turning * rate)).real)
+    return float(np.median(inertias)) if inertias else math.nan
 
 
 def _sinusoid(turning: float, rows: Array, start_s: float) -> complex:
     t_s, values = rows[(rows[:, 0] >= start_s) & (rows[:, 0] < start_s + WINDOW_S)].T
     t_s = t_s - start_s
     columns = np.column_stack((np.cos(turning * t_s), np.sin(turning * t_s), np.ones(len(t_s)), t_s))
-    found, *_ = np.linalg.lstsq(columns, values, rcond=None)
-    return complex(found[0], -found[1])
+    coefficients, *_ = np.linalg.lstsq(columns, values, rcond=None)
+    return complex(coefficients[0], -coefficients[1])
 
 
 def main() -> None:
@@ -138,8 +138,8 @@ def main() -> None:
     arguments = parser.parse_args()
     jobs = [(name, arguments.first + floor) for name in NATURE_NAMES for floor in range(arguments.floors)]
     with open_executor(arguments.cluster) as pool:
-        found = pool.map(partial(errors_of, is_in_place=arguments.in_place), *zip(*jobs, strict=True))
-        errors = np.array(list(track(found, "floors", total=len(jobs), console=Console(stderr=True))))
+        results = pool.map(partial(errors_of, is_in_place=arguments.in_place), *zip(*jobs, strict=True))
+        errors = np.array(list(track(results, "floors", total=len(jobs), console=Console(stderr=True))))
     ages = [f"fit, currents {1e3 * age_s:.0f} ms older" for age_s in CURRENT_AGES_S]
     for name, each in zip(("formula", *ages), errors.T, strict=True):
         known = each[np.isfinite(each)]

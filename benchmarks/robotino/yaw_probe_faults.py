@@ -134,9 +134,9 @@ class _AsSensed:
         self.truth = rover.sensed
 
 
-def spoil(world: World, fault: Fault, other: Plant | None) -> None:
+def spoil(world: World, fault: Fault, spare_plant: Plant | None) -> None:
     """Put a fault of the gyro, and perhaps another rover, into a simulated world."""
-    plant = world.plant if other is None else other
+    plant = world.plant if spare_plant is None else spare_plant
     rover = FaultyGyro(plant, fault)
     world.plant = cast("Plant", rover)
     vars(world.byte_devices["board"].emulator)["_plant"] = plant
@@ -226,11 +226,11 @@ def drive(ground: Ground, seed: int, fault: Fault, *, probe: bool, gyro: GyroRes
     config = configure(ground, seed, probe=probe, gyro=gyro)
     clock = VirtualClock()
     rig, world = build_virtual_rig(config, clock, NoTap())
-    other = None
+    spare_plant = None
     if ground.relaxation_m:
         floor = Floor.random(np.random.default_rng(seed), ground.relaxation_m)
-        other = OmniContact(floor, clock.now_ns())
-    spoil(world, fault, other)
+        spare_plant = OmniContact(floor, clock.now_ns())
+    spoil(world, fault, spare_plant)
     period_ns = nanoseconds(1.0 / config.loop.rate_hz)
     start_ns = now_ns = clock.now_ns()
     rows: list[tuple[float, ...]] = []
@@ -247,7 +247,7 @@ def drive(ground: Ground, seed: int, fault: Fault, *, probe: bool, gyro: GyroRes
             mode, reason = output.mode, output.reason
             truth = world.plant.truth()
             slip = None if output.slip is None else output.slip.rover
-            found = (math.nan, math.nan, 0.0) if slip is None else (slip.slip, slip.sd, not slip.reason)
+            reading = (math.nan, math.nan, 0.0) if slip is None else (slip.slip, slip.sd, not slip.reason)
             rows.append(
                 (
                     seconds(now_ns - start_ns),
@@ -256,7 +256,7 @@ def drive(ground: Ground, seed: int, fault: Fault, *, probe: bool, gyro: GyroRes
                     truth.yaw_rad,
                     *truth.wheel_position_rad,
                     mode is Mode.RUNNING,
-                    *found,
+                    *reading,
                 )
             )
     table = np.array(rows)
@@ -395,8 +395,8 @@ def experiment(cases: Sequence[Case], seeds: range, cluster: str | None) -> dict
         for seed in seeds
     ]
     with open_executor(cluster) as pool:
-        found = pool.map(drive_case, *zip(*jobs, strict=True))
-        runs = list(track(found, "drives", total=len(jobs), console=Console(stderr=True)))
+        results = pool.map(drive_case, *zip(*jobs, strict=True))
+        runs = list(track(results, "drives", total=len(jobs), console=Console(stderr=True)))
     starts = range(0, len(jobs), len(seeds))
     return {case: runs[start : start + len(seeds)] for case, start in zip(cases, starts, strict=True)}
 
@@ -420,20 +420,20 @@ def main() -> int:
     arguments = parser.parse_args()
     cases = [case for case in CASES if case.title in arguments.only]
     seeds = range(arguments.first, arguments.first + arguments.sites)
-    found = experiment(cases, seeds, arguments.cluster)
+    results = experiment(cases, seeds, arguments.cluster)
     if arguments.out is not None:
-        rows = {case.title: [asdict(run) for run in runs] for case, runs in found.items()}
+        rows = {case.title: [asdict(run) for run in runs] for case, runs in results.items()}
         arguments.out.write_text(json.dumps(rows, indent=1), encoding="utf-8")
-    columns = ["ground, gyro", *row_of(next(iter(found.values())))]
+    columns = ["ground, gyro", *row_of(next(iter(results.values())))]
     print("|", " | ".join(columns), "|")
     print("|---" * len(columns), "|", sep="")
-    for case, runs in found.items():
+    for case, runs in results.items():
         print("|", " | ".join((case.title, *row_of(runs).values())), "|")
-    for case, runs in found.items():
+    for case, runs in results.items():
         for seed, run in zip(seeds, runs, strict=True):
             if run.end:
                 print(f"{case.title}, {seed}: {run.end}")
-    return int(any(wrong_percent(runs) > 2.0 for runs in found.values()))
+    return int(any(wrong_percent(runs) > 2.0 for runs in results.values()))
 
 
 if __name__ == "__main__":

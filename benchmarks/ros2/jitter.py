@@ -178,16 +178,16 @@ def main() -> int:
         if process.returncode:
             return 1
         times_ns, late_ns = np.loadtxt(folder / ROWS).T
-    found: dict[bool, list[float]] = {False: [], True: []}
+    by_load: dict[bool, list[float]] = {False: [], True: []}
     for is_troubled, begin_ns, end_ns in phases:
         inside = late_ns[(times_ns >= begin_ns) & (times_ns < end_ns)]
         if end_ns <= times_ns[-1]:
-            found[is_troubled].append(float(np.percentile(inside, 99)) * MS)
-    pairs = min(map(len, found.values()))
+            by_load[is_troubled].append(float(np.percentile(inside, 99)) * MS)
+    pairs = min(map(len, by_load.values()))
     if pairs < 2:
         print("the run ended before two pairs of phases were over")
         return 1
-    without_ms, with_ms = np.array(found[False][:pairs]), np.array(found[True][:pairs])
+    without_ms, with_ms = np.array(by_load[False][:pairs]), np.array(by_load[True][:pairs])
     difference_ms = with_ms - without_ms
     bound_ms = difference_ms.mean() + STUDENT_95 * difference_ms.std(ddof=1) / pairs**0.5
     print(

@@ -78,11 +78,11 @@ class Follower:
 def reactions_ns(changes: list[tuple[int, bool]], sent: list[str]) -> list[int]:
     """Return the times from commands to the changes of the set-points that follow from them."""
     commands = [(int(time_ns), bool(int(is_ahead))) for time_ns, is_ahead in map(str.split, sent)]
-    found = []
+    reactions = []
     for changed_ns, is_driven in changes:
         before = [time_ns for time_ns, is_ahead in commands if time_ns < changed_ns and is_ahead is is_driven]
-        found += [changed_ns - before[-1]] if before else []
-    return found
+        reactions += [changed_ns - before[-1]] if before else []
+    return reactions
 
 
 def config_of(domain: int = DOMAIN) -> Config:

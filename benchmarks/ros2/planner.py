@@ -134,10 +134,10 @@ def main() -> int:
     node = Node(Ros2Settings(domain=DOMAIN))
     names = sys.argv[1:] or list(CONFIGS)
     with tempfile.TemporaryDirectory() as folder:
-        found = {
+        results = {
             name: drive(node, Path(folder) / f"{number}.mcap", name) for number, name in enumerate(names)
         }
-    best_m = found.get(BEST, [])
+    best_m = results.get(BEST, [])
     is_good = len(best_m) == len(GOALS_M) and max(best_m) <= BAR_M
     print("all within" if is_good else "NOT all within", f"{BAR_M:g} m of the goals by the {BEST}")
     return 0 if is_good else 1

@@ -264,11 +264,11 @@ def main() -> int:
                 print(f"{name}: not measured, {hindrance}", flush=True)
                 is_good = False
                 continue
-            found = [measure(case, Path(folder) / "run.mcap") for _ in range(runs)]
+            results = [measure(case, Path(folder) / "run.mcap") for _ in range(runs)]
             count += runs
-            rests = sorted((each.rest_s, each.late_s) for each in found if each.rest_s is not None)
-            false_stops = sum(each.false_stops for each in found)
-            uncommanded = sum(each.uncommanded for each in found)
+            rests = sorted((each.rest_s, each.late_s) for each in results if each.rest_s is not None)
+            false_stops = sum(each.false_stops for each in results)
+            uncommanded = sum(each.uncommanded for each in results)
             is_good &= not false_stops and not uncommanded
             is_good &= not rests or case.bar_s is None or rests[-1][0] <= case.bar_s
             rested = "drives on"

@@ -87,17 +87,17 @@ def main() -> int:
         if case != ("wall", ALONE)
         for seed in seeds
     ]
-    found: dict[tuple[str, str], list[tuple[float, str]]] = {}
+    by_case: dict[tuple[str, str], list[tuple[float, str]]] = {}
     console = Console()
     with open_executor(arguments.cluster, arguments.processes) as pool:
         results = pool.map(stopped_after, *zip(*jobs, strict=True))
         for job, result in track(
             zip(jobs, results, strict=True), total=len(jobs), console=Console(stderr=True)
         ):
-            found.setdefault(job[:2], []).append(result)
+            by_case.setdefault(job[:2], []).append(result)
             if not result[1] or result[0] > BARS_M[job[1]]:
                 console.print(f"{job}: {result[0]:.2f} m, {result[1] or 'not stopped'}", soft_wrap=True)
-    for (trap, sensors), results_of_case in found.items():
+    for (trap, sensors), results_of_case in by_case.items():
         reasons = Counter(
             reason.split(",")[0].split(" by ")[0] or "not stopped" for _, reason in results_of_case
         )
@@ -105,7 +105,7 @@ def main() -> int:
         console.print(f"{trap}, {sensors}: at most {greatest_m:.2f} m; {dict(reasons)}", soft_wrap=True)
     is_reached = all(
         reason and travel_m <= BARS_M[sensors]
-        for (_, sensors), results_of_case in found.items()
+        for (_, sensors), results_of_case in by_case.items()
         for travel_m, reason in results_of_case
     )
     return 0 if is_reached else 1

@@ -105,8 +105,8 @@ def main() -> int:
     ]
     console, stopped, healthy, ends = Console(), 0, 0, Counter[str]()
     with open_executor(arguments.cluster, arguments.processes) as pool:
-        found = pool.map(reasons, rovers, seeds, [arguments.sensors] * len(rovers))
-        missions = zip(rovers, seeds, found, strict=True)
+        results = pool.map(reasons, rovers, seeds, [arguments.sensors] * len(rovers))
+        missions = zip(rovers, seeds, results, strict=True)
         for rover, seed, (end, stops) in track(missions, total=len(rovers), console=Console(stderr=True)):
             for stop, share in stops:
                 console.print(f"{rover} {seed}: {stop} (progress {100.0 * share:.1f} %)", soft_wrap=True)

@@ -185,9 +185,9 @@ def moves(folder: Path) -> bool:
 def measure(name: str, case: str) -> tuple[bool, str]:
     """Return whether a case is within its bar, and its row; tried again where nothing could be measured."""
     for _ in range(MOST_TRIES):
-        found = measure_once(name, case)
-        if found is not None:
-            return found
+        measured = measure_once(name, case)
+        if measured is not None:
+            return measured
     return False, f"| {name} | {case} | not measured in {MOST_TRIES} tries: other programs load the machine |"
 
 

@@ -209,19 +209,19 @@ def main() -> int:
     table = Table("rover", "fault", "noticed", "time s", "travel m", "NEES after", "ends", "reason", "bar")
     reached = True
     for index, (rover, name) in enumerate(cases):
-        found = results[index * arguments.seeds : (index + 1) * arguments.seeds]
-        fault, noticed = FAULTS[name], [r for r in found if r.time_s is not None]
+        of_fault = results[index * arguments.seeds : (index + 1) * arguments.seeds]
+        fault, noticed = FAULTS[name], [r for r in of_fault if r.time_s is not None]
         honest = [r.nees for r in noticed if r.nees is not None]
-        is_reached = _is_reached(fault, found)
+        is_reached = _is_reached(fault, of_fault)
         reached &= is_reached
         table.add_row(
             rover,
             name,
-            f"{len(noticed)} of {len(found)}" + ("" if fault.must_be_noticed else " (slip)"),
+            f"{len(noticed)} of {len(of_fault)}" + ("" if fault.must_be_noticed else " (slip)"),
             f"{max((r.time_s or 0.0 for r in noticed), default=math.nan):.2f}",
             f"{max((r.travel_m for r in noticed), default=math.nan):.3f}",
             f"{max(honest):.1f}" if honest else "stays stopped",
-            " ".join(sorted({r.end.value for r in found})),
+            " ".join(sorted({r.end.value for r in of_fault})),
             noticed[0].reason[:70] if noticed else "",
             "yes" if is_reached else "NO",
         )

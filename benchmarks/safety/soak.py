@@ -36,8 +36,8 @@ FORM = re.compile(r'^(?:type = "rectangle"|(?:length|width)_m = .*)\n', re.MULTI
 def memory_mb(process: subprocess.Popen[bytes]) -> float:
     """Return the resident memory of a process, in MB; 0 when it has ended."""
     text = Path(f"/proc/{process.pid}/status").read_text()
-    found = re.search(r"VmRSS:\s+(\d+) kB", text)
-    return int(found[1]) / 1000.0 if found else 0.0
+    resident = re.search(r"VmRSS:\s+(\d+) kB", text)
+    return int(resident[1]) / 1000.0 if resident else 0.0
 
 
 def endless_config() -> str:

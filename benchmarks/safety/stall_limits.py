@@ -70,14 +70,14 @@ RULES = {
 def first_stops(is_shipped: bool, seed: int) -> tuple[str, dict[str, str]]:
     """Drive a mission; return its end, and the first stop by each rule that would have stopped it."""
     monitors = {name: make(settings, 3) for name, (make, settings) in RULES.items()}
-    found: dict[str, str] = {}
+    stops: dict[str, str] = {}
 
     class Watching(StallMonitor):
         def check(self, cycle: Cycle) -> Iterator[StopReason]:
             for name, monitor in monitors.items():
                 for reason in monitor.check(cycle):
                     if reason.severity is Severity.STOP:
-                        found.setdefault(name, reason.text)
+                        stops.setdefault(name, reason.text)
             return iter(())
 
     floor = Floor.random(np.random.default_rng(seed), 0.005 if seed % 2 else 0.015)
@@ -88,7 +88,7 @@ def first_stops(is_shipped: bool, seed: int) -> tuple[str, dict[str, str]]:
             make_plant=None if is_shipped else lambda start_ns: OmniContact(floor, start_ns),
             make_camera=ground_camera(seed),
         )
-    return driven.mode.value, found
+    return driven.mode.value, stops
 
 
 def main() -> int:
@@ -105,8 +105,8 @@ def main() -> int:
     seeds = range(arguments.first, arguments.first + arguments.missions)
     stopped, ends = Counter[str](), Counter[str]()
     with open_executor(arguments.cluster, arguments.processes) as pool:
-        found = pool.map(first_stops, [arguments.shipped] * len(seeds), seeds)
-        missions = zip(seeds, found, strict=True)
+        results = pool.map(first_stops, [arguments.shipped] * len(seeds), seeds)
+        missions = zip(seeds, results, strict=True)
         for seed, (end, stops) in track(missions, total=len(seeds), console=Console(stderr=True)):
             ends[end] += 1
             stopped.update(list(stops))

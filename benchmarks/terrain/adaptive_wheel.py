@@ -182,5 +182,5 @@ class AdaptiveWheel:
 def _minimum(factor: Callable[[float], float], low: float, high: float) -> float:
     edge = 1e-6 * (high - low)
     inside = (low + edge, high - edge)
-    found = minimize_scalar(factor, bounds=inside, method="bounded", options={"xatol": 1e-11})
-    return float(found.fun)
+    minimum = minimize_scalar(factor, bounds=inside, method="bounded", options={"xatol": 1e-11})
+    return float(minimum.fun)

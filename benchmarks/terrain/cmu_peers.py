@@ -54,12 +54,12 @@ def predict(tests: WheelTests, tuned: dict[float, tuple[float, ...]], side: str)
         tuned: a_0, a_1, b_0, b_1 for each slip angle in degrees.
         side: `wedge` or `ishigami`.
     """
-    found = np.full((3, len(tests.cell)), np.nan)
+    predicted = np.full((3, len(tests.cell)), np.nan)
     for angle, numbers in tuned.items():
         row = tests.slip_angle_deg == angle
         if row.any():
-            found[:, row] = _one_angle(tests.only(row), numbers, side)
-    return PeerForces(*found)
+            predicted[:, row] = _one_angle(tests.only(row), numbers, side)
+    return PeerForces(*predicted)
 
 
 def retuned(tests: WheelTests, side: str) -> dict[float, tuple[float, ...]]:
@@ -76,8 +76,8 @@ def retuned(tests: WheelTests, side: str) -> dict[float, tuple[float, ...]]:
             )
 
         begin = np.clip(start, np.array(lower) + 0.01, np.array(upper) - 0.01)
-        found = optimize.least_squares(misfit, begin, bounds=(lower, upper), diff_step=1e-3, max_nfev=40)
-        result[angle] = tuple(float(x) for x in found.x)
+        solution = optimize.least_squares(misfit, begin, bounds=(lower, upper), diff_step=1e-3, max_nfev=40)
+        result[angle] = tuple(float(x) for x in solution.x)
     return result
 
 

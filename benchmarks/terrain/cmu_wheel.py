@@ -92,7 +92,7 @@ def paper_001_errors(cells: WheelTests) -> Errors:
     rim, forward, sideways = cells.motion
     slip = np.where(rim > forward, 1 - forward / np.maximum(rim, 1e-9), rim / np.maximum(forward, 1e-9) - 1)
     inside = (cells.slip_angle_deg < 88) & (slip > -0.99)
-    found = np.full((3, len(cells.cell)), np.nan)
+    errors = np.full((3, len(cells.cell)), np.nan)
     sinkage, forces = wheel_at_load(
         WHEEL,
         load_soil("cmu_sand"),
@@ -100,8 +100,8 @@ def paper_001_errors(cells: WheelTests) -> Errors:
         slip=slip[inside],
         slip_angle_rad=np.arctan2(sideways, forward)[inside],
     )
-    found[:, inside] = np.stack([forces.drawbar_n, forces.side_n, sinkage])
-    return Errors(*(found - np.stack([cells.drawbar_n, cells.side_n, cells.sinkage_m])))
+    errors[:, inside] = np.stack([forces.drawbar_n, forces.side_n, sinkage])
+    return Errors(*(errors - np.stack([cells.drawbar_n, cells.side_n, cells.sinkage_m])))
 
 
 def choose(plates: list[PlateTest], half: WheelTests, start: AnyAngleSoil) -> tuple[str, ...]:
@@ -151,11 +151,11 @@ def show_peers(cells: WheelTests, train: NDArray[np.bool_]) -> None:
     print("\n                                  training half            |  held-out half")
     for side in ("wedge", "ishigami"):
         for label, tuned in (("as published", PUBLISHED), ("retuned", retuned(cells.only(train), side))):
-            found = predict(cells, tuned, side)
+            predicted = predict(cells, tuned, side)
             errors = Errors(
-                found.drawbar_n - cells.drawbar_n,
-                found.side_n - cells.side_n,
-                found.sinkage_m - cells.sinkage_m,
+                predicted.drawbar_n - cells.drawbar_n,
+                predicted.side_n - cells.side_n,
+                predicted.sinkage_m - cells.sinkage_m,
             )
             show_row(f"Pavlov, {side}, {label}", errors, train)
 

@@ -87,13 +87,13 @@ def measure(kernel: Kernel, camber_rad: float, bound: float, *, corner: bool) ->
     sinkage, slip, angle = motion(np.random.default_rng(1), count, corner=corner)
     side_speed = (1.0 - slip) * np.tan(angle)
     spent_s = seconds(lambda: kernel(contact, rule, sinkage, slip, side_speed))
-    found: dict[str, float] = {"per_s": round(count / spent_s)}
+    measured: dict[str, float] = {"per_s": round(count / spent_s)}
     if bound > 1e-8:
         forces = kernel(contact, rule, sinkage, slip, side_speed)
         exact = kernel(contact, rule_for(1e-8), sinkage, slip, side_speed)
         error = np.abs(forces - exact)[:, :3] / exact[:, 2:3]
-        found["error"] = float(f"{error.max():.1e}")
-    return found
+        measured["error"] = float(f"{error.max():.1e}")
+    return measured
 
 
 def measure_adaptive(camber_rad: float) -> dict[str, float]:
@@ -131,7 +131,7 @@ def import_seconds() -> float:
     code = "import time; t = time.process_time(); import {0}; print(time.process_time() - t)"
     command = [sys.executable, "-c", code.format("sim_backends.terramechanics.slope.steady_state")]
     spent = [subprocess.run(command, capture_output=True, check=True) for _ in range(5)]
-    return min(float(one.stdout) for one in spent)
+    return min(float(process.stdout) for process in spent)
 
 
 def main() -> int:
@@ -141,10 +141,10 @@ def main() -> int:
     for name, kernel in (("numpy", numpy_kernel), ("compiled", compiled)):
         for shape, camber in (("flat", 0.0), ("cambered", CAMBER_RAD)):
             for bound in (1e-5, 1e-8):
-                found = measure(kernel, camber, bound, corner=False)
-                report[f"{name}, {shape}, bound {bound:g}"] = found
+                measured = measure(kernel, camber, bound, corner=False)
+                report[f"{name}, {shape}, bound {bound:g}"] = measured
                 if bound == 1e-5:
-                    values[f"{name}_{shape}_per_s"] = found["per_s"]
+                    values[f"{name}_{shape}_per_s"] = measured["per_s"]
             report[f"{name}, {shape}, corner, bound 1e-05"] = measure(kernel, camber, 1e-5, corner=True)
         for bound in (1e-8, 1e-5):
             states = steady_states(kernel, bound)

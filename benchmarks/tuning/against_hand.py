@@ -116,10 +116,10 @@ def drive_unseen(config: Config, drive: MissionRunner, count: int) -> list[float
 
 
 def compare_unseen(
-    found: Sequence[float | None], by_hand: Sequence[float | None], quantile: float, seed: int
+    by_search: Sequence[float | None], by_hand: Sequence[float | None], quantile: float, seed: int
 ) -> dict[str, object]:
     """Return the quantiles of both over their common scenarios, and how much less those found cost."""
-    pairs = zip(by_hand, found, strict=True)
+    pairs = zip(by_hand, by_search, strict=True)
     costs = np.array([pair for pair in pairs if None not in pair], dtype=float).T
     rng = np.random.default_rng(seed)
     draws = rng.integers(costs.shape[1], size=(DRAWS, costs.shape[1]))
@@ -131,7 +131,7 @@ def compare_unseen(
         "mean": dict(zip(("by hand", "found"), np.round(costs.mean(axis=1), 3).tolist(), strict=True)),
         "better_by": round(float(1.0 - tuned / hand), 4),
         "better_by_sd": round(float(np.std(1.0 - drawn_tuned / drawn_hand)), 4),
-        "rejected": {"by hand": by_hand.count(None), "found": found.count(None)},
+        "rejected": {"by hand": by_hand.count(None), "found": by_search.count(None)},
     }
 
 
@@ -147,8 +147,8 @@ def run(
     search_s, missions = counted.elapsed_s, counted.count
     attempts, best = study.attempts(), study.candidates()
     comparison = compare(start, settings, best, drive)
-    found = with_values(start, comparison.values)
-    found_costs, hand_costs = (drive_unseen(each, drive, unseen) for each in (found, by_hand))
+    tuned = with_values(start, comparison.values)
+    found_costs, hand_costs = (drive_unseen(each, drive, unseen) for each in (tuned, by_hand))
     quantile = settings.objective.quantile
     return {
         "task": task,
@@ -193,8 +193,8 @@ def main() -> int:
             for seed in arguments.seeds:
                 drive = missions_on(executor)
                 sizes = arguments.train, arguments.trials, arguments.unseen
-                found = run(task, seed, *sizes, folder, drive)
-                line = json.dumps(found)
+                result = run(task, seed, *sizes, folder, drive)
+                line = json.dumps(result)
                 print(line, flush=True)
                 if arguments.out is not None:
                     with arguments.out.open("a") as file:

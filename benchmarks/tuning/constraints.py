@@ -46,8 +46,8 @@ def evaluate(number: int, values: dict[str, float], hardest: float) -> Attempt:
     )
 
 
-def _distance(point: Array, other: Array) -> float:
-    return float(np.sqrt(np.mean((point - other) ** 2)) * 2.0)
+def _distance(point: Array, second: Array) -> float:
+    return float(np.sqrt(np.mean((point - second) ** 2)) * 2.0)
 
 
 def as_pruned(attempt: Attempt, distributions: dict[str, BaseDistribution]) -> FrozenTrial:
@@ -104,9 +104,9 @@ def main() -> None:
         share = float(np.mean([_distance(point, CENTRE) < hardest for point in points]))
         task = f"{share:.2%} acceptable"
         for name, treatment in TREATMENTS.items():
-            found = [study(treatment, hardest, seed, arguments.trials) for seed in range(arguments.seeds)]
-            first = [trials for trials, _ in found if trials is not None]
-            costs = [cost for _, cost in found if cost is not None]
+            studies = [study(treatment, hardest, seed, arguments.trials) for seed in range(arguments.seeds)]
+            first = [trials for trials, _ in studies if trials is not None]
+            costs = [cost for _, cost in studies if cost is not None]
             print(
                 f"{task}, {name}: found in {len(first)} of {arguments.seeds}"
                 + (

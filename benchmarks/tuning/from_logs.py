@@ -75,7 +75,7 @@ def main() -> int:
             study = LogStudy(folder / f"{seed}.jsonl", "benchmark", config, tune, objective, train)
             study.search(replays_on(executor, train), arguments.trials, lambda: False, lambda: None)
             drive = replays_on(executor, held_out)
-            found = compare_by(
+            compared = compare_by(
                 lambda values, _: evaluate_logs(drive(values, range(len(held_out))), objective),  # noqa: B023 - called at once
                 config,
                 start_values(config, tune),
@@ -84,14 +84,14 @@ def main() -> int:
             line = {
                 "seed": seed,
                 "trials": len(study.attempts()),
-                "verdict": found.verdict,
+                "verdict": compared.verdict,
                 "start_over_true": {
                     key: start_values(config, tune)[key] / true for key, true in TRUE.items()
                 },
-                "found_over_true": {key: round(found.values[key] / true, 3) for key, true in TRUE.items()},
-                "values": found.values,
-                "held_out_cost": [found.start.cost, found.tuned.cost],
-                "held_out_terms": [found.start.terms, found.tuned.terms],
+                "found_over_true": {key: round(compared.values[key] / true, 3) for key, true in TRUE.items()},
+                "values": compared.values,
+                "held_out_cost": [compared.start.cost, compared.tuned.cost],
+                "held_out_terms": [compared.start.terms, compared.tuned.terms],
             }
             print(json.dumps(line), flush=True)
     return 0

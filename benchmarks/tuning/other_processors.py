@@ -35,17 +35,17 @@ def main() -> int:
     if sys.argv[1:] == [DIGEST]:
         print(digest())
         return 0
-    found: dict[str, str] = {}
+    by_processor: dict[str, str] = {}
     for name, variables in VARIANTS.items():
-        found[name] = subprocess.run(
+        by_processor[name] = subprocess.run(
             [sys.executable, "-m", "benchmarks.tuning.other_processors", DIGEST],
             env={**os.environ, **variables},
             capture_output=True,
             text=True,
             check=True,
         ).stdout.split()[-1]
-        print(f"{name}: {found[name][:16]}", flush=True)
-    return 0 if len(set(found.values())) == 1 else 1
+        print(f"{name}: {by_processor[name][:16]}", flush=True)
+    return 0 if len(set(by_processor.values())) == 1 else 1
 
 
 if __name__ == "__main__":

@@ -79,7 +79,7 @@ def gaussian_process(
     x = np.array([to_unit(parameters, attempt.values) for attempt in told])
     acceptable = np.array([not attempt.refused for attempt in told])
     costs = np.where(acceptable, expected_costs(told), math.nan)
-    found: list[Array] = []
+    proposed: list[Array] = []
     if not acceptable.any():
         return [from_unit(parameters, point) for point in rng.random((count, size))]
     y = np.log(costs[acceptable])
@@ -111,10 +111,10 @@ def gaussian_process(
             level, spread = gate.predict(many, return_std=True)
             score *= norm.cdf((level - 0.5) / np.maximum(spread, 1e-3))
         index = int(np.argmax(score))
-        found.append(many[index])
+        proposed.append(many[index])
         believed_x = np.vstack((believed_x, many[index]))
         believed_y = np.append(believed_y, mean[index])
-    return [from_unit(parameters, point) for point in found]
+    return [from_unit(parameters, point) for point in proposed]
 
 
 def _fit(x: Array, y: Array) -> GaussianProcessRegressor:

@@ -94,15 +94,15 @@ class V4l2Link(ThreadedLink[CameraImage]):
         capture.set(cv2.CAP_PROP_FRAME_HEIGHT, settings.height)
         capture.set(cv2.CAP_PROP_FPS, settings.frame_rate_hz)
         capture.set(cv2.CAP_PROP_BUFFERSIZE, BUFFER_COUNT)
-        found = format_of(capture)
+        granted = format_of(capture)
         found_fourcc = round(capture.get(cv2.CAP_PROP_FOURCC))
-        if found_fourcc != fourcc or not found.matches(settings):
+        if found_fourcc != fourcc or not granted.matches(settings):
             wanted = FrameFormat(settings.width, settings.height, settings.frame_rate_hz)
             name = (found_fourcc & 0xFFFF_FFFF).to_bytes(4, "little").decode("ascii", "replace")
             what = (
                 f"it does not offer {settings.fourcc}"  # OpenCV converts another format, and names the result
                 if name == CONVERTED_FOURCC
-                else f"it gives {name} {found} instead of {settings.fourcc} {wanted}"
+                else f"it gives {name} {granted} instead of {settings.fourcc} {wanted}"
             )
             raise NotConnectedError(
                 f"{what}: configure one of `v4l2-ctl --list-formats-ext -d {settings.path}`"
@@ -186,9 +186,9 @@ class V4l2Link(ThreadedLink[CameraImage]):
         return False
 
 
-def _are_same(image: CameraImage, other: CameraImage) -> bool:
+def _are_same(image: CameraImage, before: CameraImage) -> bool:
     """Return whether two pictures are equal to the last bit, as no two exposures of a sensor are."""
-    return image.jpeg == other.jpeg and np.array_equal(image.image, other.image)
+    return image.jpeg == before.jpeg and np.array_equal(image.image, before.image)
 
 
 def _read_stamp_ns(capture: cv2.VideoCapture) -> int:

@@ -24,11 +24,11 @@ class VideoLink(PlaybackLink):
             raise NotConnectedError(
                 f"video {path} cannot be opened: convert it to a format that OpenCV reads"
             )
-        found = format_of(capture)
-        if not found.matches(self._settings):
+        granted = format_of(capture)
+        if not granted.matches(self._settings):
             capture.release()
             raise NotConnectedError(
-                f"video {path} has {found}: set the camera's width, height and frame_rate_hz to these"
+                f"video {path} has {granted}: set the camera's width, height and frame_rate_hz to these"
             )
         return self._play(capture)
 

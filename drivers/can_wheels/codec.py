@@ -233,8 +233,8 @@ class CanWheelsCodec:
 
 def _scales_by_frame(bus: BusDescription, wheel: WheelMapping) -> list[dict[str, Scale]]:
     """Return the conversions of a wheel's signals by quantity, those together that come in one frame."""
-    found: dict[object, dict[str, Scale]] = {}
+    scales: dict[object, dict[str, Scale]] = {}
     for quantity, scale in bus.wheel_scales(wheel).items():
         choices = choices_of(bus.message(scale.message), scale.signal)
-        found.setdefault((scale.message, choices), {})[quantity] = scale
-    return list(found.values())
+        scales.setdefault((scale.message, choices), {})[quantity] = scale
+    return list(scales.values())

@@ -58,33 +58,33 @@ def _find_wrong_names(key: str, value: object, database: Database) -> Iterator[s
 
 
 def _find_message(where: str, database: Database, name: str) -> Message:
-    found = [message for message in database.messages if message.name == name]
-    if not found:
+    named = [message for message in database.messages if message.name == name]
+    if not named:
         names = [message.name for message in database.messages]
         raise ConfigError(f"{where}: the DBC file has no message '{name}'{_did_you_mean(name, names)}")
-    if len(found) > 1:
+    if len(named) > 1:
         raise ConfigError(
-            f"{where}: the DBC file has {len(found)} messages '{name}'; rename those of other devices in it"
+            f"{where}: the DBC file has {len(named)} messages '{name}'; rename those of other devices in it"
         )
-    if found[0].length > LONGEST_MESSAGE:
+    if named[0].length > LONGEST_MESSAGE:
         raise ConfigError(
-            f"{where}: message '{name}' is {found[0].length} bytes long; only classic CAN frames of up to "
+            f"{where}: message '{name}' is {named[0].length} bytes long; only classic CAN frames of up to "
             f"{LONGEST_MESSAGE} bytes are supported"
         )
-    return found[0]
+    return named[0]
 
 
 def _find_signal(where: str, message: Message, name: str) -> Signal:
-    found = [signal for signal in message.signals if signal.name == name]
-    if not found:
+    named = [signal for signal in message.signals if signal.name == name]
+    if not named:
         hint = _did_you_mean(name, [signal.name for signal in message.signals])
         raise ConfigError(f"{where}: message '{message.name}' has no signal '{name}'{hint}")
-    if len(found) > 1:
+    if len(named) > 1:
         raise ConfigError(
-            f"{where}: message '{message.name}' has {len(found)} signals '{name}'; remove from the DBC file "
+            f"{where}: message '{message.name}' has {len(named)} signals '{name}'; remove from the DBC file "
             "those that the device does not send"
         )
-    return found[0]
+    return named[0]
 
 
 def _check_signal(where: str, message: Message, signal: Signal) -> None:
@@ -109,8 +109,8 @@ def _is_choice_told(message: Message, signal: Signal) -> bool:
         choices_of(message, signal.name)
     except KeyError:
         return False
-    multiplexers = {other.name for other in message.signals if other.is_multiplexer}
-    return len(multiplexers) < 2 or multiplexers <= {other.multiplexer_signal for other in message.signals}
+    multiplexers = {each.name for each in message.signals if each.is_multiplexer}
+    return len(multiplexers) < 2 or multiplexers <= {each.multiplexer_signal for each in message.signals}
 
 
 def _check_fit(where: str, part: NamesSignals, signal: Signal, held: float | None) -> None:
@@ -171,9 +171,9 @@ def _find_wrong_messages(mapping: CanWheelsMapping, database: Database) -> Itera
             continue
         written = {signal.name for signal in message.signals} if name in sent else set()
         yield from _find_overlaps(message, signals | written)
-        other = by_number.setdefault((message.frame_id, message.is_extended_frame), name)
-        if other != name:
-            yield f"dbc: messages '{other}' and '{name}' have one identifier; correct the DBC file"
+        first_name = by_number.setdefault((message.frame_id, message.is_extended_frame), name)
+        if first_name != name:
+            yield f"dbc: messages '{first_name}' and '{name}' have one identifier; correct the DBC file"
     power = mapping.power
     if power is not None and power.current is not None:
         message = database.get_message_by_name(power.voltage.message)
@@ -197,25 +197,25 @@ def _find_overlaps(message: Message, names: Iterable[str]) -> Iterator[str]:
     used = set(names)
     for name in names:
         used |= {choice.multiplexer for choice in choices_of(message, name)}
-    for one, other in combinations(message.signals, 2):
-        is_used = one.name in used or other.name in used
-        if is_used and bits_of(one) & bits_of(other) and _can_meet(message, one, other):
+    for first, second in combinations(message.signals, 2):
+        is_used = first.name in used or second.name in used
+        if is_used and bits_of(first) & bits_of(second) and _can_meet(message, first, second):
             yield (
-                f"dbc: signals '{one.name}' and '{other.name}' of message '{message.name}' overlap; "
+                f"dbc: signals '{first.name}' and '{second.name}' of message '{message.name}' overlap; "
                 "remove from the DBC file the one that you do not use"
             )
 
 
-def _can_meet(message: Message, one: Signal, other: Signal) -> bool:
+def _can_meet(message: Message, signal: Signal, neighbour: Signal) -> bool:
     """Return whether a frame can hold both signals."""
     try:
-        first, second = choices_of(message, one.name), choices_of(message, other.name)
+        first, second = choices_of(message, signal.name), choices_of(message, neighbour.name)
     except KeyError:
         return True
     return not any(
-        mine.multiplexer == theirs.multiplexer and not mine.values & theirs.values
-        for mine in first
-        for theirs in second
+        choice.multiplexer == condition.multiplexer and not choice.values & condition.values
+        for choice in first
+        for condition in second
     )
 
 

@@ -137,7 +137,7 @@ class BusDescription:
         message = self.message(source.message)
         choices = choices_of(message, source.signal)
         names = [signal.name for signal in message.signals]
-        found = [
+        unnamed = [
             signal.name
             for signal in message.signals
             if _TURNS.search(signal.name)
@@ -148,7 +148,7 @@ class BusDescription:
             and max(bits_of(signal)) < 8 * message.length
             and not bits_of(signal) & bits_of(self._signal(source))
         ]
-        return found[0] if len(found) == 1 else None
+        return unnamed[0] if len(unnamed) == 1 else None
 
     def value_names(self, name: SignalName) -> dict[int, str]:
         """Return the names that the DBC file gives to values of a signal."""
@@ -278,12 +278,12 @@ def _report(path: Path, table: Mapping[str, object], mistakes: Sequence[str]) ->
     lines: list[str] = []
     first_wheels: dict[str, str] = {}
     for mistake in mistakes:
-        found = _OF_A_WHEEL.match(mistake)
-        if found is not None and isinstance(shared, dict) and isinstance(wheels, list):
-            wheel, key = found.groups()
+        of_wheel = _OF_A_WHEEL.match(mistake)
+        if of_wheel is not None and isinstance(shared, dict) and isinstance(wheels, list):
+            wheel, key = of_wheel.groups()
             if key in shared and key not in wheels[int(wheel)]:
                 if first_wheels.setdefault(key, wheel) == wheel:
-                    lines.append(f"{path}: every_wheel.{mistake[found.start(2) :]}")
+                    lines.append(f"{path}: every_wheel.{mistake[of_wheel.start(2) :]}")
                 continue
         lines.append(f"{path}: {mistake}")
     return "\n".join(lines)

@@ -171,16 +171,16 @@ class WheelPart:
 
         A quantity that cannot be true is left out; without its position, the whole sample is.
         """
-        found: dict[str, float] = {}
+        readings: dict[str, float] = {}
         for key, scale, sign in self._measured:
             raw = values[scale.signal]
             if sign is not None and sign.is_negative(raw):
                 yield NEGATIVE_AS_UNSIGNED
             else:
-                found[key] = scale.to_si(raw)
+                readings[key] = scale.to_si(raw)
         check = self._motion.check
-        if check is not None and "speed" in found:
-            check.note_speed(found["speed"])
+        if check is not None and "speed" in readings:
+            check.note_speed(readings["speed"])
         position_rad = None
         if self._position is not None:
             counts = self._count(t_ns, values, self._position)
@@ -194,18 +194,18 @@ class WheelPart:
             position_rad = self._position.to_si(counts)
             if check is not None and check.contradicts(t_ns, position_rad):
                 yield SPEED_CONTRADICTS_POSITION
-        elif not found:
+        elif not readings:
             return
         yield WheelSample(
             device=self._device,
             t_ns=t_ns,
             wheel=self._wheel,
             position_rad=position_rad,
-            speed_rad_s=found.get("speed"),
-            current_a=found.get("current"),
+            speed_rad_s=readings.get("speed"),
+            current_a=readings.get("current"),
             current_is_signed=self._current_is_signed,
-            voltage_v=found.get("voltage"),
-            steering_rad=found.get("steering"),
+            voltage_v=readings.get("voltage"),
+            steering_rad=readings.get("steering"),
         )
 
     def _count(self, t_ns: int, values: Mapping[str, float], scale: Scale) -> float | None:

@@ -70,8 +70,8 @@ class Scale:
     @property
     def limits_si(self) -> tuple[float, float]:
         """Least and greatest value in SI units."""
-        one, other = self.to_si(self.low), self.to_si(self.high)
-        return min(one, other), max(one, other)
+        at_low, at_high = self.to_si(self.low), self.to_si(self.high)
+        return min(at_low, at_high), max(at_low, at_high)
 
     def to_si(self, raw: float) -> float:
         """Return the value in SI units."""

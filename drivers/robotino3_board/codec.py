@@ -78,11 +78,11 @@ class Robotino3BoardCodec:
     def decode(self, item: Received[bytes]) -> Sequence[Sample | Rejection]:
         """Return the samples and rejections of the frames that `item` completes."""
         results: list[Sample | Rejection] = []
-        for found in self._scanner.feed(item.payload):
-            if isinstance(found, Rejection):
-                results.append(found)
+        for scanned in self._scanner.feed(item.payload):
+            if isinstance(scanned, Rejection):
+                results.append(scanned)
                 continue
-            for message in _split(found):
+            for message in _split(scanned):
                 if isinstance(message, Rejection):
                     results.append(message)
                     continue

@@ -60,22 +60,22 @@ class FrameScanner:
                 self._check_end(frames)
         return frames
 
-    def _check_end(self, found: list[bytes | Rejection]) -> None:
+    def _check_end(self, results: list[bytes | Rejection]) -> None:
         frame = self._frame
         size = int.from_bytes(frame[:2], "little")
         if len(frame) == 2 and size > LARGEST_BODY:
-            self._lose(found, _FRAMING)
+            self._lose(results, _FRAMING)
         elif len(frame) >= 4 and len(frame) == size + 4:
             self._is_inside = False
             checksum = int.from_bytes(frame[-2:], "little")
             if (sum(frame[:-2]) + checksum) & 0xFFFF:
-                self._lose(found, _CHECKSUM)
+                self._lose(results, _CHECKSUM)
             else:
                 self._is_lost = False
-                found.append(bytes(frame[2:-2]))
+                results.append(bytes(frame[2:-2]))
 
-    def _lose(self, found: list[bytes | Rejection], reason: Rejection) -> None:
+    def _lose(self, results: list[bytes | Rejection], reason: Rejection) -> None:
         if not self._is_lost:
-            found.append(reason)
+            results.append(reason)
         self._is_lost = True
         self._is_inside = False

@@ -272,11 +272,11 @@ class RobotinoBoardCodec:
         There is no `PowerSample` when the battery reads 0 counts: the board itself runs from it.
         """
         decoded: list[Sample | Rejection] = []
-        for found in self._scanner.feed(item.payload):
-            if isinstance(found, Rejection):
-                decoded.append(found)
+        for scanned in self._scanner.feed(item.payload):
+            if isinstance(scanned, Rejection):
+                decoded.append(scanned)
             else:
-                decoded += self._read(item.t_ns, parse_reply(found))
+                decoded += self._read(item.t_ns, parse_reply(scanned))
         return decoded
 
     def reset(self) -> None:

@@ -113,11 +113,11 @@ class XsensCodec:
     def decode(self, item: Received[bytes]) -> Sequence[Sample | Rejection]:
         """Return the samples and rejections of the messages that `item` completes."""
         results: list[Sample | Rejection] = []
-        for found in self._scanner.feed(item.payload):
-            if isinstance(found, Rejection):
-                results.append(found)
+        for scanned in self._scanner.feed(item.payload):
+            if isinstance(scanned, Rejection):
+                results.append(scanned)
             else:
-                results += self._read_message(item.t_ns, found)
+                results += self._read_message(item.t_ns, scanned)
         return results
 
     def reset(self) -> None:

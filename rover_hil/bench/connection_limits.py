@@ -28,11 +28,11 @@ class BoundedHttp(HttpToolsProtocol):
         """Take a connection."""
         self.number = next(self._counter)
         is_one_too_many = len(self.connections) >= MOST_CONNECTIONS
-        others = [other for other in self.connections if isinstance(other, BoundedHttp)]
-        silent = [other for other in others if cast("object | None", other.cycle) is None]
+        others = [connection for connection in self.connections if isinstance(connection, BoundedHttp)]
+        silent = [connection for connection in others if cast("object | None", connection.cycle) is None]
         super().connection_made(transport)
         if is_one_too_many:
-            min(silent, key=lambda other: other.number, default=self).transport.abort()
+            min(silent, key=lambda connection: connection.number, default=self).transport.abort()
 
 
 class ConnectionLimits:

@@ -388,8 +388,8 @@ class Session:
     def picture(self, camera: str) -> bytes | None:
         """Return the newest picture of a camera as JPEG; None before the first."""
         with self._lock:
-            found = self._pictures.get(camera)
-            return None if found is None else found[1]["jpeg"]
+            picture = self._pictures.get(camera)
+            return None if picture is None else picture[1]["jpeg"]
 
     def close(self) -> None:
         """End the run and its process."""

@@ -58,7 +58,7 @@ def describe_mistakes(details: Sequence[ErrorDetails], table: Mapping[str, objec
         details: What pydantic found; only the first `MOST_MISTAKES` are described.
         table: The content that was validated.
     """
-    rest = len(details) - MOST_MISTAKES
+    untold = len(details) - MOST_MISTAKES
     details = details[:MOST_MISTAKES]
     mistyped = {
         (*detail["loc"][:-1], _closest_key(detail, table))
@@ -72,7 +72,7 @@ def describe_mistakes(details: Sequence[ErrorDetails], table: Mapping[str, objec
         if detail["type"] != "missing" or detail["loc"] not in mistyped
         for mistake in _describe(detail, table)
     ]
-    return [*mistakes, f"and {rest} more mistakes: correct these first"] if rest > 0 else mistakes
+    return [*mistakes, f"and {untold} more mistakes: correct these first"] if untold > 0 else mistakes
 
 
 def _describe(detail: ErrorDetails, table: Mapping[str, object]) -> list[str]:

@@ -241,7 +241,7 @@ def _find_unfit_devices(draft: Draft) -> Iterator[str]:
         kind, lack = ROLE_KINDS[role]
         if name in draft.broken_devices or isinstance(devices.get(name), kind):
             continue
-        fitting = [other for other, device in devices.items() if isinstance(device, kind)]
+        fitting = [each for each, device in devices.items() if isinstance(device, kind)]
         fix = f"name one of {', '.join(fitting)}" if fitting else "add a device that does, or remove the role"
         if name in devices:
             yield f"roles.{role}: device '{name}' {lack}: {fix}"

@@ -119,22 +119,22 @@ class CyclePacker:
 
     def _samples(self, samples: Sequence[Sample]) -> list[float]:
         """Return kind, time and numbers of each sample."""
-        found: list[float] = []
+        numbers: list[float] = []
         for sample in samples:
             if type(sample) is WheelSample:
                 if sample.device == self._wheels:
                     position_rad, speed_rad_s = _or_nan(sample.position_rad), _or_nan(sample.speed_rad_s)
-                    found += WHEEL, sample.t_ns, sample.wheel, position_rad, speed_rad_s
+                    numbers += WHEEL, sample.t_ns, sample.wheel, position_rad, speed_rad_s
             elif type(sample) is RateSample:
                 if sample.device == self._gyro:
                     x, y = _or_nan(sample.rate_x_rad_s), _or_nan(sample.rate_y_rad_s)
-                    found += RATE, sample.t_ns, x, y, sample.rate_z_rad_s
+                    numbers += RATE, sample.t_ns, x, y, sample.rate_z_rad_s
             elif type(sample) is AccelerationSample:
                 if sample.device == self._gyro:
-                    found += FORCE, sample.t_ns, sample.x_m_s2, sample.y_m_s2, sample.z_m_s2
+                    numbers += FORCE, sample.t_ns, sample.x_m_s2, sample.y_m_s2, sample.z_m_s2
             elif type(sample) is PowerSample:
-                found += POWER, sample.t_ns, sample.voltage_v, _or_nan(sample.current_a), _NAN
-        return found
+                numbers += POWER, sample.t_ns, sample.voltage_v, _or_nan(sample.current_a), _NAN
+        return numbers
 
 
 @cache
@@ -155,10 +155,10 @@ class CycleUnpacker:
         sample_count = (text_begin - _layout(number_count, 0).size) // _SAMPLE.size
         _, _, offset_ns, t_ns, pose_ns, *values = _layout(number_count, sample_count).unpack_from(data)
         known, numbers = values[:_NUMBERS], iter(values[_NUMBERS : _NUMBERS + number_count])
-        rest = values[_NUMBERS + number_count :]
+        after_numbers = values[_NUMBERS + number_count :]
         samples = [
-            SampleFacts(rest[at], rest[at + 1], rest[at + 2 : at + _SAMPLE_VALUES])
-            for at in range(0, len(rest), _SAMPLE_VALUES)
+            SampleFacts(after_numbers[at], after_numbers[at + 1], after_numbers[at + 2 : at + _SAMPLE_VALUES])
+            for at in range(0, len(after_numbers), _SAMPLE_VALUES)
         ]
         if text_bytes:
             self._told = json.loads(data[text_begin:])
@@ -208,24 +208,24 @@ def _parts(output: StepOutput) -> tuple[list[float], Sequence[Any]]:
 
 def _named_parts(numbers: Iterator[float], reasons: Sequence[Any]) -> Mapping[str, Any]:
     ground_reason, rover_reason, wheel_reasons, drift_reason, is_reckoned, steered = reasons
-    found: dict[str, Any] = dict.fromkeys(("ground", "slip", "drift", "dead_reckoned", "steering_rad"))
+    parts: dict[str, Any] = dict.fromkeys(("ground", "slip", "drift", "dead_reckoned", "steering_rad"))
     if ground_reason is not None:
         slip, sd = or_none(next(numbers)), or_none(next(numbers))
-        found["ground"] = {"slip": slip, "slip_sd": sd, "reason": ground_reason}
+        parts["ground"] = {"slip": slip, "slip_sd": sd, "reason": ground_reason}
     if rover_reason is not None:
         rover = {"slip": next(numbers), "sd": next(numbers), "reason": rover_reason}
-        found["slip"] = {"rover": rover, "wheels": []}
+        parts["slip"] = {"rover": rover, "wheels": []}
     elif wheel_reasons is not None:
         wheels = [{"slip": next(numbers), "valid": valid, "reason": why} for valid, why in wheel_reasons]
-        found["slip"] = {"rover": None, "wheels": wheels}
+        parts["slip"] = {"rover": None, "wheels": wheels}
     if drift_reason is not None:
-        found["drift"] = {"slip": next(numbers), "reason": drift_reason}
+        parts["drift"] = {"slip": next(numbers), "reason": drift_reason}
     if is_reckoned:
         pose = _pose([next(numbers) for _ in range(3)])
-        found["dead_reckoned"] = {**pose, "covariance": tuple(next(numbers) for _ in range(6))}
+        parts["dead_reckoned"] = {**pose, "covariance": tuple(next(numbers) for _ in range(6))}
     if steered is not None:
-        found["steering_rad"] = [next(numbers) for _ in range(steered)]
-    return found
+        parts["steering_rad"] = [next(numbers) for _ in range(steered)]
+    return parts
 
 
 def _pose(values: Sequence[float]) -> dict[str, float]:

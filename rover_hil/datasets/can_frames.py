@@ -83,8 +83,8 @@ class CanFrames:
     def by_identifier(self) -> dict[int, NDArray[np.intp]]:
         """Return the places of the frames of each identifier, with flags, in the order of these."""
         order = np.argsort(self.identifiers, kind="stable")
-        found, starts = np.unique(self.identifiers[order], return_index=True)
-        return dict(zip(found.tolist(), np.split(order, starts[1:]), strict=True))
+        identifiers, starts = np.unique(self.identifiers[order], return_index=True)
+        return dict(zip(identifiers.tolist(), np.split(order, starts[1:]), strict=True))
 
 
 def read_can_log(
@@ -185,12 +185,12 @@ class _Collector:
         self.places.frombytes(own[places].tobytes())
         self._check_count()
 
-    def add_lines(self, found: Sequence[tuple[bytes, bytes, bytes, bytes]]) -> bool:
+    def add_lines(self, lines: Sequence[tuple[bytes, bytes, bytes, bytes]]) -> bool:
         """Add frames by time, channel, identifier and data in lines of candump.
 
         Returns False, and adds nothing, where one is no classic data frame with 3 or 8 digits of identifier.
         """
-        times, channels, identifiers, data = zip(*found, strict=True)
+        times, channels, identifiers, data = zip(*lines, strict=True)
         numbers = [int(text, 16) for text in identifiers]
         sizes = set(map(len, data))
         if (
@@ -246,10 +246,10 @@ def _add_candump(raw: BinaryIO, collector: _Collector, on_frames: Callable[[int]
 
     Several times as fast as the reader of python-can, which reads the others; tests compare the two.
     """
-    rest, size = b"", 0
+    begun, size = b"", 0
     while block := raw.read(BLOCK_BYTES):
         size += len(block)
-        text, newline, rest = (rest + block).rpartition(b"\n")
+        text, newline, begun = (begun + block).rpartition(b"\n")
         if not newline:
             return False
         frame_texts = _CANDUMP.findall(text + newline)
@@ -257,7 +257,7 @@ def _add_candump(raw: BinaryIO, collector: _Collector, on_frames: Callable[[int]
         if not is_plain or size > CAN_LOG_BYTES or len(collector.t_s) > CAN_FRAMES:
             return False
         on_frames(len(collector.t_s))
-    return not rest and size > 0
+    return not begun and size > 0
 
 
 class _Lines(io.TextIOBase):
@@ -381,8 +381,8 @@ def _read_savvycan(path: Path) -> _OfChannels:
     return _OfChannels(*collector.frames(path, None))
 
 
-def _of_channel(found: _OfChannels, channel: str | None) -> CanFrames:
-    frames = found.frames
+def _of_channel(channels: _OfChannels, channel: str | None) -> CanFrames:
+    frames = channels.frames
     names = ", ".join(name or "without a name" for name in frames.channels)
     if channel is None:
         if len(frames.channels) > 1:
@@ -390,7 +390,7 @@ def _of_channel(found: _OfChannels, channel: str | None) -> CanFrames:
         return frames
     if channel not in frames.channels:
         raise LogError(f"{frames.path} holds no bus '{channel}', only {names}: correct --channel")
-    return _select(frames, np.flatnonzero(found.places == frames.channels.index(channel)), 0)
+    return _select(frames, np.flatnonzero(channels.places == frames.channels.index(channel)), 0)
 
 
 def _in_order(frames: CanFrames) -> CanFrames:

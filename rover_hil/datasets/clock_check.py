@@ -85,8 +85,8 @@ def _residual(
         scale = true_m.sum() / max(float(said_m.sum()), 1e-9)
         if max(factor, 1.0 / factor) >= FAR and not SCALES[0] <= scale <= SCALES[1]:
             continue
-        left = [_left(own, true) for own, true in pairs]
-        least_rms = min(least_rms, math.sqrt(sum(left) / len(left)))
+        residuals = [_left(own, true) for own, true in pairs]
+        least_rms = min(least_rms, math.sqrt(sum(residuals) / len(residuals)))
     return least_rms
 
 

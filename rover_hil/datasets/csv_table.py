@@ -126,7 +126,7 @@ def read_csv(
         first = text.readline()
         text.seek(0)
         if delimiter is None:
-            delimiter = next((one for one in DELIMITERS if one in first), ",")
+            delimiter = next((each for each in DELIMITERS if each in first), ",")
         lines, rows = _read_rows(text, delimiter)
     except (csv.Error, UnicodeDecodeError, _TooLargeError) as problem:
         raise error(f"cannot read {path} as a table: {problem}") from problem

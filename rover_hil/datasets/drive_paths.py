@@ -78,7 +78,7 @@ def path_of_wheels(rows: LogRows, kinematics: Kinematics) -> DrivePath | None:
     """Return the path by the wheels, in steps; None where a wheel is not measured."""
     count = kinematics.wheel_count
     measured = [wheel for wheel in range(count) if wheel not in kinematics.unmeasured]
-    known = [found for wheel in measured if (found := wheel_angles(rows, wheel + 1)) is not None]
+    known = [series for wheel in measured if (series := wheel_angles(rows, wheel + 1)) is not None]
     if len(known) < len(measured) or not known:
         return None
     begin_ns, end_ns = max(times[0] for times, _ in known), min(times[-1] for times, _ in known)

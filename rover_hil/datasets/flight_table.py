@@ -52,7 +52,7 @@ class FlightTable:
         """Names of the columns, in order."""
         return [
             self.time,
-            *(f"{kind}.{name}" for kind, found in self.fields.items() for name in found if name != self.time),
+            *(f"{kind}.{name}" for kind, names in self.fields.items() for name in names if name != self.time),
         ]
 
     def where(self, row: int) -> str:
@@ -110,7 +110,7 @@ def read_flight_log(path: Path, wanted: Collection[str] | None, error: type[Rove
     is_ulog = suffix == ".ulg"
     fields, oddities = (_read_ulog if is_ulog else _read_dataflash)(path, kinds)
     time = ULOG_TIME if is_ulog else DATAFLASH_TIME
-    times = [found[time] for found in fields.values()]
+    times = [columns[time] for columns in fields.values()]
     if not times:
         raise error(f"{path} holds no message with a time{_known(kinds)}: is it such a log?")
     t_us = np.concatenate(times)
@@ -207,8 +207,8 @@ def _read_dataflash(path: Path, kinds: Collection[str] | None) -> _Found:
         finally:
             log.filehandle.close()
     fields = {
-        kind: {name: np.array(values, np.float64) for name, values in found.items()}
-        for kind, found in lists.items()
+        kind: {name: np.array(values, np.float64) for name, values in columns.items()}
+        for kind, columns in lists.items()
     }
     return fields, {"places of damage": said.count}
 
@@ -223,6 +223,6 @@ def _note(message: object, kinds: Collection[str] | None, lists: dict[str, dict[
     if DATAFLASH_TIME not in values or (kinds is not None and kind not in kinds):
         return
     numbers = {name: float(value) for name, value in values.items() if isinstance(value, int | float)}
-    found = lists.setdefault(kind, {name: [] for name in numbers})
-    for name, column in found.items():
+    columns = lists.setdefault(kind, {name: [] for name in numbers})
+    for name, column in columns.items():
         column.append(numbers.get(name, np.nan))

@@ -214,12 +214,12 @@ def _corrections(
         signs = tuple(-1.0 if place == wheel else 1.0 for place in same)
         yield f"wheel {wheel} reversed", signs, same
     if len(measured) > 1:
-        yield "all wheels reversed", tuple(-one for one in ones), same
+        yield "all wheels reversed", tuple(-sign for sign in ones), same
     if isinstance(rover, WheelsRoverSettings) and len(measured) == count and count > 2 and count % 2 == 0:
         mirrored = _mirrored(rover)
         if mirrored is not None:
             yield "left and right exchanged", ones, mirrored
-            yield "left and right exchanged and all reversed", tuple(-one for one in ones), mirrored
+            yield "left and right exchanged and all reversed", tuple(-sign for sign in ones), mirrored
     for first, second in combinations(measured, 2):
         order = list(same)
         order[first], order[second] = second, first
@@ -233,8 +233,8 @@ def _mirrored(rover: WheelsRoverSettings) -> tuple[int, ...] | None:
     for wheel in rover.wheels:
         others = [
             place
-            for place, other in enumerate(rover.wheels)
-            if math.isclose(other.x_m, wheel.x_m) and math.isclose(other.y_m, -wheel.y_m)
+            for place, opposite in enumerate(rover.wheels)
+            if math.isclose(opposite.x_m, wheel.x_m) and math.isclose(opposite.y_m, -wheel.y_m)
         ]
         if len(others) != 1:
             return None
@@ -382,12 +382,12 @@ def _speed_fits(rows: LogRows) -> Iterator[_SpeedFit]:
         if resolution > COARSE * float(np.median(levels)):
             # A coarse speed may be cut off, not rounded: a part of it that does not grow with the speed.
             causes = np.column_stack((turned, np.sign(turned)))
-        found, _, rank, _ = np.linalg.lstsq(causes, said, rcond=1e-6)
+        coefficients, _, rank, _ = np.linalg.lstsq(causes, said, rcond=1e-6)
         if rank < causes.shape[1]:
             continue
-        left = said - causes @ found
-        spread = float(left @ left) / max(1, len(said) - causes.shape[1])
+        residuals = said - causes @ coefficients
+        spread = float(residuals @ residuals) / max(1, len(said) - causes.shape[1])
         sd = math.sqrt(spread * float(np.linalg.inv(causes.T @ causes)[0, 0]))
         ratio = float(said @ turned) / float(turned @ turned)
-        residual = math.sqrt(float(left @ left) / float(said @ said))
-        yield _SpeedFit(wheel - 1, ratio, float(found[0]), sd, residual)
+        residual = math.sqrt(float(residuals @ residuals) / float(said @ said))
+        yield _SpeedFit(wheel - 1, ratio, float(coefficients[0]), sd, residual)

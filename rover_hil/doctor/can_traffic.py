@@ -74,5 +74,5 @@ def _hex(can_id: int) -> str:
 
 
 def _some(texts: list[str]) -> str:
-    rest = len(texts) - MOST_NAMED
-    return ", ".join(texts[:MOST_NAMED]) + (f" and {rest} more" if rest > 0 else "")
+    unnamed = len(texts) - MOST_NAMED
+    return ", ".join(texts[:MOST_NAMED]) + (f" and {unnamed} more" if unnamed > 0 else "")

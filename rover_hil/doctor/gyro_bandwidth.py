@@ -45,15 +45,19 @@ def check_gyro_bandwidth(reception: Reception, config: Config) -> list[Finding]:
     stated_hz = stated_bandwidth_hz(b"".join(item.payload for item in reception.arrivals))
     if stated_hz is None:
         return [ok(CHECK, name, "not stated by the sensor; `rover-hil calibrate imu` identifies it")]
-    frequency_hz, found = slip.excitation.frequency_hz, slip.gyro_response
+    frequency_hz, response = slip.excitation.frequency_hz, slip.gyro_response
     what = f"the sensor states {stated_hz:g} Hz, the yaw excitation has {frequency_hz:g} Hz"
-    if found is None and stated_hz < FASTEST * frequency_hz:
+    if response is None and stated_hz < FASTEST * frequency_hz:
         lag_ms = 1e3 * math.atan2(frequency_hz, stated_hz) / (math.tau * frequency_hz)
         cause = f"its low-pass delays the excitation by {lag_ms:.0f} ms, which looks like slip"
         fix = f"set the sensor to at least {FASTEST * frequency_hz:g} Hz, or run `rover-hil calibrate imu`"
         return [warning(CHECK, name, what, cause, fix)]
-    if found is not None and stated_hz < 100.0 and not 1.0 / SAME < found.bandwidth_hz / stated_hz < SAME:
-        what = f"the sensor states {stated_hz:g} Hz, slip.gyro_response has {found.bandwidth_hz:.3g} Hz"
+    if (
+        response is not None
+        and stated_hz < 100.0
+        and not 1.0 / SAME < response.bandwidth_hz / stated_hz < SAME
+    ):
+        what = f"the sensor states {stated_hz:g} Hz, slip.gyro_response has {response.bandwidth_hz:.3g} Hz"
         cause = "the sensor's setting was changed after the calibration, or another sensor is used"
         return [warning(CHECK, name, what, cause, "run `rover-hil calibrate imu` again")]
     return [ok(CHECK, name, what)]

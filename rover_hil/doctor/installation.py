@@ -73,15 +73,15 @@ def _check_library(requirement: str) -> Finding | None:
         return None
     library, oldest = name[0], bound[1]
     try:
-        found = version(library)
+        installed = version(library)
     except PackageNotFoundError:
-        found = ""
-    if _numbers(found) >= _numbers(oldest.removesuffix(".0")):
+        installed = ""
+    if _numbers(installed) >= _numbers(oldest.removesuffix(".0")):
         return None
     return problem(
         CHECK,
         library,
-        f"{library} {found or 'is missing'}, required is {oldest} or newer",
+        f"{library} {installed or 'is missing'}, required is {oldest} or newer",
         "older versions have faults that affect this program",
         f"pip install '{library}>={oldest}'",
     )

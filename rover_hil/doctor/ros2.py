@@ -19,22 +19,26 @@ def check_ros2(settings: Ros2Settings | None) -> list[Finding]:
     if settings is None:
         return []
     try:
-        found = find_neighbours(settings, LISTEN_S)
+        neighbours = find_neighbours(settings, LISTEN_S)
     except ConfigError as error:
         what, _, fix = str(error).partition(": ")[2].rpartition(": ")
         return [problem(CHECK, "ros2", what, "it cannot be used as the configuration says", fix)]
-    findings = [*_foreign_types(settings, found), *_other_rovers(settings, found), *_access(settings)]
+    findings = [
+        *_foreign_types(settings, neighbours),
+        *_other_rovers(settings, neighbours),
+        *_access(settings),
+    ]
     where = f"domain {settings.domain_id()} on the interface '{settings.interface}'"
-    return findings or [ok(CHECK, "ros2", f"{where}, {len(found)} writers of other programs")]
+    return findings or [ok(CHECK, "ros2", f"{where}, {len(neighbours)} writers of other programs")]
 
 
-def _foreign_types(settings: Ros2Settings, found: Sequence[tuple[str, str]]) -> Iterator[Finding]:
+def _foreign_types(settings: Ros2Settings, neighbours: Sequence[tuple[str, str]]) -> Iterator[Finding]:
     expected = {"cmd_vel": (Twist, TwistStamped), "emergency_stop": (Bool,)}
     for name, messages in expected.items():
         topic = settings.topic(name)
         allowed = {dds_name(each.ros_type) for each in messages}
         shown = topic.removeprefix("rt")
-        for foreign in sorted({kind for other, kind in found if other == topic} - allowed):
+        for foreign in sorted({kind for their_topic, kind in neighbours if their_topic == topic} - allowed):
             types = " or ".join(each.ros_type for each in messages)
             yield problem(
                 CHECK,
@@ -45,8 +49,8 @@ def _foreign_types(settings: Ros2Settings, found: Sequence[tuple[str, str]]) -> 
             )
 
 
-def _other_rovers(settings: Ros2Settings, found: Sequence[tuple[str, str]]) -> Iterator[Finding]:
-    topics = Counter(topic for topic, _ in found)
+def _other_rovers(settings: Ros2Settings, neighbours: Sequence[tuple[str, str]]) -> Iterator[Finding]:
+    topics = Counter(topic for topic, _ in neighbours)
     odometry = settings.topic("odom")
     if topics[odometry]:
         shown = odometry.removeprefix("rt")

@@ -152,8 +152,8 @@ def _print_words(result: ReplayResult, log: LogReader) -> None:
             "everything in the log was replayed",
             soft_wrap=True,
         )
-    for found in (*result.findings, *result.doubts):
-        console.print(finding_line(found), soft_wrap=True)
+    for finding in (*result.findings, *result.doubts):
+        console.print(finding_line(finding), soft_wrap=True)
     if not result.differences:
         console.print(f"{result.cycles} cycles replayed, every output identical")
         return

@@ -153,14 +153,14 @@ NO_MOTION = (
 )
 
 
-def _report(found: list[FrameAngle], out: Path, method: Method, *, as_json: bool) -> None:
+def _report(angles: list[FrameAngle], out: Path, method: Method, *, as_json: bool) -> None:
     """Print a summary."""
-    detected = [item.angle.detected for item in found]
-    degrees = [item.angle.theta_deg for item in found if item.angle.detected]
-    by_flow = sum(item.angle.source == "flow" for item in found)
+    detected = [item.angle.detected for item in angles]
+    degrees = [item.angle.theta_deg for item in angles if item.angle.detected]
+    by_flow = sum(item.angle.source == "flow" for item in angles)
     if as_json:
         summary = {
-            "frames": len(found),
+            "frames": len(angles),
             "detected": len(degrees),
             "longest_gap_frames": longest_gap(detected),
             "mean_theta_t_deg": float(np.mean(degrees)) if degrees else None,
@@ -171,7 +171,7 @@ def _report(found: list[FrameAngle], out: Path, method: Method, *, as_json: bool
         return
     mean = f", mean angle {np.mean(degrees):+.1f} deg" if degrees else ""
     Terminal(soft_wrap=True).print(
-        f"trace in {len(degrees)} of {len(found)} frames{mean}; "
+        f"trace in {len(degrees)} of {len(angles)} frames{mean}; "
         f"angle without a trace, by the motion of the ground, in {by_flow}; {out}"
     )
     if method == "fused" and not degrees and not by_flow:

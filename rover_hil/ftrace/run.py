@@ -60,12 +60,12 @@ def csv_row(item: FrameAngle) -> str:
     """Return a line of the output; angles in degrees, `nan` where unknown."""
     angle = item.angle
     distance = float("nan") if angle.distance_m is None else angle.distance_m
-    found = f"{angle.theta_deg:.4f},{distance:.5f},{angle.confidence:.4f},{int(angle.detected)}"
+    measured = f"{angle.theta_deg:.4f},{distance:.5f},{angle.confidence:.4f},{int(angle.detected)}"
     sd_deg = float("nan") if angle.theta_sd_rad is None else math.degrees(angle.theta_sd_rad)
-    return f"{item.number},{item.t_s:.6f},{found},{angle.source},{sd_deg:.4f}"
+    return f"{item.number},{item.t_s:.6f},{measured},{angle.source},{sd_deg:.4f}"
 
 
-def longest_gap(found: list[bool]) -> int:
+def longest_gap(is_detected: list[bool]) -> int:
     """Return the longest run of frames without a trace, after the first and before the last with one."""
-    places = [place for place, is_found in enumerate(found) if is_found]
+    places = [place for place, is_found in enumerate(is_detected) if is_found]
     return max((after - before - 1 for before, after in pairwise(places)), default=0)

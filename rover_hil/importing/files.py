@@ -115,6 +115,6 @@ def print_contents(contents: Contents, out: Path, *, what: str) -> None:
         console.print(line)
     for note in contents.notes:
         console.print(note)
-    for found in (*contents.findings, *contents.doubts):
-        console.print(finding_line(found))
+    for finding in (*contents.findings, *contents.doubts):
+        console.print(finding_line(finding))
     console.print(f"{seconds(contents.end_ns - START_NS):.1f} s: {out}")

@@ -139,15 +139,15 @@ def lost_poses(x_m: Array, y_m: Array, yaw_rad: Array) -> tuple[Flags, Flags]:
             ),
         )
         units[known[is_zero]] = near_m > far_m
-    rest = np.flatnonzero(~units[known])
-    same = np.concatenate(([False], (np.diff(poses[rest], axis=0) == 0.0).all(axis=1)))
+    without_unit = np.flatnonzero(~units[known])
+    same = np.concatenate(([False], (np.diff(poses[without_unit], axis=0) == 0.0).all(axis=1)))
     starts = np.flatnonzero(~same)
-    for start, end in zip(starts, [*starts[1:], len(rest)], strict=True):
-        if end - start <= LEAST_REPEATS or end == len(rest):
+    for start, end in zip(starts, [*starts[1:], len(without_unit)], strict=True):
+        if end - start <= LEAST_REPEATS or end == len(without_unit):
             continue
-        jump_m = math.dist(poses[rest[end - 1], :2], poses[rest[end], :2])
+        jump_m = math.dist(poses[without_unit[end - 1], :2], poses[without_unit[end], :2])
         if jump_m > far_m:
-            repeats[known[rest[start + 1 : end]]] = True
+            repeats[known[without_unit[start + 1 : end]]] = True
     return repeats, units
 
 

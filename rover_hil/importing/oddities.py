@@ -59,23 +59,23 @@ def unseen(kinematics: Kinematics, evidence: Evidence, turned_rad: float) -> lis
     held = evidence.sections
     turns = turned_rad >= LEAST_TURN_RAD
     has_place, has_gyro = bool(held & {"truth", "fixes"}), "imu" in held and evidence.has_own_turn
-    found: list[tuple[str, str]] = []
+    invisible: list[tuple[str, str]] = []
     if not has_place:
         what = "all wheels reversed, a common factor of them (unit, radius, gear)"
-        found.append((what, "no truth and no fixes"))
+        invisible.append((what, "no truth and no fixes"))
     if "imu" in held and not turns:
-        found.append(("a gyro with the wrong sign, unit or axis", "the drive hardly turns"))
+        invisible.append(("a gyro with the wrong sign, unit or axis", "the drive hardly turns"))
     if not has_place and not (has_gyro and turns):
         what = (
             "left and right exchanged"
             if _are_redundant(kinematics)
             else "left and right exchanged, one reversed"
         )
-        found.append((what, "the drive hardly turns" if has_gyro else "no truth and no gyro"))
+        invisible.append((what, "the drive hardly turns" if has_gyro else "no truth and no gyro"))
     if not evidence.has_both:
         what = "a clock that is wrong by a few percent" if has_gyro else "a clock that is wrong by a factor"
-        found.append((what, "no speeds beside angles"))
-    return [Oddity(what=what, where=where, done=NOT_SHOWN) for what, where in found]
+        invisible.append((what, "no speeds beside angles"))
+    return [Oddity(what=what, where=where, done=NOT_SHOWN) for what, where in invisible]
 
 
 def _are_redundant(kinematics: Kinematics) -> bool:

@@ -90,8 +90,8 @@ class ClusterExecutor(Executor):
     def _check_workers(self) -> None:
         try:
             versions = self._client.run(importlib.metadata.version, "rover-hil", on_error="return")
-            for worker, found in versions.items():
-                if isinstance(found, Exception):
+            for worker, version in versions.items():
+                if isinstance(version, Exception):
                     raise WorkerRefusedError(_without_package(worker))
             refusals = self._client.run(find_refusal, self._build_id, on_error="return")
         except (OSError, RuntimeError) as error:
@@ -154,10 +154,10 @@ def find_refusal(expected: str, dask_worker: Worker | None = None) -> str:
         dask_worker: The worker, which `Client.run` passes by this name; None within a call.
     """
     worker = dask_worker or get_worker()
-    found = build_id(uses_blas=BLAS_KERNEL in expected)
-    if found != expected:
+    own = build_id(uses_blas=BLAS_KERNEL in expected)
+    if own != expected:
         return (
-            f"worker {worker.address} is refused, as its results could differ: it has {found}, this machine "
+            f"worker {worker.address} is refused, as its results could differ: it has {own}, this machine "
             f"has {expected}; install the same there; for another BLAS "
             "kernel start all of them, and this command, with OPENBLAS_CORETYPE=Haswell"
         )

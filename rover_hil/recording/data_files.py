@@ -124,13 +124,13 @@ def _write_files(files: Mapping[str, bytes], prefix: str, folder: Path, source: 
     return paths[0]
 
 
-def with_controller_of(logged: Config, other: Config) -> Config:
+def with_controller_of(logged: Config, replacing: Config) -> Config:
     """Return the configuration of a log with every section of `ControlSettings` of another one.
 
     Devices and their roles stay: the log holds the data of these very devices. The mission changes only
     where the log has one.
     """
     sections = set(ControlSettings.model_fields)
-    if logged.mission is None or other.mission is None:
+    if logged.mission is None or replacing.mission is None:
         sections.remove("mission")
-    return logged.model_copy(update={name: getattr(other, name) for name in sections})
+    return logged.model_copy(update={name: getattr(replacing, name) for name in sections})

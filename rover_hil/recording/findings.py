@@ -51,19 +51,19 @@ class FindingList:
             self._add(self.doubts, t_s, Finding(cause=DOUBT, text=suspicion))
         self._doubt = text
 
-    def _add(self, found: list[FoundFinding], t_s: float, finding: Finding) -> None:
+    def _add(self, findings: list[FoundFinding], t_s: float, finding: Finding) -> None:
         key = (finding.cause, _NUMBER.sub("", finding.text))
         if key in self._known:
             self._known[key].count += 1
             return
         self._known[key] = FoundFinding(name=finding.cause, t_s=t_s, text=finding.text)
-        if len(found) < MOST_FINDINGS:
-            found.append(self._known[key])
+        if len(findings) < MOST_FINDINGS:
+            findings.append(self._known[key])
 
 
-def finding_line(found: FoundFinding) -> str:
+def finding_line(finding: FoundFinding) -> str:
     """Return a finding, or a doubt, as a line for the user."""
-    word = "doubt" if found.name == DOUBT else "finding"
-    times = "" if found.count == 1 else f" ({found.count} times)"
-    when = "in the whole drive" if found.t_s is None else f"at {found.t_s:.1f} s"
-    return f"{word} {when}{times}: {found.text}"
+    word = "doubt" if finding.name == DOUBT else "finding"
+    times = "" if finding.count == 1 else f" ({finding.count} times)"
+    when = "in the whole drive" if finding.t_s is None else f"at {finding.t_s:.1f} s"
+    return f"{word} {when}{times}: {finding.text}"

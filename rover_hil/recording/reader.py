@@ -270,7 +270,7 @@ def _with_numbers(data: bytes, place: Place) -> bytes:
 
 
 def _fill(part: object, place: Place) -> None:
-    key, *rest = place
+    key, *below = place
     if isinstance(part, list) and key is None:
         inner: dict[Any, object] = dict(enumerate(part))
     elif isinstance(part, dict) and key in part:
@@ -278,7 +278,7 @@ def _fill(part: object, place: Place) -> None:
     else:
         return
     for each, value in inner.items():
-        if rest:
-            _fill(value, tuple(rest))
+        if below:
+            _fill(value, tuple(below))
         elif value is None:
             part[each] = math.nan

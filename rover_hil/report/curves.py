@@ -89,7 +89,7 @@ def run_curves(run: RunData, name: str, colour: str = "", share: float = 1.0) ->
     """
     ways = {"encoders": run.encoders, "truth": run.truth, "estimate": run.estimate}
     tracks = {key: track for key, track in ways.items() if track is not None}
-    charts = {key: list(found) for key, found in _charts(run, tracks)}
+    charts = {key: list(drawn) for key, drawn in _charts(run, tracks)}
     count = sum(map(len, charts.values())) + 2 * len(tracks)
     bins = max(FEWEST_BINS, int(share * MOST_POINTS / count / 2))
     end = "the log was cut off" if run.end is None else run.end["reason"]

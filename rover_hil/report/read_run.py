@@ -253,8 +253,8 @@ class _Collector:
         along_m_s, _ = in_body_frame(forward.value, left.value, self._true_steering_rad(len(forward)))
         slip = np.where(turns, 1.0 - along_m_s / np.where(turns, rim_m_s, 1.0), np.nan)
         angle = np.where(moves, np.arctan2(left.value, forward.value), np.nan)
-        found = (Series.of(np.column_stack((t_s, values))) for values in (slip, angle))
-        true_slip, true_angle = (series if len(series.t_s) else None for series in found)
+        columns = (Series.of(np.column_stack((t_s, values))) for values in (slip, angle))
+        true_slip, true_angle = (series if len(series.t_s) else None for series in columns)
         return true_slip, true_angle
 
     def _true_steering_rad(self, count: int) -> Array:
@@ -292,12 +292,12 @@ class _Collector:
         return compare_with_truth(self._readings, self._config.rover)
 
     def _headings(self, first_motion_s: float) -> dict[str, Series]:
-        found = {
+        headings = {
             name.removeprefix(HEADING): self._readings_of(name)
             for name in sorted(self._readings.names())
             if name.startswith(HEADING)
         }
-        return {name: local_headings(series, first_motion_s) for name, series in found.items() if series}
+        return {name: local_headings(series, first_motion_s) for name, series in headings.items() if series}
 
     def _slip(self) -> SlipData | None:
         if not self._slips:

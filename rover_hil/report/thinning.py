@@ -33,8 +33,8 @@ def thin(series: Series, bins: int = THIN_BINS) -> Series:
     lowest = np.where(np.isnan(blocks), np.inf, blocks).argmin(axis=1)
     highest = np.where(np.isnan(blocks), -np.inf, blocks).argmax(axis=1)
     first = np.arange(count) * size
-    rest = np.arange(count * size, len(series.t_s))
-    kept = np.unique(np.concatenate((first + lowest, first + highest, rest)))
+    remainder = np.arange(count * size, len(series.t_s))
+    kept = np.unique(np.concatenate((first + lowest, first + highest, remainder)))
     return Series(series.t_s[kept], series.value[kept])
 
 

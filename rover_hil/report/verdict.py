@@ -63,7 +63,7 @@ def verdict(run: RunData, summary: Summary) -> str:
 
 def facts(summary: Summary) -> list[Fact]:
     """Return the numbers that matter most."""
-    found = [
+    told = [
         Fact(name, length(error.position_final_m), _error_detail(error))
         for name, error in (
             ("estimate off by", summary.estimate_error),
@@ -74,13 +74,13 @@ def facts(summary: Summary) -> list[Fact]:
     wheel_slips = [slip for slip in summary.wheel_slip if slip is not None]
     if wheel_slips:
         each = " / ".join(f"{100.0 * slip:.1f}" for slip in wheel_slips)
-        found.append(Fact("slip", percent(fmean(wheel_slips)), f"by wheel {each} %"))
+        told.append(Fact("slip", percent(fmean(wheel_slips)), f"by wheel {each} %"))
     elif summary.slip_ratio is not None:
-        found.append(Fact("slip", percent(summary.slip_ratio), "of the wheels' distance, as driven"))
-    found += _compensation_facts(summary)
+        told.append(Fact("slip", percent(summary.slip_ratio), "of the wheels' distance, as driven"))
+    told += _compensation_facts(summary)
     if summary.cross_track_rms_m is not None and summary.cross_track_max_m is not None:
         greatest = length(summary.cross_track_max_m)
-        found.append(
+        told.append(
             Fact(
                 "off the path",
                 length(summary.cross_track_rms_m),
@@ -89,27 +89,27 @@ def facts(summary: Summary) -> list[Fact]:
         )
     if summary.work is not None:
         work = f"99 % took less than {time_text(summary.work.p99_us)}"
-        found.append(Fact("skipped cycles", f"{summary.skipped} of {summary.cycles}", work))
+        told.append(Fact("skipped cycles", f"{summary.skipped} of {summary.cycles}", work))
     for name, count in summary.uncompared_measurements.items():
-        found.append(Fact(name, str(count), "measurements that could not be compared with the estimate"))
-    found += _doubt_facts(summary)
+        told.append(Fact(name, str(count), "measurements that could not be compared with the estimate"))
+    told += _doubt_facts(summary)
     if summary.mode is not Mode.OBSERVING:
         stopped_s = sum(stop.end_s - stop.start_s for stop in summary.stops)
         detail = f"{stopped_s:.1f} s in all" if summary.stops else ""
-        found.append(Fact("safety stops", str(len(summary.stops)), detail))
-    return found
+        told.append(Fact("safety stops", str(len(summary.stops)), detail))
+    return told
 
 
 def _doubt_facts(summary: Summary) -> list[Fact]:
-    found = []
+    told = []
     if summary.odometry_rebases:
         lost = "times the motion of the wheels was lost for a while; the estimate is wider"
-        found.append(Fact("odometry anew", str(summary.odometry_rebases), lost))
-    found += [
+        told.append(Fact("odometry anew", str(summary.odometry_rebases), lost))
+    told += [
         Fact("may be wrong", f"from {each.start_s:.1f} s", f"{each.text}; in {each.cycles} cycles")
         for each in summary.suspicions
     ]
-    found += [
+    told += [
         Fact(
             "finding",
             "whole drive" if each.t_s is None else f"at {each.t_s:.1f} s",
@@ -118,8 +118,8 @@ def _doubt_facts(summary: Summary) -> list[Fact]:
         for each in summary.findings
     ]
     if summary.yaw_unwatched:
-        found.append(Fact("yaw", "unwatched", summary.yaw_unwatched.removeprefix("yaw unwatched: ")))
-    return found
+        told.append(Fact("yaw", "unwatched", summary.yaw_unwatched.removeprefix("yaw unwatched: ")))
+    return told
 
 
 def _slip_facts(slip: SlipSummary) -> list[Fact]:

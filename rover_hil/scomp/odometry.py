@@ -131,7 +131,7 @@ def _track(
     layout: StateLayout,
     rows: Sequence[tuple[tuple[Array, Array], Tilt]],
 ) -> Track:
-    found = np.array([state for (state, _), _ in rows])
+    estimates = np.array([state for (state, _), _ in rows])
     variances = np.array([np.diag(covariance)[:2] for (_, covariance), _ in rows])
     model = states.model
     slips = [model.slip(state[layout.block], tilt) for (state, _), tilt in rows]
@@ -139,9 +139,9 @@ def _track(
     turns = np.diff(drive.wheel_rad, prepend=2.0 * drive.wheel_rad[0] - drive.wheel_rad[1]) != 0.0
     return Track(
         t_s=drive.t_s,
-        x_m=found[:, X],
-        y_m=found[:, Y],
-        heading_rad=np.unwrap(found[:, YAW]),
+        x_m=estimates[:, X],
+        y_m=estimates[:, Y],
+        heading_rad=np.unwrap(estimates[:, YAW]),
         slip=np.where(turns, slips, 0.0),
         slip_angle_rad=np.array(drifts) + (0.0 if drive.steering_rad is None else drive.steering_rad),
         sigma_x_m=np.sqrt(variances[:, 0]),

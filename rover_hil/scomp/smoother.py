@@ -36,7 +36,7 @@ def smooth(steps: Sequence[FilterStep], angles: Sequence[int]) -> list[tuple[Arr
         step.predicted[1] * per_scale - transition @ (covariance * per_scale) @ transition.T
         for step, transition, covariance in zip(steps[1:], transitions, covariances, strict=False)
     ]
-    found, spreads, *_ = rts_smoother(np.array(sums), covariances * per_scale, transitions, noises)
-    smoothed = states + (found - np.array(sums)) * scale
+    backwards, spreads, *_ = rts_smoother(np.array(sums), covariances * per_scale, transitions, noises)
+    smoothed = states + (backwards - np.array(sums)) * scale
     spreads = 0.5 * (spreads + spreads.transpose(0, 2, 1)) / per_scale
     return list(zip(smoothed, spreads, strict=True))

@@ -106,9 +106,9 @@ def find_limit(solve: SolveSlope, slip_limit: float, *, up: bool) -> Limit:
     low, high = 0.0, STEEPEST_DEG
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        found = obstacle(middle)
-        low, high = (low, middle) if found else (middle, high)
-        reason = found or reason
+        at_middle = obstacle(middle)
+        low, high = (low, middle) if at_middle else (middle, high)
+        reason = at_middle or reason
     return Limit(low, reason)
 
 

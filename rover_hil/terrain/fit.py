@@ -215,19 +215,19 @@ def _least_squares(
 
 
 def _result(
-    found: optimize.OptimizeResult, begin: AnyAngleSoil, free: Sequence[str], plates: PlateFit, cells: int
+    solution: optimize.OptimizeResult, begin: AnyAngleSoil, free: Sequence[str], plates: PlateFit, cells: int
 ) -> SoilFit:
-    spare = len(found.fun) - 2 * len(free)
-    variance = 2 * found.cost / spare
-    root = np.linalg.pinv(found.jac)
+    spare = len(solution.fun) - 2 * len(free)
+    variance = 2 * solution.cost / spare
+    root = np.linalg.pinv(solution.jac)
     half = stats.t.ppf(0.975, spare) * np.sqrt(variance * np.sum(root**2, axis=1))
     intervals = {
         name: Interval(*(_from(name, value) for value in (middle, middle - reach, middle + reach)))
-        for name, middle, reach in zip(free, found.x, half, strict=True)
+        for name, middle, reach in zip(free, solution.x, half, strict=True)
     }
-    at_bound = tuple(name for name, active in zip(free, found.active_mask, strict=True) if active)
-    residual = rms(found.fun)
-    return SoilFit(_soil(begin, free, found.x), intervals, at_bound, plates, cells, residual)
+    at_bound = tuple(name for name, active in zip(free, solution.active_mask, strict=True) if active)
+    residual = rms(solution.fun)
+    return SoilFit(_soil(begin, free, solution.x), intervals, at_bound, plates, cells, residual)
 
 
 def _soil(begin: AnyAngleSoil, free: Sequence[str], coordinates: Array) -> AnyAngleSoil:

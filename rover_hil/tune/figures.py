@@ -71,9 +71,9 @@ def _draw_paths(data: TuningData) -> Figure:
             *np.transpose(data.corners), color=style.COMMANDED, linestyle=(0, (5, 3)), label="commanded"
         )
         for name, colour, missions in _sides(data.comparison):
-            for other in missions:
-                if other.seed == mission.seed:
-                    axes.plot(other.true_path.x_m, other.true_path.y_m, color=colour, label=name)
+            for driven in missions:
+                if driven.seed == mission.seed:
+                    axes.plot(driven.true_path.x_m, driven.true_path.y_m, color=colour, label=name)
         axes.set_title(f"scenario {mission.seed}")
         axes.set_aspect("equal")
     figure.supxlabel("x (m)", fontsize="medium", color="#374151")

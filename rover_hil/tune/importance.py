@@ -39,5 +39,5 @@ def importance(attempts: Sequence[Attempt], tune: TuneSettings) -> dict[str, flo
 
 def _residual(points: Array, costs: Array) -> float:
     columns = np.column_stack((np.ones(len(points)), points, points**2))
-    found, *_ = np.linalg.lstsq(columns, costs, rcond=None)
-    return float(np.sum((costs - columns @ found) ** 2))
+    coefficients, *_ = np.linalg.lstsq(columns, costs, rcond=None)
+    return float(np.sum((costs - columns @ coefficients) ** 2))

@@ -66,7 +66,7 @@ class Journal:
             header = json.loads(lines[0])
             if header["schema"] != SCHEMA:
                 raise ValueError
-            self._attempts = {one.number: one for one in map(_ATTEMPTS.validate_json, lines[1:])}
+            self._attempts = {attempt.number: attempt for attempt in map(_ATTEMPTS.validate_json, lines[1:])}
         except (ValueError, KeyError, TypeError, ValidationError) as error:
             raise ConfigError(f"{path} is no study, or damaged: choose another --out") from error
         if header != head:

@@ -59,9 +59,9 @@ def changed_plants(plant: PlantSettings) -> dict[str, PlantSettings]:
         case RobotinoPlantSettings(motor=motor, speed_loop=loop):
             for sign in (-1.0, 1.0):
                 resistance_ohm = motor.resistance_ohm * (1.0 + sign * RESISTANCE_SHARE)
-                other = motor.model_copy(update={"resistance_ohm": resistance_ohm})
+                changed = motor.model_copy(update={"resistance_ohm": resistance_ohm})
                 name = f"motor resistance {100 * sign * RESISTANCE_SHARE:+.0f} %"
-                plants[name] = plant.model_copy(update={"motor": other})
+                plants[name] = plant.model_copy(update={"motor": changed})
             late = {"set_point_delay_s": loop.set_point_delay_s + LATENCY_S}
             plants[LATENCY] = plant.model_copy(update={"speed_loop": loop.model_copy(update=late)})
         case WheelsPlantSettings(set_point_delay_s=delay_s):

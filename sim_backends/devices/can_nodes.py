@@ -384,4 +384,4 @@ def make_can_node(
 def _pages(chosen: Iterable[tuple[Choice, ...]]) -> list[_Page]:
     """Return what multiplexers must be set to, in frames that together hold each signal at least once."""
     pages = {tuple((choice.multiplexer, min(choice.values)) for choice in choices) for choices in chosen}
-    return sorted(page for page in pages if not any(set(page) < set(other) for other in pages))
+    return sorted(page for page in pages if not any(set(page) < set(larger) for larger in pages))

@@ -147,15 +147,15 @@ class GnssEmulator:
 
 def _time(since_s: float) -> str:
     hundredths = round(100.0 * since_s) % 8_640_000
-    minutes, rest = divmod(hundredths, 6000)
-    return f"{minutes // 60:02d}{minutes % 60:02d}{rest // 100:02d}.{rest % 100:02d}"
+    minutes, in_minute = divmod(hundredths, 6000)
+    return f"{minutes // 60:02d}{minutes % 60:02d}{in_minute // 100:02d}.{in_minute % 100:02d}"
 
 
 def _angle(angle_deg: float, digits: int, sides: str) -> str:
     """Return degrees and minutes to 1e-7 minutes, which are 0.2 mm, and the side."""
     units = round(abs(float(angle_deg)) * 60e7)
-    degrees, rest = divmod(units, 600_000_000)
-    minutes, fraction = divmod(rest, 10_000_000)
+    degrees, in_degree = divmod(units, 600_000_000)
+    minutes, fraction = divmod(in_degree, 10_000_000)
     return f"{degrees:0{digits}d}{minutes:02d}.{fraction:07d},{sides[int(angle_deg < 0.0)]}"
 
 

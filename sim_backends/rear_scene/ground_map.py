@@ -345,5 +345,10 @@ def _block_box(row: int, column: int) -> Box:
     )
 
 
-def _overlap(one: Box, other: Box) -> Box:
-    return (max(one[0], other[0]), min(one[1], other[1]), max(one[2], other[2]), min(one[3], other[3]))
+def _overlap(first: Box, second: Box) -> Box:
+    return (
+        max(first[0], second[0]),
+        min(first[1], second[1]),
+        max(first[2], second[2]),
+        min(first[3], second[3]),
+    )

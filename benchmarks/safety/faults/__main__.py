@@ -70,11 +70,11 @@ def main() -> int:
     every = real_time_cases() if arguments.two_processes else all_cases()
     cases = [case for part in arguments.only or [""] for case in every if part in case.title]
     if arguments.two_processes:
-        found: Iterable[Row] = map(measure_processes, cases)
+        measured: Iterable[Row] = map(measure_processes, cases)
     else:
-        found = run_virtual_cases(cases, arguments.processes, arguments.cluster)
+        measured = run_virtual_cases(cases, arguments.processes, arguments.cluster)
     rows: list[Row] = []
-    for row in found:
+    for row in measured:
         rows.append(row)
         title = f"{len(rows):3}/{len(cases)} {row.rover}/{row.device}/{row.fault}"
         console.print(f"{title}: {row.verdict}", soft_wrap=True, highlight=False)

@@ -128,10 +128,10 @@ class _Device:
     names: tuple[str, ...]
     kept: int = 0
 
-    def case(self, fault: str, duty: Duty, **rest: object) -> Case:
+    def case(self, fault: str, duty: Duty, **settings: object) -> Case:
         return Case(
             **{"rover": self.rover, "device": self.name, "fault": fault, "duty": duty, "names": self.names}
-            | rest  # type: ignore[arg-type]
+            | settings  # type: ignore[arg-type]
         )
 
     def lasting(
@@ -300,8 +300,8 @@ def _pauses(rover: str) -> Iterator[Case]:
 def _receivers() -> Iterator[Case]:
     """Yield the faults of a GNSS receiver, after the axes of its frame have been found."""
 
-    def case(fault: str, duty: Duty, **rest: object) -> Case:
-        return GNSS.case(fault, duty, after_s=15.0, **rest)
+    def case(fault: str, duty: Duty, **settings: object) -> Case:
+        return GNSS.case(fault, duty, after_s=15.0, **settings)
 
     def step(size_m: float) -> Callable[[np.random.Generator], Disturb[bytes]]:
         return lambda _: Changed(GNSS.wire, Biased(size_m, (1,)))

@@ -87,7 +87,7 @@ def process_cases() -> list[ProcessCase]:
 def _of(rover: str) -> list[ProcessCase]:
     watchdog_s = DRIVE_WATCHDOG_S[rover]
 
-    def case(fault: str, begin: Act, rest_bar_s: float | None, **rest: object) -> ProcessCase:
+    def case(fault: str, begin: Act, rest_bar_s: float | None, **settings: object) -> ProcessCase:
         return ProcessCase(
             **{  # type: ignore[arg-type]
                 "rover": rover,
@@ -97,7 +97,7 @@ def _of(rover: str) -> list[ProcessCase]:
                 "begin": begin,
                 "rest_bar_s": rest_bar_s,
             }
-            | rest
+            | settings
         )
 
     resume, own = send(signal.SIGCONT), watchdog_s + ROLL_OUT_S

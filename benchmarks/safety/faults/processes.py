@@ -160,9 +160,9 @@ def _judge_process(
     """Fill in what the wheels really did, and what the program said."""
     after = truth[truth[:, 0] >= begin_ns]
     is_at_rest = after[:, 5] < REST_RAD_S
-    rest = int(np.argmax(is_at_rest)) if is_at_rest.any() else len(after) - 1
-    row.stop_s = round(seconds(int(after[rest, 0]) - begin_ns), 2) if is_at_rest.any() else None
-    row.driven_m = round(float(np.hypot(*np.diff(after[: rest + 1, 2:4], axis=0).T).sum()), 3)
+    first_at_rest = int(np.argmax(is_at_rest)) if is_at_rest.any() else len(after) - 1
+    row.stop_s = round(seconds(int(after[first_at_rest, 0]) - begin_ns), 2) if is_at_rest.any() else None
+    row.driven_m = round(float(np.hypot(*np.diff(after[: first_at_rest + 1, 2:4], axis=0).T).sum()), 3)
     row.message = f"[exit {exit_code}] {said}"
     row.failures = [failure for failure in row.failures if not failure.startswith("ended before")]
     if case.rest_bar_s is not None and (row.stop_s is None or row.stop_s > case.rest_bar_s):

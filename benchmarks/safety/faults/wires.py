@@ -159,8 +159,8 @@ def _degrees(text: bytes) -> float:
 
 def _degrees_and_minutes(degrees: float, digits: int) -> str:
     units = round(degrees * 60e7)
-    whole, rest = divmod(units, 600_000_000)
-    return f"{whole:0{digits}d}{rest // 10_000_000:02d}.{rest % 10_000_000:07d}"
+    whole, in_degree = divmod(units, 600_000_000)
+    return f"{whole:0{digits}d}{in_degree // 10_000_000:02d}.{in_degree % 10_000_000:07d}"
 
 
 class CompassSentences:

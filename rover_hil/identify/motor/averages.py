@@ -110,12 +110,12 @@ def report_drives(parts: Sequence[MotorDrives]) -> MotorReport:
 def _fit(set_points: Array, speed: Array, current: Array) -> tuple[dict[str, float], dict[str, float], float]:
     """Return values and half widths of their intervals, and the rms residual of the speed."""
     matrix = np.column_stack((set_points, -current))
-    found, *_ = np.linalg.lstsq(matrix, speed, rcond=None)
-    residual, freedom = speed - matrix @ found, len(set_points) - matrix.shape[1]
+    coefficients, *_ = np.linalg.lstsq(matrix, speed, rcond=None)
+    residual, freedom = speed - matrix @ coefficients, len(set_points) - matrix.shape[1]
     covariance = np.linalg.pinv(matrix.T @ matrix) * float(residual @ residual) / freedom
     half = student.ppf(0.5 + CONFIDENCE / 2, freedom) * np.sqrt(np.diag(covariance))
     names = ("gain", "droop_rad_s_per_a")
-    values = dict(zip(names, found.tolist(), strict=True))
+    values = dict(zip(names, coefficients.tolist(), strict=True))
     return values, dict(zip(names, half.tolist(), strict=True)), rms(residual)
 
 

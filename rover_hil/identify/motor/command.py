@@ -44,8 +44,8 @@ def identify_motor(
     with open_calls(cluster) as calls, show_progress() as progress:
         task = progress.add_task("reading", total=len(files))
         records: list[Record] = []
-        for found in calls.map_files(read_records, files):
-            records += found
+        for of_file in calls.map_files(read_records, files):
+            records += of_file
             progress.advance(task)
         motors = {record.motor for record in records}
         task = progress.add_task("fitting", total=len(motors))

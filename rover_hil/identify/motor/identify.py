@@ -24,7 +24,7 @@ def find_logs(paths: Sequence[Path]) -> list[Path]:
     Raises:
         LogError: A path does not exist, or there is no log in it.
     """
-    found: list[Path] = []
+    known: list[Path] = []
     for path in paths:
         inside = sorted(path.rglob("*")) if path.is_dir() else [path]
         logs = [file for file in inside if file.is_file() and file.name.endswith(SUFFIXES)]
@@ -32,8 +32,8 @@ def find_logs(paths: Sequence[Path]) -> list[Path]:
             raise LogError(
                 f"{path} is not a log and holds none: give .mcap, .csv or .csv.gz files or their folder"
             )
-        found += [log for log in logs if log not in found]
-    return found
+        known += [log for log in logs if log not in known]
+    return known
 
 
 def read_records(path: Path) -> list[Record]:

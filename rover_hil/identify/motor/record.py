@@ -42,13 +42,13 @@ class Scale:
     @classmethod
     def of_board(cls, board: RobotinoBoardSettings) -> Self:
         """Return how a Robotino board counts."""
-        one = scales(board)
+        board_scales = scales(board)
         return cls(
-            position_rad=one.position_rad * board.gear_ratio,
-            speed_rad_s=one.speed_rad_s * board.gear_ratio,
-            current_a=one.current_step_a,
+            position_rad=board_scales.position_rad * board.gear_ratio,
+            speed_rad_s=board_scales.speed_rad_s * board.gear_ratio,
+            current_a=board_scales.current_step_a,
             current_is_cut=board.board == "EA05",
-            current_limit_a=one.current_limit_a,
+            current_limit_a=board_scales.current_limit_a,
         )
 
 

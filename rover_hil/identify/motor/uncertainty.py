@@ -96,8 +96,8 @@ def _blocks(problem: MotorProblem) -> tuple[NDArray[np.intp], int]:
     keys = np.concatenate(
         [number * 100_000 + (part.t_s // length_s) for number, part in enumerate(problem.parts)]
     )
-    found, blocks = np.unique(keys, return_inverse=True)
-    return blocks, found.size
+    kinds, blocks = np.unique(keys, return_inverse=True)
+    return blocks, kinds.size
 
 
 def _support(jacobian: Array, inverse: Array, blocks: NDArray[np.intp], count: int) -> Array:

@@ -54,29 +54,29 @@ def identify_scomp(
     path, truth_name = _true_path(log, source, truth)
     with show_progress() as progress:
         task = progress.add_task("fitting", total=2)
-        found = identify(source.drive, path, source.rover)
+        identification = identify(source.drive, path, source.rover)
         progress.advance(task)
         origin = Provenance(log=log.name, truth=truth_name, fitted_on=wall_time_text()[:8])
-        parameters = found.parameters.model_copy(update={"provenance": origin})
+        parameters = identification.parameters.model_copy(update={"provenance": origin})
         drive = source.drive
         if source.recorded is not None:
             # Its pose fixes may be the truth: a path through them would show nothing of the parameters.
             drive = replace(drive, fix_m=None)
         result = estimate_track(drive, parameters)
     error_m = final_error_m(result.track, path)
-    notes = [*source.notes, *found.notes, *result.notes]
+    notes = [*source.notes, *identification.notes, *result.notes]
     if truth is None:
         notes.insert(0, f"truth: {truth_name}")
     if out is not None:
         write_file(out, parameters_text(parameters))
     if pictures is not None:
-        write_files(pictures, fit_pictures(found, result.track, path))
+        write_files(pictures, fit_pictures(identification, result.track, path))
     if as_json:
         record = parameters.model_dump(mode="json", by_alias=True)
-        fit = {"slip_rms": found.slip_rms, "final_error_m": error_m}
+        fit = {"slip_rms": identification.slip_rms, "final_error_m": error_m}
         print_json({"parameters": record, **fit, "notes": notes})
     else:
-        _print(found, parameters, error_m, notes, is_written=out is not None)
+        _print(identification, parameters, error_m, notes, is_written=out is not None)
     return EXIT_OK
 
 
@@ -93,7 +93,7 @@ def _true_path(log: Path, source: ReadDrive, truth: Path | None) -> tuple[TruePa
 
 
 def _print(
-    found: Identification,
+    identification: Identification,
     parameters: ScompParameters,
     error_m: float,
     notes: list[str],
@@ -106,7 +106,7 @@ def _print(
     console = Terminal(stderr=not is_written)
     law, pitch, roll, trace = parameters.two_segment_slip, parameters.pitch, parameters.roll, parameters.trace
     low, high = (math.degrees(angle) for angle in law.fit_range_rad)
-    table = Table(title=f"{len(found.windows.t_s)} windows of two seconds", title_justify="left")
+    table = Table(title=f"{len(identification.windows.t_s)} windows of two seconds", title_justify="left")
     for name in ("parameter", "value", "accuracy"):
         table.add_column(name)
     table.add_row("c_rr", f"{pitch.rolling_resistance:.4f}", f"{pitch.rolling_resistance_sd:.4f}")
@@ -123,8 +123,8 @@ def _print(
     )
     table.add_row("rear axle b (m)", f"{parameters.rover.rear_axle_m:.3f}", "")
     console.print(table)
-    if found.slip_rms is not None:
-        console.print(f"slip from pitch: rms {found.slip_rms:.3f} over the windows")
+    if identification.slip_rms is not None:
+        console.print(f"slip from pitch: rms {identification.slip_rms:.3f} over the windows")
     console.print(f"end of this drive with these parameters: {error_m:.3f} m off (a fit, no test)")
     for note in notes:
         console.print(f"note: {note}", soft_wrap=True)

@@ -145,14 +145,16 @@ def _fit_pitch_signed(windows: Windows, pitch_rad: Array, sign: int) -> tuple[Sl
         )
         return np.concatenate([residual_of(values) / spread, prior])
 
-    found = np.array([SCOMP_FIT.pitch.resistance_prior[0], log_stiffness])
+    solution = np.array([SCOMP_FIT.pitch.resistance_prior[0], log_stiffness])
     low, high = SCOMP_FIT.pitch.resistance_range
     reach = SCOMP_FIT.pitch.stiffness_reach
     limits = ((low, log_stiffness - reach), (high, log_stiffness + reach))
     for _ in range(2):
-        fit = least_squares(misfit, found, loss="soft_l1", f_scale=SCOMP_FIT.pitch.outlier_sd, bounds=limits)
-        found = fit.x
-        residual = residual_of(found)
+        fit = least_squares(
+            misfit, solution, loss="soft_l1", f_scale=SCOMP_FIT.pitch.outlier_sd, bounds=limits
+        )
+        solution = fit.x
+        residual = residual_of(solution)
         size, memory_s = rms(residual), _correlation_time_s(residual)
         # Correlated windows count for less.
         spread = max(size, 0.01) * math.sqrt(max(1.0, 2.0 * memory_s / WINDOW_S))
@@ -161,16 +163,16 @@ def _fit_pitch_signed(windows: Windows, pitch_rad: Array, sign: int) -> tuple[Sl
         "fluctuation": max(size, SCOMP_FIT.pitch.least_fluctuation),
         "fluctuation_time_s": memory_s,
     }
-    return start.model_copy(update={**_pitch_update(found, covariance), **fluctuation}), size
+    return start.model_copy(update={**_pitch_update(solution, covariance), **fluctuation}), size
 
 
-def _pitch_update(found: Array, covariance: Array) -> dict[str, object]:
+def _pitch_update(solution: Array, covariance: Array) -> dict[str, object]:
     """Return c_rr and C_x with their uncertainties, the latter's given c_rr."""
     follows = float(covariance[0, 1] / covariance[0, 0])
     given = math.sqrt(max(0.0, float(covariance[1, 1]) - follows * float(covariance[0, 1])))
     return {
-        "model": CombinedSlip(c_x_n=math.exp(float(found[1]))),
-        "rolling_resistance": float(found[0]),
+        "model": CombinedSlip(c_x_n=math.exp(float(solution[1]))),
+        "rolling_resistance": float(solution[0]),
         "rolling_resistance_sd": math.sqrt(float(covariance[0, 0])),
         "stiffness_sd": math.hypot(given, SCOMP_FIT.pitch.transfer),
         "stiffness_follows": follows,
@@ -196,16 +198,20 @@ def fit_roll(windows: Windows, parameters: ScompParameters, notes: list[str]) ->
         precision = weight * float(expected @ expected) + prior_weight
         gain = (weight * float(expected @ beta) + SCOMP_FIT.roll.gain_prior[0] * prior_weight) / precision
     residual = beta - gain * expected
-    rest = _at_least(residual, SCOMP_FIT.roll.least_rest_deg)
-    if math.degrees(rest) > SCOMP_FIT.roll.told_rest_deg and rest > SCOMP_FIT.roll.told_share * alone:
+    remaining = _at_least(residual, SCOMP_FIT.roll.least_rest_deg)
+    if (
+        math.degrees(remaining) > SCOMP_FIT.roll.told_rest_deg
+        and remaining > SCOMP_FIT.roll.told_share * alone
+    ):
         notes.append(
             f"the roll explains little of the drift: {math.degrees(alone):.0f} deg rms, of which "
-            f"{math.degrees(rest):.0f} deg remain; without the wheel's trace the course is not known better"
+            f"{math.degrees(remaining):.0f} deg remain; without the wheel's trace the course is not known "
+            "better"
         )
     return DriftFromRoll(
         gain=gain,
         gain_sd=math.hypot(precision**-0.5, SCOMP_FIT.roll.transfer * abs(gain)),
-        rest=rest,
+        rest=remaining,
         rest_time_s=_smooth_time_s(residual),
         alone=alone,
         alone_time_s=alone_s,

@@ -33,15 +33,15 @@ def model_pictures(model: CombinedSlip) -> dict[str, str]:
         }
 
 
-def fit_pictures(found: Identification, track: Track, truth: TruePath) -> dict[str, str]:
+def fit_pictures(identification: Identification, track: Track, truth: TruePath) -> dict[str, str]:
     """Return pictures of an identification: the fitted model's, slip over slip angle, and the drive."""
-    pictures = model_pictures(found.parameters.pitch.model)
+    pictures = model_pictures(identification.parameters.pitch.model)
     with mpl.rc_context(STYLE):
         figure, axes = _one("slip angle (deg)", "slip ratio")
-        angle = np.degrees(np.abs(found.windows.slip_angle_rad))
-        axes.plot(angle, found.windows.slip, ".", color=TRUTH, label="windows of the drive")
+        angle = np.degrees(np.abs(identification.windows.slip_angle_rad))
+        axes.plot(angle, identification.windows.slip, ".", color=TRUTH, label="windows of the drive")
         line = np.linspace(0.0, max(float(angle.max()), 1.0), 200)
-        law = found.parameters.two_segment_slip
+        law = identification.parameters.two_segment_slip
         axes.plot(
             line,
             [law.slip_at(a) for a in np.radians(line).tolist()],

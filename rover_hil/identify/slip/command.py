@@ -79,22 +79,22 @@ def identify_slip(
     return EXIT_OK
 
 
-def _notes(found: SlipIdentification, train_files: RunFiles, test_files: dict[str, RunFiles]) -> list[str]:
+def _notes(
+    identification: SlipIdentification, train_files: RunFiles, test_files: dict[str, RunFiles]
+) -> list[str]:
     notes: list[str] = []
     other_files = [*train_files.other_files, *(p for files in test_files.values() for p in files.other_files)]
     if other_files:
         names = ", ".join(sorted({path.name for path in other_files}))
         notes.append(f"not used, no runs: {names}")
-    if found.left_out:
-        names = ", ".join(sorted({run.surface for run in found.left_out}))
-        notes.append(f"{len(found.left_out)} runs on several surfaces are not trained on: {names}")
-    if found.not_validated:
-        notes.append(
-            f"{found.not_validated} of {len(found.trained_on)} runs are not cross-validated: "
-            "too little remains without them"
-        )
+    if identification.left_out:
+        names = ", ".join(sorted({run.surface for run in identification.left_out}))
+        notes.append(f"{len(identification.left_out)} runs on several surfaces are not trained on: {names}")
+    if identification.not_validated:
+        count = f"{identification.not_validated} of {len(identification.trained_on)}"
+        notes.append(f"{count} runs are not cross-validated: too little remains without them")
     for name, files in test_files.items():
-        both = len(set(files.files) & {run.path for run in found.trained_on})
+        both = len(set(files.files) & {run.path for run in identification.trained_on})
         if both:
             notes.append(
                 f"{both} of {len(files.files)} runs in {name} are also trained on: not an independent test"

@@ -54,8 +54,8 @@ def read_all(
         LogError: A file cannot be used.
     """
     runs: list[RunWindows] = []
-    for found in calls.map_files(partial(read_windows, motor=motor), files, mark_files):
-        runs += found
+    for windows_of_file in calls.map_files(partial(read_windows, motor=motor), files, mark_files):
+        runs += windows_of_file
         advance()
     return runs
 
@@ -123,10 +123,10 @@ def _cross_validate(
     errors: Errors = {}
     not_validated = 0
     folds = SLIP_FIT.validation.folds
-    for fold, found in enumerate(calls.map(partial(_validate_fold, ordered, scale), range(folds))):
-        if found is None:
+    for fold, errors_of_fold in enumerate(calls.map(partial(_validate_fold, ordered, scale), range(folds))):
+        if errors_of_fold is None:
             not_validated += len(ordered[fold::folds])
-        for name, of_fold in (found or {}).items():
+        for name, of_fold in (errors_of_fold or {}).items():
             errors.setdefault(name, []).extend(of_fold)
         advance()
     return errors, not_validated

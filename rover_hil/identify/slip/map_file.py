@@ -21,19 +21,21 @@ DIGITS = 6
 LICENCE_LEVELS = 3
 
 
-def slip_map_file(found: SlipIdentification, motor: MotorSettings, sources: Sequence[Path]) -> SlipMapFile:
+def slip_map_file(
+    identification: SlipIdentification, motor: MotorSettings, sources: Sequence[Path]
+) -> SlipMapFile:
     """Return the fitted maps as what a data file holds."""
     day = wall_time_text()
-    scores = {name: Score.of(errors) for name, errors in found.cross_validation.items()}
+    scores = {name: Score.of(errors) for name, errors in identification.cross_validation.items()}
     return SlipMapFile(
         source=", ".join(path.resolve().name for path in sources),
         fitted_on=date(int(day[:4]), int(day[4:6]), int(day[6:8])),
         licence=_licence(sources[0]),
-        scale_mm_per_px=found.scale.mm_per_px,
+        scale_mm_per_px=identification.scale.mm_per_px,
         motor=motor,
-        wheel_maps=dict(found.maps.wheel_maps),
-        surface_wheel_maps=_surface_wheel_maps(found),
-        surfaces=found.maps.surfaces,
+        wheel_maps=dict(identification.maps.wheel_maps),
+        surface_wheel_maps=_surface_wheel_maps(identification),
+        surfaces=identification.maps.surfaces,
         cross_validation={
             name: MapScore(rms=score.rms, bias=score.bias, n=score.n)
             for name, score in scores.items()
@@ -60,11 +62,13 @@ def read_slip_map(name_or_path: str) -> SlipMapFile:
     return validated(SlipMapFile, load_slip_map(name_or_path), name_or_path)
 
 
-def _surface_wheel_maps(found: SlipIdentification) -> dict[str, WheelMap]:
+def _surface_wheel_maps(identification: SlipIdentification) -> dict[str, WheelMap]:
     maps: dict[str, WheelMap] = {}
-    for surface in found.maps.surfaces.surfaces:
-        runs = [run for run in found.trained_on if run.surface == surface.name]
-        maps[surface.name] = fit_monotone(collect_samples(runs, found.scale.m_per_px), "wheel_torque_nm")
+    for surface in identification.maps.surfaces.surfaces:
+        runs = [run for run in identification.trained_on if run.surface == surface.name]
+        maps[surface.name] = fit_monotone(
+            collect_samples(runs, identification.scale.m_per_px), "wheel_torque_nm"
+        )
     return maps
 
 

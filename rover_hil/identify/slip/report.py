@@ -15,19 +15,23 @@ DIGITS = 4
 Record = dict[str, object]
 
 
-def result_record(found: SlipIdentification, tests: Mapping[str, Errors], notes: Sequence[str]) -> Record:
+def result_record(
+    identification: SlipIdentification, tests: Mapping[str, Errors], notes: Sequence[str]
+) -> Record:
     """Return what `--json` prints."""
     counts: dict[str, int] = {}
-    for run in found.trained_on:
+    for run in identification.trained_on:
         counts[run.surface] = counts.get(run.surface, 0) + 1
     return {
-        "scale_mm_per_px": found.scale.mm_per_px,
-        "scale_error": found.scale.is_scale_error,
-        "scale_verdict": found.scale.verdict,
-        "camera_yaw_deg": None if found.scale.drift_rad is None else _degrees(found.scale.drift_rad),
+        "scale_mm_per_px": identification.scale.mm_per_px,
+        "scale_error": identification.scale.is_scale_error,
+        "scale_verdict": identification.scale.verdict,
+        "camera_yaw_deg": None
+        if identification.scale.drift_rad is None
+        else _degrees(identification.scale.drift_rad),
         "trained_on": counts,
         "notes": list(notes),
-        "cross_validation": errors_record(found.cross_validation),
+        "cross_validation": errors_record(identification.cross_validation),
         "tests": {name: errors_record(errors) for name, errors in tests.items()},
     }
 
@@ -36,39 +40,41 @@ def errors_record(errors: Errors) -> Record:
     """Return rms, bias, n and invalid share of each map, over all runs and per surface."""
     return {
         name: {
-            **_score_record(Score.of(found)),
+            **_score_record(Score.of(run_errors)),
             "per_surface": {
-                surface: _score_record(Score.of(part)) for surface, part in _by_surface(found).items()
+                surface: _score_record(Score.of(part)) for surface, part in _by_surface(run_errors).items()
             },
         }
-        for name, found in errors.items()
+        for name, run_errors in errors.items()
     }
 
 
 def print_result(
-    console: Terminal, found: SlipIdentification, tests: Mapping[str, Errors], notes: Sequence[str]
+    console: Terminal, identification: SlipIdentification, tests: Mapping[str, Errors], notes: Sequence[str]
 ) -> None:
     """Print the result for people."""
-    console.print(found.scale.verdict)
+    console.print(identification.scale.verdict)
     for note in notes:
         console.print(f"Note: {note}")
     console.print(
         "\nDistance error as a fraction of encoder distance, per run: rms (bias). "
         "'not valid' is the share of the distance for which the map flags its own slip."
     )
-    console.print(_surface_table("Cross-validation within the training runs", found.cross_validation))
-    console.print(_direction_table(found.cross_validation))
+    console.print(
+        _surface_table("Cross-validation within the training runs", identification.cross_validation)
+    )
+    console.print(_direction_table(identification.cross_validation))
     for name, errors in tests.items():
         console.print(_surface_table(f"Test: {name}", errors))
 
 
 def _surface_table(title: str, errors: Errors) -> Table:
-    surfaces = sorted({item.surface for found in errors.values() for item in found})
+    surfaces = sorted({item.surface for run_errors in errors.values() for item in run_errors})
     heads = ("runs", "all", *surfaces, "not valid")
     table = Table(Column("map", no_wrap=True), *heads, title=title, title_justify="left")
-    for name, found in errors.items():
-        parts = _by_surface(found)
-        score = Score.of(found)
+    for name, run_errors in errors.items():
+        parts = _by_surface(run_errors)
+        score = Score.of(run_errors)
         cells = [_cell(Score.of(parts.get(surface, []))) for surface in surfaces]
         invalid = "-" if math.isnan(score.invalid) else f"{score.invalid:.0%}"
         table.add_row(name, str(score.n), _cell(score), *cells, invalid)
@@ -81,9 +87,9 @@ def _direction_table(errors: Errors) -> Table:
     title = f"Cross-validation per direction of travel, ± {half} degrees: rms"
     heads = [str(sector + half) for sector in sectors]
     table = Table(Column("map", no_wrap=True), *heads, title=title, title_justify="left")
-    for name, found in errors.items():
+    for name, run_errors in errors.items():
         parts: dict[int, list[RunError]] = {}
-        for item in found:
+        for item in run_errors:
             sector = math.floor(math.degrees(item.direction_rad) / SECTOR_DEG) * SECTOR_DEG
             parts.setdefault(min(sector, sectors[-1]), []).append(item)
         scores = [Score.of(parts.get(sector, [])) for sector in sectors]
@@ -91,9 +97,9 @@ def _direction_table(errors: Errors) -> Table:
     return table
 
 
-def _by_surface(found: Sequence[RunError]) -> dict[str, list[RunError]]:
-    names = sorted({item.surface for item in found})
-    return {name: [item for item in found if item.surface == name] for name in names}
+def _by_surface(run_errors: Sequence[RunError]) -> dict[str, list[RunError]]:
+    names = sorted({item.surface for item in run_errors})
+    return {name: [item for item in run_errors if item.surface == name] for name in names}
 
 
 def _cell(score: Score) -> str:

@@ -155,8 +155,8 @@ def fit_traction(samples: WheelSamples, feature: Feature) -> TractionMap:
         greatest, slip_scale = np.exp(logarithms)
         # Beyond the greatest torque the curve has no slip; 1 is the most there is.
         remaining = np.maximum(1.0 - inside / greatest, np.exp(-1.0 / slip_scale))
-        found: Array = np.minimum(-slip_scale * np.log(remaining), 1.0) - samples.slip
-        return found
+        misfit: Array = np.minimum(-slip_scale * np.log(remaining), 1.0) - samples.slip
+        return misfit
 
     fit = least_squares(residuals, np.log([1.5 * high, 0.3]))
     greatest, slip_scale = np.exp(fit.x).tolist()

@@ -110,20 +110,20 @@ def write_can_as_log(frames: CanFrames, config: Config, out: Path) -> Iterator[C
 
 def _ask_devices(frames: CanFrames, config: Config) -> _Found:
     """Return which identifiers the devices use, and what they decode of them."""
-    found = _Found()
+    bus = _Found()
     codecs = [
         device.make_codec(name)
         for name, device in config.devices.items()
         if isinstance(device, CanDeviceSettings)
     ]
     for identifier, places in frames.by_identifier().items():
-        if identifier & ERROR_FLAG or _is_used(frames, places[:FRAMES_ASKED], codecs, found):
-            found.identifiers.append(identifier)
-    return found
+        if identifier & ERROR_FLAG or _is_used(frames, places[:FRAMES_ASKED], codecs, bus):
+            bus.identifiers.append(identifier)
+    return bus
 
 
 def _is_used(
-    frames: CanFrames, places: NDArray[np.intp], codecs: Sequence[Codec[bytes]], found: _Found
+    frames: CanFrames, places: NDArray[np.intp], codecs: Sequence[Codec[bytes]], bus: _Found
 ) -> bool:
     is_used = False
     for t_ns, payload in timed_payloads(frames, places, float(frames.t_s[0])):
@@ -134,48 +134,48 @@ def _is_used(
             )
             for result in results:
                 if not isinstance(result, Rejection):
-                    _note_kind(result, found)
+                    _note_kind(result, bus)
     return is_used
 
 
-def _note_kind(sample: Sample, found: _Found) -> None:
+def _note_kind(sample: Sample, bus: _Found) -> None:
     if isinstance(sample, RateSample):
-        found.kinds.add("yaw")
+        bus.kinds.add("yaw")
     elif isinstance(sample, WheelSample):
         if sample.position_rad is not None or sample.speed_rad_s is not None:
-            found.moving.add(sample.wheel)
-            found.kinds.add("wheel")
+            bus.moving.add(sample.wheel)
+            bus.kinds.add("wheel")
         if sample.steering_rad is not None:
-            found.steered.add(sample.wheel)
-            found.kinds.add("steering")
+            bus.steered.add(sample.wheel)
+            bus.kinds.add("steering")
 
 
-def _check_motion(frames: CanFrames, config: Config, found: _Found) -> None:
+def _check_motion(frames: CanFrames, config: Config, bus: _Found) -> None:
     wheels = config.devices[config.roles.wheels]
     count = wheels.make_codec(config.roles.wheels).wheel_count if isinstance(wheels, DriveSettings) else 0
     conflict = find_wheel_count_conflict(config.rover, config.roles.wheels, count)
     if conflict:
         raise ConfigError(conflict)
-    if "wheel" not in found.kinds:
+    if "wheel" not in bus.kinds:
         raise LogError(
-            f"{frames.path}: {absence_of(found.kinds)} under the messages of '{config.roles.wheels}': there "
+            f"{frames.path}: {absence_of(bus.kinds)} under the messages of '{config.roles.wheels}': there "
             "is no drive to import; `rover-hil import can LOG --list` shows what is in the log"
         )
     kinematics = make_kinematics(config.rover)
     measured = set(range(count)) - kinematics.unmeasured
-    missing = [str(wheel) for wheel in sorted(measured - found.moving)]
+    missing = [str(wheel) for wheel in sorted(measured - bus.moving)]
     if missing:
         raise LogError(
             f"{frames.path}: no message of wheel {', '.join(missing)} is in it, so the motion is unknown: "
             "correct the mapping; `rover-hil import can LOG --list` shows what is in the log"
         )
-    check_steering(kinematics, found.steered, frames.path, "add steering to the mapping")
+    check_steering(kinematics, bus.steered, frames.path, "add steering to the mapping")
 
 
-def _note_frames(frames: CanFrames, found: _Found, contents: Contents) -> None:
+def _note_frames(frames: CanFrames, bus: _Found, contents: Contents) -> None:
     """Note frames that are missing in the course of an identifier, and such that lost their last bytes."""
     for identifier, places in frames.by_identifier().items():
-        if identifier not in found.identifiers or identifier & ERROR_FLAG or len(places) < FRAMES_ASKED:
+        if identifier not in bus.identifiers or identifier & ERROR_FLAG or len(places) < FRAMES_ASKED:
             continue
         where = identifier_text(identifier)
         lengths = frames.lengths[places]
@@ -192,11 +192,11 @@ def _note_frames(frames: CanFrames, found: _Found, contents: Contents) -> None:
                 contents.oddities.append(Oddity(what=what, where=where, count=missing, done=NO_FAULT))
 
 
-def _note_rest(frames: CanFrames, places: NDArray[np.intp], found: _Found, contents: Contents) -> None:
+def _note_rest(frames: CanFrames, places: NDArray[np.intp], bus: _Found, contents: Contents) -> None:
     """Note what of the log is not used, and what is odd in it."""
     others = len(frames) - len(places)
     if others:
-        count = len(np.unique(frames.identifiers)) - len(found.identifiers)
+        count = len(np.unique(frames.identifiers)) - len(bus.identifiers)
         contents.notes.append(f"{others} frames of {count} other identifiers stay out of the log")
     for what, number, done in (
         ("frames that are no classic CAN frames", frames.left_out, LEFT_OUT),
@@ -205,7 +205,7 @@ def _note_rest(frames: CanFrames, places: NDArray[np.intp], found: _Found, conte
     ):
         if number:
             contents.oddities.append(Oddity(what=what, count=number, done=done))
-    _note_frames(frames, found, contents)
+    _note_frames(frames, bus, contents)
     gaps_s = np.diff(frames.t_s[places])
     holes_s = gaps_s[gaps_s * NANOSECONDS_PER_SECOND > LONGEST_GAP_NS]
     if len(holes_s):

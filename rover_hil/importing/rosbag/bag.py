@@ -171,22 +171,24 @@ class Bag:
         there: dict[str, list[Any]] = {}
         for connection in reader.connections:
             there.setdefault(connection.topic, []).append(connection)
-        found: list[Any] = []
+        connections: list[Any] = []
         for section, topic, types in self._topics.mapped():
             if topic.topic not in there:
                 known = ", ".join(sorted(there)[:20]) or "none"
                 raise LogError(
                     f"{self._path} holds no topic {topic.topic}, named by [{section}]; its topics are {known}"
                 )
-            other = next((each.msgtype for each in there[topic.topic] if each.msgtype not in types), None)
-            if other is not None:
+            unfit_type = next(
+                (each.msgtype for each in there[topic.topic] if each.msgtype not in types), None
+            )
+            if unfit_type is not None:
                 raise LogError(
-                    f"{self._path}: topic {topic.topic} is {other}, [{section}] needs "
+                    f"{self._path}: topic {topic.topic} is {unfit_type}, [{section}] needs "
                     f"{' or '.join(types)}: name another topic"
                 )
             if wanted in (None, section):
-                found += there[topic.topic]
-        return found
+                connections += there[topic.topic]
+        return connections
 
     def _content(self, data: bytes, kind: str) -> Any:
         if len(data) > MOST_MESSAGE_BYTES:

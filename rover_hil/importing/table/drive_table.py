@@ -97,8 +97,8 @@ class DriveTable:
         if isinstance(self.table, CsvTable):
             self.table = self._without_cut_row(self.table)
         if isinstance(self.table, FlightTable):
-            found = self.table.oddities.items()
-            self.drive.oddities += [Oddity(what=what, count=count, done=TOLD) for what, count in found]
+            oddities = self.table.oddities.items()
+            self.drive.oddities += [Oddity(what=what, count=count, done=TOLD) for what, count in oddities]
         times = self.times_s(self.table, columns.time)
         self._start_s = float(times[0])
         self.used = self._not_repeated(times)

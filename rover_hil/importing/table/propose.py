@@ -113,16 +113,16 @@ def propose(path: Path) -> list[Guess]:
 
 
 def _take_time(path: Path, columns: _Columns) -> Array:
-    found = [
+    candidates = [
         number
         for number, values in columns.values.items()
         if (np.diff(values) >= 0.0).all() and np.median(np.diff(values)) > 0.0
     ]
-    if not found:
+    if not candidates:
         raise LogError(f"{path}: no column grows from row to row: none can be the time; name one by hand")
-    named = [number for number in found if columns.name_is(number, "time")]
-    number = min(named or found, key=lambda each: _unevenness(columns.values[each]))
-    others = [_unevenness(columns.values[each]) for each in found if each != number]
+    named = [number for number in candidates if columns.name_is(number, "time")]
+    number = min(named or candidates, key=lambda each: _unevenness(columns.values[each]))
+    others = [_unevenness(columns.values[each]) for each in candidates if each != number]
     is_even = not others or _unevenness(columns.values[number]) < 0.5 * min(others)
     step = float(np.median(np.diff(columns.values[number])))
     fitting = [
@@ -232,25 +232,25 @@ def _take_gyro(columns: _Columns, times_s: Array, turn: Array | None) -> None:
 
 def _take_increments(columns: _Columns) -> None:
     """Take distance and turn since the row before: two columns of increments, no more."""
-    left = [
+    unused = [
         number for number, values in columns.values.items() if not _is_whole(values) and np.ptp(values) > 0.0
     ]
-    distance = [number for number in left if columns.name_is(number, "distance")]
-    turn = [number for number in left if columns.name_is(number, "turn")]
+    distance = [number for number in unused if columns.name_is(number, "distance")]
+    turn = [number for number in unused if columns.name_is(number, "turn")]
     reason = "by its name"
     if len(distance) != 1 or len(turn) != 1:
-        if any(columns.name_is(number, "wheel") for number in left):
+        if any(columns.name_is(number, "wheel") for number in unused):
             return
         if (
-            len(left) != 2
+            len(unused) != 2
             or len(columns.values) != 2
-            or any(_is_integral(columns.values[each]) for each in left)
+            or any(_is_integral(columns.values[each]) for each in unused)
         ):
             return
         one_sided = [
-            abs(float(np.mean(columns.values[each]))) / float(np.std(columns.values[each])) for each in left
+            abs(float(np.mean(columns.values[each]))) / float(np.std(columns.values[each])) for each in unused
         ]
-        order = left if one_sided[0] >= one_sided[1] else left[::-1]
+        order = unused if one_sided[0] >= one_sided[1] else unused[::-1]
         distance, turn = order[:1], order[1:]
         reason = "of two columns of increments the one with one sign is the distance"
     is_doubtful = reason != "by its name"
@@ -289,8 +289,10 @@ def _sides(wheels: Mapping[int, Array], turn: Array | None) -> dict[int, str]:
     """Return what the difference of a pair of columns in turns says of each."""
     if turn is None or len(wheels) != 2:
         return {}
-    (first, one), (second, other) = wheels.items()
-    steps = [np.diff(each, prepend=np.nan) if _is_integral(each) else each for each in (one, other)]
+    (first, first_turns), (second, second_turns) = wheels.items()
+    steps = [
+        np.diff(each, prepend=np.nan) if _is_integral(each) else each for each in (first_turns, second_turns)
+    ]
     known = np.isfinite(steps[0]) & np.isfinite(steps[1]) & np.isfinite(turn)
     correlation, slope = _relation(_smoothed(turn[known]), _smoothed((steps[1] - steps[0])[known]))
     if correlation < PAIR_DIFFERS:
@@ -346,10 +348,10 @@ def proposal_text(path: Path, guesses: Sequence[Guess]) -> str:
     for guess in sorted(guesses, key=lambda each: each.key != "time"):
         section, _, key = guess.key.rpartition(".")
         by_section.setdefault(section, []).append((key, guess))
-    for section, found in by_section.items():
+    for section, keys in by_section.items():
         header = "[[wheel]]" if section.startswith("wheel") else f"[{section}]"
         lines += ["", header] if section else []
-        for key, guess in found:
+        for key, guess in keys:
             words = ", ".join(f"{name} = {value}" for name, value in guess.settings.items())
             lines.append(f"# {'? ' if guess.is_doubtful else ''}{guess.reason}")
             lines.append(f"{key} = {{ column = {guess.column}, {words} }}")

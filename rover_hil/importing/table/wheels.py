@@ -53,7 +53,7 @@ def take_wheels(source: DriveTable, wheels: Sequence[WheelColumns]) -> None:
     none = np.full(len(source.t_ns), math.nan)
     quantities: dict[str, list[Array]] = {}
     for place, (wheel, radius_m) in enumerate(zip(wheels, radii_m, strict=True)):
-        found = {
+        measured = {
             "Position": _angles_rad(source, place, wheel, radius_m),
             "Speed": None if wheel.speed is None else _speeds_rad_s(source, place, wheel.speed, radius_m),
             "Current": None
@@ -61,7 +61,7 @@ def take_wheels(source: DriveTable, wheels: Sequence[WheelColumns]) -> None:
             else source.numbers(wheel.current) * SI_PER_UNIT[wheel.current.unit],
             "Steering": None if wheel.steering is None else source.angle_rad(wheel.steering),
         }
-        for quantity, values in found.items():
+        for quantity, values in measured.items():
             quantities.setdefault(quantity, []).append(none if values is None else values)
     given = {name: rows for name, rows in quantities.items() if not all(row is none for row in rows)}
     source.drive.quantities = tuple(dict.fromkeys(("Position", *given)))

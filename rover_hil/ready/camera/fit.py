@@ -123,15 +123,15 @@ def fit_camera(pictures: Path, ground: Path, board: Board, target: GroundTarget)
     sizes = {view.shape[:2] for view in views}
     if len(sizes) != 1:
         raise ConfigError(f"{pictures} holds pictures of {len(sizes)} sizes: all must come from one camera")
-    found = [pair for pair in (find_corners(view, board) for view in views) if pair is not None]
-    if len(found) < LEAST_PICTURES:
+    boards = [pair for pair in (find_corners(view, board) for view in views) if pair is not None]
+    if len(boards) < LEAST_PICTURES:
         raise ConfigError(
-            f"{len(found)} of {len(views)} pictures in {pictures} show the board, {LEAST_PICTURES} needed: "
+            f"{len(boards)} of {len(views)} pictures in {pictures} show the board, {LEAST_PICTURES} needed: "
             "check --columns, --rows (squares) and --board"
         )
     height, width = sizes.pop()
-    points = [flat.astype(np.float32) for flat, _ in found]
-    corners = [pixels.astype(np.float32) for _, pixels in found]
+    points = [flat.astype(np.float32) for flat, _ in boards]
+    corners = [pixels.astype(np.float32) for _, pixels in boards]
     rms, matrix, distortion, turns, shifts = cv2.calibrateCamera(
         points, corners, (width, height), np.eye(3), np.zeros(5)
     )
@@ -140,7 +140,7 @@ def fit_camera(pictures: Path, ground: Path, board: Board, target: GroundTarget)
     rotation, position, on_ground = _pose(ground, board, target, camera_matrix, coefficients)
     seen = [
         _view(*pair, np.asarray(turn), np.asarray(shift), camera_matrix, coefficients)
-        for pair, turn, shift in zip(found, turns, shifts, strict=True)
+        for pair, turn, shift in zip(boards, turns, shifts, strict=True)
     ]
     return Calibration(
         camera_matrix=camera_matrix,

@@ -124,20 +124,20 @@ class Worth:
 
         A rover without a slip estimator is not expected to know its slip.
         """
-        found = []
+        sentences = []
         if len(self.marks) < LEAST_MARKS:
-            found.append(f"{len(self.marks)} marks were measured, {LEAST_MARKS} are needed")
+            sentences.append(f"{len(self.marks)} marks were measured, {LEAST_MARKS} are needed")
         if self.has_slip and self.slip_share < LEAST_SLIP_SHARE:
-            found.append(f"the slip was valid for {100 * self.slip_share:.0f} % of the driven time only")
+            sentences.append(f"the slip was valid for {100 * self.slip_share:.0f} % of the driven time only")
         if self.has_slip and math.isnan(self.slip_error):
-            found.append(f"no slip was measured: two marks in succession must be {LEAST_LEG_M:g} m apart")
+            sentences.append(f"no slip was measured: two marks in succession must be {LEAST_LEG_M:g} m apart")
         elif self.has_slip and abs(self.slip_error) > GREATEST_SLIP_ERROR:
-            found.append(f"the estimated slip is wrong by {100 * self.slip_error:+.1f} % of the distance")
+            sentences.append(f"the estimated slip is wrong by {100 * self.slip_error:+.1f} % of the distance")
         if self.estimate_rms_m > self.odometry_rms_m:
-            found.append("the estimate is farther off than the wheels alone")
+            sentences.append("the estimate is farther off than the wheels alone")
         if len(self.marks) >= LEAST_MARKS and self.inside < LEAST_SHARE_INSIDE:
-            found.append("the covariance is too small")
-        return tuple(found)
+            sentences.append("the covariance is too small")
+        return tuple(sentences)
 
     @property
     def problem(self) -> str:
@@ -164,12 +164,12 @@ def find_worth(drives: Sequence[tuple[str, Poses, Marks]]) -> Worth:
         ]
         for sense in ("left", "right")
     }
-    centres = [np.mean([pair[0] for pair in found], axis=0) for found in ends.values() if found]
-    centres_estimate = [np.mean([pair[1] for pair in found], axis=0) for found in ends.values() if found]
+    centres = [np.mean([pair[0] for pair in pairs], axis=0) for pairs in ends.values() if pairs]
+    centres_estimate = [np.mean([pair[1] for pair in pairs], axis=0) for pairs in ends.values() if pairs]
     scatter = [
         np.hypot(*(pair[0] - centre))
-        for found, centre in zip([each for each in ends.values() if each], centres, strict=True)
-        for pair in found
+        for pairs, centre in zip([each for each in ends.values() if each], centres, strict=True)
+        for pair in pairs
     ]
     return Worth(
         marks=tuple(errors),

@@ -192,10 +192,10 @@ def _refined_vertical(
     columns = np.column_stack((reference_columns(record, base.t_s), slope))[use]
     values = base.yaw_rad[use]
     solution = solve_columns(columns, values)
-    rest = values - columns @ solution
+    residuals = values - columns @ solution
     others = columns[:, :4]
     own = columns[:, 4] - others @ solve_columns(others, columns[:, 4])
-    sd = rms(rest) / math.sqrt(max(float(own @ own), 1e-30))
+    sd = rms(residuals) / math.sqrt(max(float(own @ own), 1e-30))
     # Consecutive readings tilt together: the noise is not white over the column.
     is_seen = abs(solution[4]) > COMPASS_FIT.vertical_sds * sd
     return shifted(-float(solution[4])) if is_seen else flat
@@ -208,8 +208,8 @@ def _fit_deviation(record: CompassRecord, source: str, date: dt.date) -> Compass
             f"log {record.path}: '{record.device}' sent no magnetic headings (HDG or HDM): "
             "only these have a deviation"
         )
-    found = _deviation_and_lag(record, headings, 2)[1]
-    lag_s = found if found > COMPASS_FIT.least_lag_s else 0.0
+    harmonics = _deviation_and_lag(record, headings, 2)[1]
+    lag_s = harmonics if harmonics > COMPASS_FIT.least_lag_s else 0.0
     record = _damped(record, lag_s)
     folds = _folds(headings.turn)
     best: tuple[float, int, list[tuple[Array, Array]]] | None = None
@@ -269,13 +269,13 @@ def _damped(record: CompassRecord, lag_s: float) -> CompassRecord:
 def _headings(record: CompassRecord, calibration: Calibration | None) -> _Headings:
     """Return the magnetic headings that the driver gives with a calibration."""
     codec = _codec(record.settings, calibration)
-    found = [
+    headings = [
         ((sample.t_ns - record.start_ns) / 1e9, sample.heading_rad)
         for payload in record.payloads
         for sample in codec.decode(Received(payload.t_ns, payload.payload))
         if isinstance(sample, HeadingSample) and sample.reference is HeadingReference.MAGNETIC
     ]
-    table = np.array(found).reshape(-1, 2)
+    table = np.array(headings).reshape(-1, 2)
     inside = (table[:, 0] >= record.t_s[0]) & (table[:, 0] <= record.t_s[-1])
     t_s, yaw_rad = table[inside].T
     near = np.interp(t_s, record.t_s, record.yaw_rad)
@@ -310,8 +310,8 @@ def solve_columns(columns: Array, values: Array) -> Array:
     """Return the least squares solution for columns of very different sizes."""
     scale = np.abs(columns).max(axis=0)
     scale[scale == 0.0] = 1.0
-    found, *_ = np.linalg.lstsq(columns / scale, values, rcond=1e-6)
-    solution: Array = found / scale
+    coefficients, *_ = np.linalg.lstsq(columns / scale, values, rcond=1e-6)
+    solution: Array = coefficients / scale
     return solution
 
 

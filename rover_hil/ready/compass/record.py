@@ -73,20 +73,20 @@ def compass_of(config: Config, device: str | None) -> tuple[str, CompassSettings
     Raises:
         ConfigError: There is none, there are several, or `device` is none.
     """
-    found = {
+    compasses = {
         name: settings for name, settings in config.devices.items() if isinstance(settings, CompassSettings)
     }
-    used = {name: settings for name, settings in found.items() if name in config.roles.headings}
+    used = {name: settings for name, settings in compasses.items() if name in config.roles.headings}
     if device is not None:
-        if device not in found:
-            names = ", ".join(found) or "none"
+        if device not in compasses:
+            names = ", ".join(compasses) or "none"
             raise ConfigError(
                 f"'{device}' is no compass that can be calibrated: the configuration has {names} "
                 "(nmea_compass or witmotion)"
             )
         name = device
     else:
-        candidates = list(used or found)
+        candidates = list(used or compasses)
         if not candidates:
             raise ConfigError(
                 "the configuration has no compass to calibrate: "
@@ -95,7 +95,7 @@ def compass_of(config: Config, device: str | None) -> tuple[str, CompassSettings
         if len(candidates) > 1:
             raise ConfigError(f"there are several compasses: choose one with --device {candidates[0]}")
         name = candidates[0]
-    return name, found[name].model_copy(update={"calibration": None})
+    return name, compasses[name].model_copy(update={"calibration": None})
 
 
 def read_record(path: Path, device: str | None) -> CompassRecord:

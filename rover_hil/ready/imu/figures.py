@@ -24,7 +24,7 @@ def measured_response(turns: Turns) -> tuple[Array, Array]:
     The frequency is that with the largest amplitude of the wheels' yaw rate in the block; the age of the
     wheels' positions is taken out.
     """
-    found: list[tuple[float, complex]] = []
+    responses: list[tuple[float, complex]] = []
     for start_s in turns.blocks.tolist():
         inside = (turns.grid_s >= start_s) & (turns.grid_s < start_s + TURNS.block_s)
         wheels = turns.wheel_rate_rad_s[inside]
@@ -37,15 +37,15 @@ def measured_response(turns: Turns) -> tuple[Array, Array]:
         by_gyro = _amplitude(frequency_hz, turns.gyro_s[reads], turns.gyro_rad_s[reads])
         if abs(by_wheels) >= LEAST_AMPLITUDE_RAD_S:
             late = cmath.exp(-1j * math.tau * frequency_hz * turns.wheel_age_s)
-            found.append((frequency_hz, by_gyro / by_wheels * late))
-    return np.array([each for each, _ in found]), np.array([each for _, each in found])
+            responses.append((frequency_hz, by_gyro / by_wheels * late))
+    return np.array([each for each, _ in responses]), np.array([each for _, each in responses])
 
 
 def _amplitude(frequency_hz: float, t_s: Array, values: Array) -> complex:
     phase = math.tau * frequency_hz * t_s
     columns = np.column_stack((np.cos(phase), np.sin(phase), np.ones(len(t_s)), t_s - t_s.mean()))
-    found, *_ = np.linalg.lstsq(columns, values, rcond=None)
-    return complex(found[0], -found[1])
+    coefficients, *_ = np.linalg.lstsq(columns, values, rcond=None)
+    return complex(coefficients[0], -coefficients[1])
 
 
 def draw_response(turns: Turns, response: GyroResponse) -> Figure:

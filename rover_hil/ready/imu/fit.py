@@ -74,7 +74,7 @@ def fit_response(turns: Turns) -> ResponseFit:
     ]
     best = min(
         (_fit(turns, turns.blocks, start) for start in RESPONSE.starts_s),
-        key=lambda found: found.residual,
+        key=lambda response: response.residual,
     )
     others = [_fit(turns, np.setdiff1d(turns.blocks, group), (best.delay_s, best.lag_s)) for group in groups]
 
@@ -137,6 +137,6 @@ def _fit(turns: Turns, blocks: Array, start: tuple[float, float]) -> ResponseFit
 
 def _without_trend(t_s: Array, values: Array) -> Array:
     columns = np.column_stack((np.ones(len(t_s)), t_s - t_s.mean()))
-    found, *_ = np.linalg.lstsq(columns, values, rcond=None)
-    rest: Array = values - columns @ found
-    return rest
+    trend, *_ = np.linalg.lstsq(columns, values, rcond=None)
+    residuals: Array = values - columns @ trend
+    return residuals

@@ -85,10 +85,10 @@ def fit_motor_fields(drive: MotorDrive, day: str) -> MotorFieldFit:
     for number in range(MOTOR_FIELD.folds):
         held = fold == number
         for errors, has_motors in ((before, False), (after, True)):
-            found, rest = _fit(drive, ~held, has_motors=has_motors)
-            errors[held] = np.degrees(_errors(drive, found, rest)[held])
+            motor_field, fit_columns = _fit(drive, ~held, has_motors=has_motors)
+            errors[held] = np.degrees(_errors(drive, motor_field, fit_columns)[held])
             if has_motors:
-                left_out.append(found)
+                left_out.append(motor_field)
     scatter = math.sqrt(MOTOR_FIELD.folds - 1) * np.std(left_out, axis=0)
     sd = np.maximum(scatter, _posterior_sd(drive, field))
     record, duration_s = drive.record, drive.t_s[-1] - drive.t_s[0]
@@ -214,9 +214,9 @@ def _fit(drive: MotorDrive, use: Flags, *, has_motors: bool) -> tuple[Array, Arr
     field = np.zeros((motors, 2))
     yaw = drive.yaw_rad
     columns = _rest_columns(drive)
-    rest = solve_columns(columns[use], yaw[use])
+    fit_columns = solve_columns(columns[use], yaw[use])
     if not has_motors:
-        return field, rest
+        return field, fit_columns
     for _ in range(MOTOR_FIELD.iterations):
         yaw = _without(drive.yaw_rad, drive.current_a @ field)
         known = use & np.isfinite(yaw)
@@ -229,9 +229,9 @@ def _fit(drive: MotorDrive, use: Flags, *, has_motors: bool) -> tuple[Array, Arr
         rows = np.block([[columns[known], effect[known]], [without, prior]])
         values = np.concatenate((yaw[known], -prior @ field.T.ravel()))
         solution = solve_columns(rows, values)
-        rest, change = solution[: columns.shape[1]], solution[columns.shape[1] :]
+        fit_columns, change = solution[: columns.shape[1]], solution[columns.shape[1] :]
         field = field + change.reshape(2, motors).T
-    return field, rest
+    return field, fit_columns
 
 
 def _effect(drive: MotorDrive, yaw_rad: Array) -> Array:
@@ -260,11 +260,11 @@ def _posterior_sd(drive: MotorDrive, field: Array) -> Array:
     return sd
 
 
-def _errors(drive: MotorDrive, field: Array, rest: Array) -> Array:
+def _errors(drive: MotorDrive, field: Array, fit_columns: Array) -> Array:
     """Return the errors of the corrected headings against the reference, rad."""
     yaw = _without(drive.yaw_rad, drive.current_a @ field)
     yaw = np.where(np.isfinite(yaw), yaw, drive.yaw_rad)
-    return wrap_angles(yaw - _rest_columns(drive) @ rest)
+    return wrap_angles(yaw - _rest_columns(drive) @ fit_columns)
 
 
 def _are_separate(current_a: Array) -> Flags:
@@ -273,8 +273,8 @@ def _are_separate(current_a: Array) -> Flags:
     separate = []
     for motor, own in enumerate(centred.T):
         others = np.delete(centred, motor, axis=1)
-        left = own - others @ np.linalg.lstsq(others, own, rcond=None)[0] if others.size else own
-        separate.append(float(left @ left) > MOTOR_FIELD.least_own_share * float(own @ own))
+        unexplained = own - others @ np.linalg.lstsq(others, own, rcond=None)[0] if others.size else own
+        separate.append(float(unexplained @ unexplained) > MOTOR_FIELD.least_own_share * float(own @ own))
     return np.array(separate, np.bool_)
 
 

@@ -164,8 +164,8 @@ def fit_mounting(
     along = angles @ up
     weight = float(along @ along)
     scale = float(known_rad @ along) / weight
-    left = known_rad - scale * along
-    scatter_rad = math.sqrt(float(left @ left) / max(1, len(turns) - 1))
+    unexplained = known_rad - scale * along
+    scatter_rad = math.sqrt(float(unexplained @ unexplained) / max(1, len(turns) - 1))
     scale_sd = max(sd_rad, scatter_rad) / math.sqrt(weight)
     gravity = _gravity(record, turns)
     roll, pitch = _levelling(up)
@@ -183,7 +183,7 @@ def fit_mounting(
         scale_sd=scale_sd,
         bias_deg_s=float(rest_deg_s.mean()),
         bias_sd_deg_s=float(rest_deg_s.std()),
-        problem=_problem(scale, scale_sd, off_deg, left, up, gravity)
+        problem=_problem(scale, scale_sd, off_deg, unexplained, up, gravity)
         or (_sense_problem(record, up, gravity) if reference == COUNTED else ""),
     )
 
@@ -198,7 +198,9 @@ def _sense_problem(record: InertialRecord, up: Array, gravity: Array) -> str:
     )
 
 
-def _problem(scale: float, scale_sd: float, off_deg: Array, left: Array, up: Array, gravity: Array) -> str:
+def _problem(
+    scale: float, scale_sd: float, off_deg: Array, unexplained: Array, up: Array, gravity: Array
+) -> str:
     if off_deg.max() > MOUNTING_FIT.greatest_axis_deg:
         return (
             f"the axis of the turns differs by {off_deg.max():.1f} deg from turn to turn: turn the rover on "
@@ -212,7 +214,7 @@ def _problem(scale: float, scale_sd: float, off_deg: Array, left: Array, up: Arr
             return f"the ground slopes by {tilt_deg:.0f} deg, or the sensor moved: turn on level ground"
     if not MOUNTING_FIT.least_scale <= scale <= MOUNTING_FIT.greatest_scale:
         return f"the gyro would be wrong by a factor of {1.0 / scale:.3g}: were all turns counted?"
-    residual_deg = math.degrees(float(np.abs(left).max()))
+    residual_deg = math.degrees(float(np.abs(unexplained).max()))
     if residual_deg > MOUNTING_FIT.greatest_residual_deg:
         return f"the turns contradict each other by {residual_deg:.0f} deg: count again, turn slower"
     if scale_sd > MOUNTING_FIT.greatest_scale_sd:

@@ -57,16 +57,16 @@ def sensor_of(config: Config, device: str | None) -> tuple[str, InertialSettings
     Raises:
         ConfigError: There is none, there are several, or `device` is none.
     """
-    found = {
+    sensors = {
         name: settings for name, settings in config.devices.items() if isinstance(settings, InertialSettings)
     }
-    name = device or (config.roles.gyro if config.roles.gyro in found else None)
-    if name is None and len(found) == 1:
-        (name,) = found
-    if name not in found:
+    name = device or (config.roles.gyro if config.roles.gyro in sensors else None)
+    if name is None and len(sensors) == 1:
+        (name,) = sensors
+    if name not in sensors:
         asked = f"'{device}' is no inertial sensor" if device else "no inertial sensor is named"
-        raise ConfigError(f"{asked} (witmotion, xsens, vectornav); there are: {', '.join(found) or 'none'}")
-    return name, found[name]
+        raise ConfigError(f"{asked} (witmotion, xsens, vectornav); there are: {', '.join(sensors) or 'none'}")
+    return name, sensors[name]
 
 
 def read_inertial(path: Path, device: str | None) -> InertialRecord:
@@ -106,8 +106,8 @@ def read_inertial(path: Path, device: str | None) -> InertialRecord:
         raise LogError(f"log {path} holds {len(table)} yaw rates of '{name}': record whole turns with it")
     force = np.array(accelerations).reshape(-1, 4)
     references = {
-        f"compass '{other}'": (np.array(pairs).T[0], np.unwrap(np.array(pairs).T[1]))
-        for other, pairs in headings.items()
+        f"compass '{compass}'": (np.array(pairs).T[0], np.unwrap(np.array(pairs).T[1]))
+        for compass, pairs in headings.items()
     }
     fixes = rows.fixes()
     if fixes is not None and len(fixes.t_ns):

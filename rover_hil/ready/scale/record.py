@@ -249,14 +249,14 @@ def _frames(log: LogReader, config: Config, settings: GroundMotionSettings) -> I
 
 
 def _rates_at(rows: LogRows, t_ns: int) -> Rates | None:
-    found = []
+    rates = []
     for name in RATES:
         readings = rows[name]
         place = int(np.searchsorted(readings.t_ns, t_ns, side="right")) - 1
         if place < 0:
             return None
-        found.append(float(readings.value[place]))
-    x, y, z = found
+        rates.append(float(readings.value[place]))
+    x, y, z = rates
     return (x, y, z) if math.isfinite(x + y + z) else None
 
 

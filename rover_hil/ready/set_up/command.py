@@ -132,15 +132,15 @@ def _set_up(
     force: bool,
 ) -> int:
     if can is None:
-        found = _look(ports, console)
+        on_ports = _look(ports, console)
     else:
-        found = [probe_can_log(can)]
-        console.print(readable_line(found[0].what))
-    if dbc is not None and not any("can" in each.kinds for each in found):
+        on_ports = [probe_can_log(can)]
+        console.print(readable_line(on_ports[0].what))
+    if dbc is not None and not any("can" in each.kinds for each in on_ports):
         console.print(f"{dbc} is not used: no CAN bus was found")
     devices: dict[str, tuple[AnyDeviceSettings, str]] = {}
     drive: tuple[AnyDeviceSettings, str] | None = None
-    for each in found:
+    for each in on_ports:
         if each.kinds & {"can", "wheels"}:
             recognised = _drive_of(each, dbc, out, made, console, force=force)
             if recognised is not None and drive is None:
@@ -171,7 +171,7 @@ def _set_up(
             "and 500 kbit/s; check order and sign of the wheels with the wheels lifted before you drive"
         )
     speed = ask_number("Greatest speed of the wheels to begin with, rad/s", 0.5, 200.0, 5.0)
-    gyro = next((name for name, (each, _) in devices.items() if _has(found, each, "rate")), None)
+    gyro = next((name for name, (each, _) in devices.items() if _has(on_ports, each, "rate")), None)
     compasses = [name for name, (each, _) in devices.items() if each.type == "nmea_compass"]
     radius_m = rover["wheel_radius_m"] if "wheel_radius_m" in rover else rover["wheels"][0]["radius_m"]
     answers = Answers(
@@ -197,7 +197,7 @@ def _look(ports: Path | None, console: Terminal) -> list[Found]:
     """Probe every port, and print what is there."""
     clock = SystemClock()
     places = find_places(SystemPaths(), ports)
-    found: list[Found] = []
+    devices: list[Found] = []
     results: list[tuple[str, Found | str]] = []
     with show_steps("looking for ports") as step:
         results += [(port, probe_serial(port, clock, step)) for port in places.serial]
@@ -211,24 +211,24 @@ def _look(ports: Path | None, console: Terminal) -> list[Found]:
     for place, result in results:
         console.print(readable_line(f"{place}: {result if isinstance(result, str) else result.what}"))
         if isinstance(result, Found):
-            found.append(result)
+            devices.append(result)
     if not results:
         console.print("no serial port, CAN interface or camera is connected")
-    return found
+    return devices
 
 
 def _drive_of(
-    found: Found, dbc: Path | None, out: Path, made: Made, console: Terminal, *, force: bool
+    drive: Found, dbc: Path | None, out: Path, made: Made, console: Terminal, *, force: bool
 ) -> AnyDeviceSettings | None:
     """Return the settings of the drives behind a port, or None where they are not known."""
-    if not isinstance(found.settings, CanWheelsSettings):
-        return found.settings
-    bus = found.settings
-    shipped = shipped_mapping(found.frames) if dbc is None else ""
+    if not isinstance(drive.settings, CanWheelsSettings):
+        return drive.settings
+    bus = drive.settings
+    shipped = shipped_mapping(drive.frames) if dbc is None else ""
     if shipped:
         console.print(f"the messages are those of the shipped mapping '{shipped}'")
         return bus.model_copy(update={"mapping": shipped})
-    nodes = vesc_nodes(found.frames)
+    nodes = vesc_nodes(drive.frames)
     if nodes and dbc is None:
         console.print(f"VESC controllers {', '.join(map(str, nodes))}")
         return VescSettings.model_validate(
@@ -242,7 +242,7 @@ def _drive_of(
                 "gear_ratio": ask_number("Turns of the motor per turn of the wheel", 0.01, 1000, 1.0),
             }
         )
-    nodes = canopen_nodes(found.frames)
+    nodes = canopen_nodes(drive.frames)
     if (
         nodes
         and dbc is None
@@ -258,7 +258,7 @@ def _drive_of(
         dbc = Path(answer)
     path = dbc.with_name(f"{out.stem}_can.toml")
     check_file(path, force=force, option=OUT)
-    guess = guess_mapping(dbc, found.frames)
+    guess = guess_mapping(dbc, drive.frames)
     console.print(f"wheels {', '.join(map(str, guess.nodes))} of {dbc}:")
     for key, value in guess.every_wheel.items():
         console.print(f"  {key}: signal {value['signal']} of {value['message']}, {value['unit']}")
@@ -272,7 +272,7 @@ def _drive_of(
         guess.every_wheel["position"]["ticks_per_revolution"] = ticks
     gear = ask_number("Turns of the encoder per turn of the wheel (gear ratio)", 0.001, 1000, 1.0)
     made[path] = path.read_bytes() if path.exists() else None
-    write_mapping(path, dbc, guess, found.frames, gear_ratio=gear)
+    write_mapping(path, dbc, guess, drive.frames, gear_ratio=gear)
     console.print(f"mapping written: {path}")
     return bus.model_copy(update={"mapping": str(path)})
 
@@ -374,8 +374,10 @@ def _turn_wheels(
                 with show_steps(f"wheel {wheel}") as step:
                     turned = turner.turn(wheel, step)
                 _check_encoders(wheel, turned, console)
-                left = tuple(place for place in places if place not in order)
-                place = ask_choice(f"Drive {wheel} was turned. Which wheel moved", (*left, "none"), left[0])
+                untried = tuple(place for place in places if place not in order)
+                place = ask_choice(
+                    f"Drive {wheel} was turned. Which wheel moved", (*untried, "none"), untried[0]
+                )
                 if place == "none":
                     raise ConfigError(f"wheel {wheel} did not turn: switch its drive on, and run init again")
                 forwards = ask_yes(
@@ -456,12 +458,12 @@ def _own_copy(mapping: str, made: Made) -> Path:
     return path
 
 
-def _has(found: Sequence[Found], settings: AnyDeviceSettings, kind: str) -> bool:
-    return any(each.settings is settings and kind in each.kinds for each in found)
+def _has(devices: Sequence[Found], settings: AnyDeviceSettings, kind: str) -> bool:
+    return any(each.settings is settings and kind in each.kinds for each in devices)
 
 
-def _name_of(found: Found) -> str:
-    return next(name for kind, name in (*NAMES.items(), ("", "device")) if kind in found.kinds or not kind)
+def _name_of(device: Found) -> str:
+    return next(name for kind, name in (*NAMES.items(), ("", "device")) if kind in device.kinds or not kind)
 
 
 def _report(out: Path, console: Terminal) -> int:

@@ -162,9 +162,9 @@ def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:
             "the mapping by hand, docs/how-to/drive_your_own_rover.md"
         )
     every_wheel = {
-        key: found[1]
-        for key, found in (("position", position), ("speed", speed), ("current", current))
-        if found
+        key: chosen[1]
+        for key, chosen in (("position", position), ("speed", speed), ("current", current))
+        if chosen
     }
     every_wheel["setpoint"] = setpoint[1]
     angle = _best(steering, STEERING_ANGLE, ANGLE_UNITS)
@@ -272,15 +272,15 @@ def _number(frame: CanFrame) -> int:
 
 def _templates(messages: Iterator[Message] | Sequence[Message]) -> Templates:
     """Return messages by name with "{node}" for number or place of the wheel, then by that."""
-    found: defaultdict[str, dict[int | str, Message]] = defaultdict(dict)
+    templates: defaultdict[str, dict[int | str, Message]] = defaultdict(dict)
     for message in messages:
         placed = PLACED.fullmatch(message.name)
         parts = NUMBERED.fullmatch(message.name)
         if placed is not None:
-            found[f"{placed[1]}{{node}}{placed[3]}"][placed[2]] = message
+            templates[f"{placed[1]}{{node}}{placed[3]}"][placed[2]] = message
         elif parts is not None:
-            found[f"{parts[1]}{{node}}{parts[3]}"][int(parts[2])] = message
-    return dict(found)
+            templates[f"{parts[1]}{{node}}{parts[3]}"][int(parts[2])] = message
+    return dict(templates)
 
 
 def _place(node: int | str) -> tuple[int, int]:
@@ -336,14 +336,14 @@ def _best(
 
 def _protection_signals(templates: Templates, names: Sequence[str]) -> dict[str, object]:
     used = list(dict.fromkeys(names))
-    found: dict[str, object] = {"messages": used}
+    protection: dict[str, object] = {"messages": used}
     for key, words in (("counter", COUNTER), ("checksum", CHECKSUM)):
         signals = [_named(next(iter(templates[name].values())), words) for name in used]
         if signals and all(
             each is not None and each.name == getattr(signals[0], "name", None) for each in signals
         ):
-            found[key] = getattr(signals[0], "name", "")
-    return found
+            protection[key] = getattr(signals[0], "name", "")
+    return protection
 
 
 def _named(message: Message, words: re.Pattern[str]) -> Signal | None:

@@ -43,8 +43,8 @@ def find_places(paths: SystemPaths, folder: Path | None) -> Places:
 
 
 def _each_once(dev: Path, patterns: Iterable[str]) -> list[str]:
-    found: dict[Path, str] = {}
+    names: dict[Path, str] = {}
     for pattern in patterns:
         for path in sorted(dev.glob(pattern)):
-            found.setdefault(path.resolve(), str(path))
-    return list(found.values())
+            names.setdefault(path.resolve(), str(path))
+    return list(names.values())

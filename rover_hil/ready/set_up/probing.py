@@ -84,9 +84,9 @@ def probe_serial(port: str, clock: Clock, step: Callable[[str], None]) -> Found 
             heard += sum(len(each.payload) for each in arrivals)
             if not heard:
                 break
-            found = _talker(port, baud_rate, arrivals, duration_s)
-            if found is not None:
-                return found
+            talker = _talker(port, baud_rate, arrivals, duration_s)
+            if talker is not None:
+                return talker
         if heard:
             return "sends bytes of an unknown device"
         step(f"{port}: silent; asking for an slcan adapter")

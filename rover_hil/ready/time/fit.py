@@ -212,7 +212,7 @@ def _blocks(reference: YawTrack, track: YawTrack) -> list[float]:
     margin_s = TIMING.greatest_offset_s
     first = max(reference.t_s[0], track.t_s[0]) + margin_s
     last = min(reference.t_s[-1], track.t_s[-1]) - margin_s - TIMING.block_s
-    found = []
+    blocks = []
     for start_s in np.arange(first, last, TIMING.block_s).tolist():
         inside = _inside(track.t_s, start_s)
         times = track.t_s[inside]
@@ -223,8 +223,8 @@ def _blocks(reference: YawTrack, track: YawTrack) -> list[float]:
             continue
         turned = _rest(times, np.interp(times, reference.t_s, reference.yaw_rad))
         if float(np.std(turned)) >= TIMING.least_turn_rad:
-            found.append(start_s)
-    return found
+            blocks.append(start_s)
+    return blocks
 
 
 def _inside(t_s: Array, start_s: float) -> Flags:
@@ -236,8 +236,8 @@ def _rest(t_s: Array, values: Array) -> Array:
     """Return values without their constant and trend."""
     since_s = t_s - t_s.mean()
     level = values - values.mean()
-    rest: Array = level - float(since_s @ level) / float(since_s @ since_s) * since_s
-    return rest
+    residuals: Array = level - float(since_s @ level) / float(since_s @ since_s) * since_s
+    return residuals
 
 
 def _sums(reference: YawTrack, track: YawTrack, start_s: float, offset_s: float) -> Array:

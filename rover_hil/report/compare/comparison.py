@@ -189,12 +189,12 @@ def _draw_path(runs: Sequence[Run]) -> Figure:
 def _draw_series(
     runs: Sequence[Run], series: Callable[[RunData], Series | None], label: str
 ) -> Figure | None:
-    drawn = [(run, found) for run in runs if (found := series(run.data)) is not None]
+    drawn = [(run, values) for run in runs if (values := series(run.data)) is not None]
     if not drawn:
         return None
     figure, (axes,) = run_plots.rows(1, 2.4)
-    for run, found in drawn:
-        run_plots.line(axes, found, run.colour, run.name)
+    for run, values in drawn:
+        run_plots.line(axes, values, run.colour, run.name)
     axes.set_ylabel(label)
     axes.set_xlim(0, max(run.data.duration_s for run in runs) or None)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=3)

@@ -115,7 +115,7 @@ def _wheel_tests(data: Path, wheel_name: str) -> WheelTests:
 def _write(
     folder: Path,
     source: str,
-    found: SoilFit,
+    soil_fit: SoilFit,
     wheel: WheelSettings,
     plates: Sequence[PlateTest],
     tests: WheelTests | None,
@@ -123,13 +123,13 @@ def _write(
 ) -> None:
     from rover_hil.terrain.pages import write_page
 
-    tables, drawings = [fit_table(found, soil_name)], [plate_drawing(plates, found)]
+    tables, drawings = [fit_table(soil_fit, soil_name)], [plate_drawing(plates, soil_fit)]
     if tests is not None:
-        cells = cells_table(found, wheel, tests)
+        cells = cells_table(soil_fit, wheel, tests)
         tables.append(cells)
         drawings.append(cell_drawing(tests, cells))
-    facts = [("plate tests", str(len(plates))), ("cells of wheel tests", str(found.cells))]
+    facts = [("plate tests", str(len(plates))), ("cells of wheel tests", str(soil_fit.cells))]
     if tests is not None:
-        facts.append(("misfit in stated errors, rms", f"{found.residual:.3g}"))
-    soil = {SOIL_FILE: soil_text(found, f"fitted to {source}", soil_name)}
+        facts.append(("misfit in stated errors, rms", f"{soil_fit.residual:.3g}"))
+    soil = {SOIL_FILE: soil_text(soil_fit, f"fitted to {source}", soil_name)}
     write_page(folder, f"Soil fitted to {source}", facts, drawings, tables, soil)

@@ -216,9 +216,9 @@ def _check_rover(path: Path, logged: RoverSettings, rover: RoverSettings) -> Non
         there = dict(_dimensions(logged.model_dump(), "rover"))
         here = dict(_dimensions(rover.model_dump(), "rover"))
         for key in [*there, *(key for key in here if key not in there)]:
-            value, other = there.get(key, np.nan), here.get(key, np.nan)
-            if not abs(value - other) <= DIMENSION_SHARE * max(abs(value), abs(other)) + DIMENSION_M:
-                reason = f"{key} is {value:g} m there and {other:g} m here"
+            value, own = there.get(key, np.nan), here.get(key, np.nan)
+            if not abs(value - own) <= DIMENSION_SHARE * max(abs(value), abs(own)) + DIMENSION_M:
+                reason = f"{key} is {value:g} m there and {own:g} m here"
                 break
     if reason:
         raise ConfigError(f"log {path} is of another rover than the configuration: {reason}")

@@ -76,14 +76,14 @@ def consistency(logs: Sequence[ReplayedLog]) -> dict[str, tuple[float, float]]:
     The scale is that of the median, so that single outliers do not count.
     """
     names = sorted({name for log in logs for name in log.innovations})
-    found: dict[str, tuple[float, float]] = {}
+    by_kind: dict[str, tuple[float, float]] = {}
     for name in names:
         series = [log.innovations[name] for log in logs if name in log.innovations]
         values = np.concatenate(series)
         if values.size >= LEAST_INNOVATIONS:
             ratio = float(np.median(values**2)) / MEDIAN_OF_SQUARE
-            found[name] = (_bounded(ratio), _correlation(series))
-    return found
+            by_kind[name] = (_bounded(ratio), _correlation(series))
+    return by_kind
 
 
 def _correlation(series: Sequence[Array]) -> float:

@@ -150,9 +150,11 @@ class _Errors(NamedTuple):
 def _errors_at_fixes(fixes: Iterable[tuple[Innovation, ...]]) -> _Errors:
     """Return the errors by innovations before the update."""
     rows: list[tuple[float, float, float, float]] = []
-    for found in fixes:
-        *position_m, yaw_rad = (one.residual or 0.0 for one in found)
-        *position_nees, yaw_nees = (CONTRADICTED_NEES if one.nis is None else one.nis for one in found)
+    for of_fix in fixes:
+        *position_m, yaw_rad = (innovation.residual or 0.0 for innovation in of_fix)
+        *position_nees, yaw_nees = (
+            CONTRADICTED_NEES if innovation.nis is None else innovation.nis for innovation in of_fix
+        )
         rows.append(
             (math.hypot(*position_m), yaw_rad, math.fsum(position_nees) / len(position_nees), yaw_nees)
         )
@@ -163,13 +165,13 @@ def _errors_at(poses: JudgePoses, outputs: Iterable[StepOutput]) -> _Errors:
     """Return the errors at the times of independent poses."""
     rows = [
         (
-            one.estimate.t_ns,
-            one.estimate.x_m,
-            one.estimate.y_m,
-            one.estimate.yaw_rad,
-            *one.estimate.covariance,
+            output.estimate.t_ns,
+            output.estimate.x_m,
+            output.estimate.y_m,
+            output.estimate.yaw_rad,
+            *output.estimate.covariance,
         )
-        for one in outputs
+        for output in outputs
     ]
     start_ns = rows[0][0]
     table = np.array([(row[0] - start_ns, *row[1:]) for row in rows], dtype=np.float64)

@@ -122,8 +122,8 @@ def _fit_one(test: PlateTest) -> tuple[float, float]:
         model = np.exp(parameters[0] + parameters[1] * log_sinkage)
         return np.asarray((model - test.pressure_pa) / scale, dtype=np.float64)
 
-    found = optimize.least_squares(misfit, np.array([level, slope]), x_scale=np.array([1.0, 0.1]))
-    return float(found.x[0]), float(found.x[1])
+    fit = optimize.least_squares(misfit, np.array([level, slope]), x_scale=np.array([1.0, 0.1]))
+    return float(fit.x[0]), float(fit.x[1])
 
 
 def _size_exponent(tests: Sequence[PlateTest], single: Array) -> Interval | None:
