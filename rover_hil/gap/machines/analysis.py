@@ -11,12 +11,13 @@ from rover_hil.gap.machines.called_machine import CalledMachine
 from rover_hil.gap.machines.descent import residual_of
 from rover_hil.gap.machines.drafts import DraftTerm, find_drafts
 from rover_hil.gap.machines.error_budget import ChannelError, error_budget
+from rover_hil.gap.machines.evidence import MachineFit
 from rover_hil.gap.machines.first_answer import first_answer
 from rover_hil.gap.machines.free_terms import FittedTerm, free_terms, search_terms, strength_of
 from rover_hil.gap.machines.gap_tests import gap_p
 from rover_hil.gap.machines.holdout import Holdout, hold_out
 from rover_hil.gap.machines.localise import ResidualLocation, localise_residuals
-from rover_hil.gap.machines.machine_fit import EvidenceKind, MachineFit, MachineFits
+from rover_hil.gap.machines.machine_fit import MachineFits
 from rover_hil.gap.machines.output_terms import equal_terms, equations_of, term_scores
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.released_fit import released_fit
@@ -25,9 +26,6 @@ from rover_hil.gap.machines.run_scatter import RunScatter, run_scatter
 from rover_hil.gap.machines.search import (
     Found,
     MachineSearch,
-    explained,
-    is_equal,
-    is_within_noise,
     score_effects,
 )
 from rover_hil.gap.machines.sizes import Size, size_of
@@ -94,7 +92,7 @@ class MachineFindings:
     @property
     def share(self) -> float:
         """Share of the excess error that the explanation takes away on left-out runs."""
-        return explained(self.base, self.best)[0] if self.best.names else 0.0
+        return self.best.explained(self.base)[0] if self.best.names else 0.0
 
     def size(self, effect: str, parameter: str) -> Size:
         """Return a size of the explanation with its interval."""
@@ -193,11 +191,7 @@ def _validated(
 ) -> MachineFindings:
     is_called = isinstance(findings.machine, CalledMachine)
     holdout = hold_out(findings.machine, locked, findings.base, findings.best, rng, is_nominal=is_called)
-    if findings.best.evidence is EvidenceKind.ROWS:
-        lean, length = holdout.lean
-        is_contradicted = lean > max(MACHINES.steady.veto_sd, 0.5 * length)
-    else:
-        is_contradicted = holdout.improved < 0.5 or (holdout.closure is not None and holdout.closure < 0.0)
+    is_contradicted = findings.best.evidence.is_contradicted(holdout.improved, holdout.closure, holdout.lean)
     best = findings.base if is_contradicted else findings.best
     return _with_best(replace(findings, holdout=holdout), fits, best)
 
@@ -230,7 +224,7 @@ def _with_rivals(findings: MachineFindings, fits: MachineFits) -> MachineFinding
     for one in search_terms(machine, findings.problem, terms, base):
         if one.objection or likeness(one.fit, best, base) > MACHINES.terms.same_law:
             continue
-        if is_within_noise(one.fit) or (one.fit.merit <= best.merit and is_equal(one.fit, best)):
+        if one.fit.is_within_noise or (one.fit.merit <= best.merit and one.fit.is_equal(best)):
             rivals.append(one)
     names = tuple(strength_of(machine, one.term)[0] for one in rivals)
     return replace(findings, rival_terms=names, unlisted=_with_terms(machine, rivals))

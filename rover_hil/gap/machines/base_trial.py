@@ -8,12 +8,13 @@ import numpy as np
 from rover_hil.gap.base_parameters import Trial
 from rover_hil.gap.data.problem import Problem
 from rover_hil.gap.machines.analysis import MachineFindings, has_ports, likeness
+from rover_hil.gap.machines.evidence import MachineFit
 from rover_hil.gap.machines.free_terms import free_terms, search_terms, strength_of
 from rover_hil.gap.machines.holdout import hold_out
-from rover_hil.gap.machines.machine_fit import EvidenceKind, MachineFit, MachineFits
+from rover_hil.gap.machines.machine_fit import MachineFits
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.released_fit import released_fit
-from rover_hil.gap.machines.search import best_shapes, is_equal, is_within_noise, score_effects
+from rover_hil.gap.machines.search import best_shapes, score_effects
 from rover_hil.gap.machines.sizes import size_of
 from rover_hil.gap.statistics.score import one_sided_z
 from rover_hil.gap.verdict import FittedBase
@@ -110,14 +111,12 @@ def _held_machine(machine: StateModel, name: str) -> StateModel:
 
 def _is_as_good(rival: MachineFit, found: MachineFit, part: MachineFit) -> bool:
     """Return True where left-out runs do not prefer the fitted value to an explanation without it."""
-    if is_within_noise(rival) and is_within_noise(found):
+    if rival.is_within_noise and found.is_within_noise:
         return True
     if rival.merit <= found.merit:
         return True
-    if found.evidence is EvidenceKind.ROWS:
-        return is_equal(rival, found)
-    gain = part.error - found.error
-    return part.error - rival.error >= MACHINES.search.set_share * gain and is_equal(rival, found)
+    gain, most = part.error - rival.error, part.error - found.error
+    return found.evidence.gains_alike(gain, most) and rival.is_equal(found)
 
 
 def _terms(machine: StateModel, held: Problem, found: MachineFit, part: MachineFit) -> list[tuple[str, ...]]:
@@ -127,6 +126,6 @@ def _terms(machine: StateModel, held: Problem, found: MachineFit, part: MachineF
         (strength_of(machine, one.term)[0],)
         for one in search_terms(machine, held, terms, part)
         if not one.objection
-        and (likeness(one.fit, found, part) <= MACHINES.terms.same_law or not is_equal(found, one.fit))
+        and (likeness(one.fit, found, part) <= MACHINES.terms.same_law or not found.is_equal(one.fit))
         and _is_as_good(one.fit, found, part)
     ]

@@ -9,6 +9,7 @@ from rover_hil.datasets.arrays import rms
 from rover_hil.gap.data.observed_model import ObservedModel
 from rover_hil.gap.data.problem import Point, Problem, cells, observe
 from rover_hil.gap.machines.card_changes import card_changes
+from rover_hil.gap.machines.evidence import Evidence, LearnedEvidence, RunEvidence
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.terms import series_terms, term_changes
 from sim_backends.models.interface import (
@@ -36,9 +37,7 @@ class CalledMachine(ObservedModel):
         model: The model.
         runs: Its measured runs.
         channels: The same as those of the model, each with the noise of its sensor.
-        learned: Channels whose noise was learned from the runs.
-        slow: Those of them whose errors are so slow that they may be errors of the model.
-        widening: Greatest factor by which correlated errors widen a standard error by independent samples.
+        evidence: How explanations are compared; by default as where the noise is declared.
     """
 
     def __init__(
@@ -46,13 +45,11 @@ class CalledMachine(ObservedModel):
         model: Model,
         runs: Sequence[Run],
         channels: tuple[Channel, ...] = (),
-        learned: tuple[str, ...] = (),
-        slow: tuple[str, ...] = (),
-        widening: float = 1.0,
+        evidence: Evidence | None = None,
     ) -> None:
         super().__init__(model, runs)
         self.channels = channels or self.channels
-        self.learned, self.slow, self.widening = learned, slow, widening
+        self.evidence: Evidence = evidence or RunEvidence()
         units = dict(self.input_units) if isinstance(model, DrivenModel) else {}
         self.input_units: Mapping[str, str] = units
         self.states: Mapping[str, str] = {name: unit for name, unit in units.items() if name != TIME}
@@ -142,13 +139,13 @@ def called_machine(model: Model, runs: Sequence[Run], at: Point | None = None) -
         return whole
     problem = Problem(whole, observe(whole, runs))
     remaining = _remaining(problem, at or {})
-    channels, learned, slow, widening = [], [], [], 1.0
+    channels, slow, widening, is_learned = [], [], 1.0, False
     for index, channel in enumerate(whole.channels):
         rows = [one for one in cells(problem.observations) if problem.observations.channel[one[0]] == index]
         if channel.sigma or not rows:
             channels.append(channel)
             continue
-        learned.append(channel.name)
+        is_learned = True
         values = [remaining[one][np.isfinite(remaining[one])] for one in rows]
         fast = rms(np.concatenate([np.diff(one) for one in values])) / np.sqrt(2.0)
         size = rms(np.concatenate(values))
@@ -162,7 +159,8 @@ def called_machine(model: Model, runs: Sequence[Run], at: Point | None = None) -
         size = max(size, ROUNDING * rms(measured[np.isfinite(measured)]), 1e-12)
         step = channel.quantum / np.sqrt(12.0)
         channels.append(replace(channel, sigma=float(np.sqrt(max(size**2 - step**2, (1e-3 * size) ** 2)))))
-    return CalledMachine(model, runs, tuple(channels), tuple(learned), tuple(slow), widening)
+    evidence = LearnedEvidence(tuple(slow), widening) if is_learned else RunEvidence()
+    return CalledMachine(model, runs, tuple(channels), evidence)
 
 
 def _remaining(problem: Problem, point: Point) -> Array:

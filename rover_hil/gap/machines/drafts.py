@@ -13,9 +13,9 @@ import numpy as np
 
 from rover_hil.gap.data.problem import Point, Problem, observe
 from rover_hil.gap.machines.descent import residual_of
+from rover_hil.gap.machines.evidence import MachineFit
 from rover_hil.gap.machines.free_terms import FittedTerm, free_terms, search_terms, strength_of
 from rover_hil.gap.machines.holdout import with_own_unknowns
-from rover_hil.gap.machines.machine_fit import MachineFit
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.sizes import size_of
 from rover_hil.gap.machines.tracking import basis_of

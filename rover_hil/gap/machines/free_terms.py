@@ -8,7 +8,8 @@ import numpy as np
 
 from rover_hil.datasets.arrays import rms
 from rover_hil.gap.data.problem import Point, Problem, split_point
-from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
+from rover_hil.gap.machines.evidence import MachineFit
+from rover_hil.gap.machines.machine_fit import MachineFits
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.search import MachineSearch, best_shapes, score_effects
 from rover_hil.gap.statistics.score import Score, cosine, one_sided_z

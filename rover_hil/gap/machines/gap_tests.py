@@ -9,7 +9,7 @@ from scipy import stats
 from scipy.linalg import cho_factor, cho_solve
 
 from rover_hil.gap.data.problem import Problem
-from rover_hil.gap.machines.machine_fit import EvidenceKind, MachineFit
+from rover_hil.gap.machines.evidence import MachineFit
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.parameters import STATISTICS
 from rover_hil.gap.statistics.random_force import force_basis
@@ -38,11 +38,10 @@ def gap_p(
         free: Of free-form terms at this fit.
     """
     residual = found.errors
-    if found.evidence is EvidenceKind.ROWS:
-        parts = [_fit_p(found)]
-    else:
-        parts = [_size_p(residual, len(found.fit.free))]
-        parts += [_structure_p(problem, found, residual, knots) for knots in MACHINES.tests.knot_counts]
+    parts = found.evidence.misfit_p(
+        found,
+        lambda: [_structure_p(problem, found, residual, knots) for knots in MACHINES.tests.knot_counts],
+    )
     weights = [1.0 for _ in parts]
     for family, weight in ((scores, MACHINES.tests.effects_weight if free else 1.0), (free, 1.0)):
         if family:
@@ -52,35 +51,6 @@ def gap_p(
             weights.append(weight)
     shared = [sum(weights) / weight * p for weight, p in zip(weights, parts, strict=True)]
     return min(1.0, *shared)
-
-
-def _fit_p(found: MachineFit) -> float:
-    """Return the probability of such a lack of fit against replicates, in total or in any channel.
-
-    Under its priors the sum of squares of residuals and pulls has as many degrees of freedom as there are
-    values.
-    """
-    channel = found.noise.channel
-    squares = np.bincount(channel, weights=found.errors**2)
-    counts = np.bincount(channel)
-    total = _ratio_p(found.cost - found.charge, found.count - len(found.names), found.freedom)
-    each = [
-        _ratio_p(float(square), float(count), found.freedom)
-        for square, count in zip(squares, counts, strict=True)
-        if count
-    ]
-    return min(1.0, 2.0 * min(total, len(each) * min(each)))
-
-
-def _ratio_p(square: float, count: float, freedom: float) -> float:
-    if math.isfinite(freedom):
-        return float(stats.f.sf(square / count, count, freedom))
-    return float(stats.chi2.sf(square, count))
-
-
-def _size_p(residual: Array, fitted: int) -> float:
-    square = float(residual @ residual) / (1.0 + MACHINES.tests.sigma_uncertainty) ** 2
-    return float(stats.chi2.sf(square, max(residual.size - fitted, 1)))
 
 
 def _structure_p(problem: Problem, found: MachineFit, residual: Array, knots: int) -> float:

@@ -8,7 +8,8 @@ import numpy as np
 
 from rover_hil.gap.data.problem import Point, Problem, observe
 from rover_hil.gap.machines.descent import descend, descend_together, residual_of
-from rover_hil.gap.machines.machine_fit import MachineFit, start_of_runs
+from rover_hil.gap.machines.evidence import MachineFit
+from rover_hil.gap.machines.machine_fit import start_of_runs
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.sensor_noise import declared_noise
 from sim_backends.models.interface import Array, Model, Run

@@ -6,7 +6,8 @@ import numpy as np
 
 from rover_hil.gap.data.problem import Problem
 from rover_hil.gap.machines.called_machine import CalledMachine
-from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
+from rover_hil.gap.machines.evidence import MachineFit
+from rover_hil.gap.machines.machine_fit import MachineFits
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.residual_equations import Equation, find_equations
 from rover_hil.gap.machines.search import score_effects

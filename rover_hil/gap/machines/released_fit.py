@@ -8,7 +8,8 @@ import numpy as np
 
 from rover_hil.gap.base_parameters import FAR_SD
 from rover_hil.gap.data.problem import Problem, split_point
-from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
+from rover_hil.gap.machines.evidence import MachineFit
+from rover_hil.gap.machines.machine_fit import MachineFits
 from sim_backends.models.parameter_key import ParameterKey
 
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from rover_hil.gap.data.problem import Free
 from rover_hil.gap.machines.descent import descend, descend_together
-from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
+from rover_hil.gap.machines.evidence import MachineFit
+from rover_hil.gap.machines.machine_fit import MachineFits
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.fit import Fit
 from sim_backends.models.interface import Array

@@ -8,21 +8,11 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-from scipy import special, stats
-
 from rover_hil.gap.data.problem import Point
 from rover_hil.gap.machines.card_changes import card_changes
-from rover_hil.gap.machines.machine_fit import (
-    EvidenceKind,
-    MachineFit,
-    MachineFits,
-    Names,
-    Shapes,
-    jackknife_error,
-)
+from rover_hil.gap.machines.evidence import MachineFit, Names
+from rover_hil.gap.machines.machine_fit import MachineFits, Shapes
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.statistics.jackknife import as_normal, scatter_of_runs
 from rover_hil.gap.statistics.score import Score, cosine, linear_gain, one_sided_z, score_all
 from sim_backends.models.interface import EffectCard, Parameter
 from sim_backends.models.parameter_key import ParameterKey
@@ -83,7 +73,7 @@ class MachineSearch:
         base = self._fits.base()
         best = base
         for _ in range(MACHINES.search.most_rounds):
-            if best.names and _leaves_noise(best):
+            if best.names and best.leaves_noise:
                 break
             better = self._better(best)
             if better is None:
@@ -112,7 +102,7 @@ class MachineSearch:
         """Return a better explanation that is accepted; with a pair only where no single effect suffices."""
         singles = self._fitted([*self._singles(best), *self._swapped(best)])
         better = self._best_of(singles, best)
-        if is_small(best) or (better is not None and (_leaves_noise(better) or _explains_most(best, better))):
+        if is_small(best) or (better is not None and (better.leaves_noise or better.explains_most(best))):
             return better
         pairs = self._fitted(self._pairs(best))
         return self._best_of([*singles, *pairs], best)
@@ -131,7 +121,7 @@ class MachineSearch:
         accepted = [
             one
             for one in sorted(better, key=lambda one: one.merit)
-            if len(one.names) > len(best.names) or not is_equal(one, best)
+            if len(one.names) > len(best.names) or not one.is_equal(best)
         ]
         return next((one for one in accepted if self._is_accepted(one)), None)
 
@@ -186,16 +176,13 @@ class MachineSearch:
     def _evidence(self, found: MachineFit, name: str, *, is_alternative: bool) -> Evidence:
         card = self._fits.cards[name]
         part = self._part(found, name)
-        share, agreeing = explained(part, found)
-        z = _z(part, found, card.strength_key)
-        least_share, needed = _needed(found, share)
+        share, agreeing = found.explained(part)
+        z = found.evidence.z(part, found, card.strength_key)
+        least_share, needed = found.evidence.needed(found, share)
         if is_alternative:
             needed = min(needed, MACHINES.search.clear_z)
         objection = ""
-        if (
-            found.evidence is EvidenceKind.LEARNED
-            and _cancellation(found) > MACHINES.search.most_cancellation
-        ):
+        if found.evidence.is_imitation(found):
             objection = "large effects nearly cancel: they imitate a third"
         elif share < least_share:
             objection = (
@@ -230,17 +217,13 @@ class MachineSearch:
                 if len(names) == len(best.names)
                 and names != best.names
                 and (
-                    is_within_noise(one)
-                    or (self._gains_alike(base.merit - one.merit, gain) and is_equal(one, best))
+                    one.is_within_noise
+                    or (one.evidence.gains_alike(base.merit - one.merit, gain) and one.is_equal(best))
                 )
                 and all(not item.objection for item in self.evidence(one, is_alternative=True))
             ),
             key=lambda one: one.merit,
         )
-
-    def _gains_alike(self, gain: float, best: float) -> bool:
-        """Return True where an alternative gains enough; values that count one by one have one rule only."""
-        return self._fits.evidence is EvidenceKind.ROWS or gain >= MACHINES.search.set_share * best
 
     def _twins(self, part: MachineFit, best: MachineFit, name: str) -> list[Score]:
         """Return the effects most similar to one of the best explanation."""
@@ -267,144 +250,12 @@ def score_effects(fits: MachineFits, at: MachineFit) -> list[Score]:
     others = [card for name, card in fits.cards.items() if name not in at.names]
     changes = card_changes(fits.problem, at.fit.point, others)
     whitened = [replace(one, change=at.noise.whiten(one.change)) for one in changes]
-    return score_all(at.fit, at.noise, whitened, is_steady=fits.evidence is not EvidenceKind.LEARNED)
-
-
-def strength_z(found: MachineFit, key: ParameterKey) -> float:
-    """Return the distance of a strength from its null over the scatter of runs, as a standard normal."""
-    left_out = found.left_out
-    index = left_out.keys.index(key)
-    pull = float(found.fit.pull[[item.key for item in found.fit.free].index(key)])
-    by_samples = float(left_out.by_samples[index])
-    ratio = jackknife_error(left_out, index) / by_samples
-    spread, freedom = scatter_of_runs(ratio, left_out.informed[:, index])
-    return math.copysign(as_normal(pull / by_samples, spread, freedom), pull)
-
-
-def _z(part: MachineFit, found: MachineFit, key: ParameterKey) -> float:
-    """Return how certain a strength is: over the scatter of runs, or by the likelihood of all values."""
-    if found.evidence is EvidenceKind.RUNS:
-        return strength_z(found, key)
-    if found.evidence is EvidenceKind.LEARNED:
-        # A base parameter that an effect releases must also lie beyond its prior.
-        most = math.sqrt(max(part.merit - found.merit, 0.0))
-        return float(np.clip(strength_z(found, key), -most, most))
-    gain = max(part.merit - found.merit, 0.0) / found.inflation
-    return -float(special.ndtri(max(0.5 * float(_ratio_sf(gain, found.freedom)), 1e-300)))
-
-
-def _cancellation(found: MachineFit) -> float:
-    """Return the ratio of the change by effects one by one to that of all together, at least 1.
-
-    Large effects that nearly cancel imitate another effect by their small difference.
-    """
-    first: dict[str, int] = {}
-    for place, item in enumerate(found.fit.free):
-        if item.key.is_of_effect:
-            first.setdefault(item.key.effect, place)
-    places = list(first.values())
-    changes = found.fit.jacobian.columns(places) * found.fit.pull[places]
-    together = float(np.linalg.norm(changes.sum(axis=1)))
-    return float(np.linalg.norm(changes, axis=0).sum()) / max(together, 1e-300)
-
-
-def _ratio_sf(gain: float, freedom: float) -> float:
-    """Return the probability of a likelihood ratio by chance; the size of the errors is uncertain."""
-    return float(stats.f.sf(gain, 1, freedom) if math.isfinite(freedom) else stats.chi2.sf(gain, 1))
-
-
-def _needed(found: MachineFit, share: float) -> tuple[float, float]:
-    """Return the least share of the remaining error that an effect explains, and its least certainty."""
-    if found.evidence is EvidenceKind.ROWS:
-        if len(found.names) > 1:
-            return MACHINES.steady.more_share, MACHINES.steady.more_z
-        return MACHINES.search.share, MACHINES.steady.first_z
-    if found.evidence is EvidenceKind.LEARNED:
-        return MACHINES.search.share, MACHINES.noise.z
-    is_clear = share >= MACHINES.search.clear_share
-    return MACHINES.search.share, MACHINES.search.clear_z if is_clear else MACHINES.search.least_z
-
-
-def set_reach(freedom: float) -> float:
-    """Return the greatest difference of the costs of two explanations that are both possible."""
-    level = MACHINES.steady.set_level
-    return float(stats.f.ppf(level, 1, freedom) if math.isfinite(freedom) else stats.chi2.ppf(level, 1))
-
-
-def is_equal(one: MachineFit, other: MachineFit) -> bool:
-    """Return True where left-out runs do not find the first clearly worse than the second, nor better."""
-    if one.evidence is EvidenceKind.ROWS:
-        return abs(one.merit - other.merit) <= other.inflation * set_reach(other.freedom)
-    differences = np.log(one.left_out.squares / other.left_out.squares) * np.sqrt(other.left_out.counts)
-    if differences.size < 2:
-        return True
-    spread = float(np.std(differences, ddof=1)) / math.sqrt(differences.size)
-    t = abs(float(differences.mean())) / max(spread, 1e-12)
-    return t < float(stats.t.ppf(0.5 + 0.5 * MACHINES.search.set_level, differences.size - 1))
+    return score_all(at.fit, at.noise, whitened, is_steady=not fits.evidence.is_learned)
 
 
 def is_small(found: MachineFit) -> bool:
     """Return True where a fit leaves less than the noise of the sensors: a pair is not worth its risk."""
     return found.excess < float(found.left_out.counts.sum())
-
-
-def is_within_noise(found: MachineFit) -> bool:
-    """Return True where the declared noise of the sensors explains what a fit leaves of left-out runs."""
-    if found.evidence is not EvidenceKind.RUNS:
-        return False
-    return _is_noise(found)
-
-
-def _is_noise(found: MachineFit) -> bool:
-    return found.error <= found.count * (1.0 + 3.0 * math.sqrt(2.0 / found.count))
-
-
-def _leaves_noise(found: MachineFit) -> bool:
-    """Return True where no further effect is worth a search."""
-    if found.evidence is EvidenceKind.ROWS:
-        return found.cost - found.charge <= found.count * (1.0 + 3.0 * math.sqrt(2.0 / found.count))
-    return is_within_noise(found)
-
-
-def _explains_most(part: MachineFit, found: MachineFit) -> bool:
-    """Return True where one effect leaves no room for a pair; only of models whose predictions are dear.
-
-    Nine tenths of a gap of thirty times the noise are no reason to stop: a third effect that resembles two
-    missing ones explains as much.
-    """
-    if found.evidence is not EvidenceKind.LEARNED or not _is_noise(found):
-        return False
-    return explained(part, found)[0] >= MACHINES.verdict.whole
-
-
-def explained(part: MachineFit, found: MachineFit) -> tuple[float, float]:
-    """Return the share of the excess error that effects explain on left-out runs, and that of better runs.
-
-    Each run has the weight of its excess error, at most that of its samples, so that a run that lies far
-    outside the others cannot decide alone.
-    """
-    if found.evidence is EvidenceKind.ROWS:
-        excess_cost = max(part.cost - part.charge - part.count, 1e-9)
-        share = float(np.clip((part.merit - found.merit) / excess_cost, -1.0, 1.0))
-        return share, 1.0 if share > 0.0 else 0.0
-    before, after = part.left_out.squares, found.left_out.squares
-    if found.evidence is EvidenceKind.LEARNED:
-        return _explained_with_pulls(part, found)
-    excess = np.maximum(before - part.left_out.counts, 1e-9)
-    weight = np.minimum(excess, part.left_out.counts)
-    shares = np.clip((before - after) / excess, -1.0, 1.0)
-    total = float(weight.sum())
-    return float((weight * shares).sum() / total), float(weight[after < before].sum() / total)
-
-
-def _explained_with_pulls(part: MachineFit, found: MachineFit) -> tuple[float, float]:
-    """Return the same where base parameters may have taken the gap on themselves, against their priors."""
-    gains = part.left_out.squares - found.left_out.squares
-    by_pulls = part.pulls - found.pulls
-    asked = max(part.error - part.count, 0.0) + part.pulls
-    share = float(np.clip((float(gains.sum()) + by_pulls) / max(asked, 1e-9), -1.0, 1.0))
-    better = float(gains[gains > 0.0].sum()) + max(by_pulls, 0.0)
-    return share, better / max(float(np.abs(gains).sum()) + abs(by_pulls), 1e-300)
 
 
 def best_shapes(scores: Sequence[Score]) -> list[Score]:
@@ -421,11 +272,8 @@ def best_shapes(scores: Sequence[Score]) -> list[Score]:
 
 
 def _at_bound(found: MachineFit, card: EffectCard) -> str:
-    """Return which parameter of an effect is at a bound that is not its null; empty for none.
-
-    Steady experiments seldom determine a shape; a share of 0 or 1 is possible there.
-    """
-    for item in card.parameters[:1] if found.evidence is EvidenceKind.ROWS else card.parameters:
+    """Return which parameter of an effect is at a bound that is not its null; empty for none."""
+    for item in found.evidence.determined(card):
         value = found.fit.point[ParameterKey(effect=card.name, name=item.name)]
         bounds = [one for one in (item.lower, item.upper) if math.isfinite(one) and one != item.nominal]
         if any(abs(value - one) <= MACHINES.search.at_limit * _range(item, one) for one in bounds):

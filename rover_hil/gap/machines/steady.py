@@ -14,6 +14,7 @@ from drivers.errors import ModelError
 from rover_hil.gap.data.observed_model import ObservedModel
 from rover_hil.gap.data.problem import Group, group_runs
 from rover_hil.gap.machines.called_machine import CalledMachine
+from rover_hil.gap.machines.evidence import RowEvidence
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.replicates import Scatter, estimate_scatter, group_covariance, winsorise
 from sim_backends.models.interface import Array, Channel, Model, Run, Values
@@ -38,8 +39,7 @@ class SteadyMachine(CalledMachine):
         freedom: float,
         typical: Array,
     ) -> None:
-        super().__init__(model, runs, channels)
-        self.freedom = freedom
+        super().__init__(model, runs, channels, RowEvidence(freedom))
         self._given = tuple(ObservedModel(model, runs).channels)
         self._typical = typical
         self._roots: dict[str, Array] = {}

@@ -3,9 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from rover_hil.gap.machines.analysis import MachineFindings
-from rover_hil.gap.machines.called_machine import CalledMachine
 from rover_hil.gap.machines.error_budget import ChannelError
-from rover_hil.gap.machines.machine_fit import EvidenceKind
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.search import best_shapes
 from rover_hil.gap.statistics.score import Score, one_sided_z
@@ -75,9 +73,8 @@ def _where(findings: MachineFindings) -> list[dict[str, str | float | int]]:
 
 def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
     if findings.p_gap > MACHINES.tests.alpha:
-        is_by_rows = findings.base.evidence is EvidenceKind.ROWS
         unsure = [one for one in findings.budget_before if not one.is_good_enough]
-        if unsure and not is_by_rows:
+        if unsure and findings.base.evidence.has_budget:
             return Answer.NOT_IDENTIFIABLE, [one.sentence() for one in unsure]
         unjudged = _unjudged(findings)
         return (Answer.NOT_IDENTIFIABLE, [unjudged]) if unjudged else (Answer.NO_GAP, [])
@@ -98,11 +95,7 @@ def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
 def _explained(findings: MachineFindings) -> float:
     """Return the share of the gap that the best explains, on locked runs where that is defined."""
     closure = None if findings.holdout is None else findings.holdout.closure
-    kind = findings.best.evidence
-    if kind is EvidenceKind.RUNS or (kind is EvidenceKind.LEARNED and closure is not None):
-        return findings.share if closure is None else closure
-    # Without an absolute scale, or with few values, a gap may lie in the pulls of the base parameters alone.
-    return 1.0 if findings.p_remaining > MACHINES.tests.alpha else findings.share
+    return findings.best.evidence.share_of_gap(closure, findings.share, findings.p_remaining)
 
 
 def _without_name(findings: MachineFindings) -> tuple[Answer, list[str]]:
@@ -124,7 +117,7 @@ def _without_name(findings: MachineFindings) -> tuple[Answer, list[str]]:
 
 def _unjudged(findings: MachineFindings) -> str:
     """Return why agreement cannot be judged; empty where it can."""
-    slow = findings.machine.slow if isinstance(findings.machine, CalledMachine) else ()
+    slow = findings.base.evidence.slow
     if not slow:
         return ""
     return (
@@ -142,7 +135,7 @@ def _reservations(findings: MachineFindings) -> list[str]:
     """Return why the names are not certain or not complete."""
     reasons: list[str] = []
     holdout = findings.holdout
-    if findings.best.evidence is EvidenceKind.ROWS:
+    if not findings.best.evidence.has_budget:
         is_rest = findings.p_remaining <= MACHINES.tests.alpha and findings.share < MACHINES.verdict.whole
         return [f"{1.0 - findings.share:.0%} of the gap remain unexplained"] if is_rest else []
     is_rest_small = all(one.is_good_enough for one in findings.budget_after)
@@ -253,8 +246,8 @@ def _unscored(score: Score | None) -> str:
 
 
 def _detectable(findings: MachineFindings) -> list[dict[str, str | float]]:
-    scores, machine = best_shapes(findings.scores), findings.machine
-    power_z = MACHINES.verdict.power_z * (machine.widening if isinstance(machine, CalledMachine) else 1.0)
+    scores = best_shapes(findings.scores)
+    power_z = MACHINES.verdict.power_z * findings.base.evidence.widening
     return [
         {
             "name": one.direction.name,

@@ -37,8 +37,8 @@ def drifting(runs: list[Run], size: float) -> list[Run]:
 def test_the_noise_is_learned_beside_an_effect(kind: str, hidden: dict[str, float]) -> None:
     drive = Drive(kind=kind)
     machine = called_machine(make_axis(), axis_runs(3, drive, **hidden))
-    assert machine.learned == ("speed",)
-    assert machine.slow == ()
+    assert machine.evidence.is_learned
+    assert machine.evidence.slow == ()
     assert machine.channels[0].noise_sd == pytest.approx(drive.noise, rel=0.15)
 
 
@@ -46,7 +46,7 @@ def test_declared_noise_is_taken_as_it_is() -> None:
     model = make_axis()
     object.__setattr__(model, "channels", (replace(model.channels[0], sigma=0.123),))
     machine = called_machine(model, axis_runs(3))
-    assert machine.learned == ()
+    assert not machine.evidence.is_learned
     assert machine.channels[0].sigma == 0.123
 
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 
 from rover_hil.gap.data.problem import Problem, observe
-from rover_hil.gap.machines.machine_fit import MachineFit, MachineFits
+from rover_hil.gap.machines.evidence import MachineFit
+from rover_hil.gap.machines.machine_fit import MachineFits
 from rover_hil.gap.machines.released_fit import released_fit
 from rover_hil.gap.machines.sizes import size_of
 from sim_backends.models.parameter_key import ParameterKey

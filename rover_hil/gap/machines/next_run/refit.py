@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.gap.data.problem import Indices
-from rover_hil.gap.machines.machine_fit import RIDGE, MachineFit, held_parameters, parts_of_runs
+from rover_hil.gap.machines.evidence import MachineFit
+from rover_hil.gap.machines.left_out import RIDGE, held_parameters, parts_of_runs
 from rover_hil.gap.machines.parameters import MACHINES
 from sim_backends.models.interface import Array
 
