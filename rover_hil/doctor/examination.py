@@ -11,23 +11,23 @@ from drivers.device_settings import CanDeviceSettings
 from drivers.errors import NotConnectedError
 from drivers.registry import AnyDeviceSettings
 from rover_hil.config import Config
-from rover_hil.doctor.can_interface import check_interface, read_ip_details
-from rover_hil.doctor.can_traffic import check_traffic
-from rover_hil.doctor.clocks import check_device_clock, check_host_clock, read_clocks
-from rover_hil.doctor.config_consistency import check_consistency
-from rover_hil.doctor.faults import check_faults
+from rover_hil.doctor.configuration.config_consistency import check_consistency
+from rover_hil.doctor.devices.can_traffic import check_traffic
+from rover_hil.doctor.devices.clocks import check_device_clock, check_host_clock, read_clocks
+from rover_hil.doctor.devices.faults import check_faults
+from rover_hil.doctor.devices.frames import check_frames
+from rover_hil.doctor.devices.gyro_bandwidth import check_gyro_bandwidth
+from rover_hil.doctor.devices.gyro_rate import check_gyro_rate
+from rover_hil.doctor.devices.listening import OpenDevice, Reception, listen, open_device
+from rover_hil.doctor.devices.no_data import check_no_data
+from rover_hil.doctor.devices.rejections import check_rejections
+from rover_hil.doctor.devices.streams import check_breaks, check_streams, parts_of
 from rover_hil.doctor.finding import Finding, Level, SystemPaths, problem, warning
-from rover_hil.doctor.frames import check_frames
-from rover_hil.doctor.gyro_bandwidth import check_gyro_bandwidth
-from rover_hil.doctor.gyro_rate import check_gyro_rate
-from rover_hil.doctor.installation import DISTRIBUTION, check_installation
-from rover_hil.doctor.listening import OpenDevice, Reception, listen, open_device
-from rover_hil.doctor.no_data import check_no_data
-from rover_hil.doctor.ports import busy, check_latency_timer, check_port, port_of
-from rover_hil.doctor.rejections import check_rejections
-from rover_hil.doctor.ros2 import check_ros2
-from rover_hil.doctor.scheduling import check_scheduling, may_use_realtime
-from rover_hil.doctor.streams import check_breaks, check_streams, parts_of
+from rover_hil.doctor.host.can_interface import check_interface, read_ip_details
+from rover_hil.doctor.host.installation import DISTRIBUTION, check_installation
+from rover_hil.doctor.host.ports import busy, check_latency_timer, check_port, port_of
+from rover_hil.doctor.host.ros2 import check_ros2
+from rover_hil.doctor.host.scheduling import check_scheduling, may_use_realtime
 
 
 def examine_computer(paths: SystemPaths) -> list[Finding]:

@@ -16,10 +16,10 @@ from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.console.json_text import print_json
 from rover_hil.console.options import ConfigArgument, ForceOption, JsonOption
 from rover_hil.console.steps import show_steps
-from rover_hil.doctor.config_consistency import check_consistency
+from rover_hil.doctor.configuration.config_consistency import check_consistency
+from rover_hil.doctor.configuration.progress_sources import describe_progress
+from rover_hil.doctor.configuration.slip_sources import describe_slip_sources
 from rover_hil.doctor.finding import Finding, Level
-from rover_hil.doctor.progress_sources import describe_progress
-from rover_hil.doctor.slip_sources import describe_slip_sources
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.ready.ages import check_ages
 from rover_hil.run.checks import RUN_CHECKS, SIMULATE_CHECKS, VIRTUAL_RUN_CHECKS

@@ -6,8 +6,8 @@ from pydantic_core import from_json, to_json
 
 from rover_hil.pages.atomic_write import write_files
 from rover_hil.pages.render import render
-from rover_hil.report.camera_pictures import camera_pictures
 from rover_hil.report.curves import run_curves, viewer_data
+from rover_hil.report.figures.camera import camera_pictures
 from rover_hil.report.read_run import read_run
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Summary, summarise
@@ -37,7 +37,7 @@ def write_report(log_path: Path, folder: Path) -> str:
 
 def _render(run: RunData, summary: Summary) -> str:
     # Imported here because it brings matplotlib, a third of a second that the start of a run must not wait.
-    from rover_hil.report.figures import draw_report
+    from rover_hil.report.figures.listed import draw_report
 
     return render(
         "report/report.html",

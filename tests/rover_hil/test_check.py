@@ -8,7 +8,7 @@ import pytest
 
 from drivers.errors import ConfigError
 from rover_hil.config import Rule, load_config, read_config_text, schema_text, shipped_configs
-from rover_hil.doctor.progress_sources import describe_progress
+from rover_hil.doctor.configuration.progress_sources import describe_progress
 from rover_hil.ready.check import TUNE_RULE
 from rover_hil.run.checks import RUN_CHECKS
 from rover_hil.tune.parameters import TUNE_CHECKS, check_parameters

@@ -10,7 +10,7 @@ from benchmarks.program.fuzz_parsers import BLOCK, PARSERS, fuzz
 from drivers.device_settings import FrameDeviceSettings
 from drivers.registry import AnyDeviceSettings
 from rover_hil.config import load_config, shipped_configs
-from rover_hil.doctor.rejections import _UNKNOWN, advice_for
+from rover_hil.doctor.devices.rejections import _UNKNOWN, advice_for
 from rover_hil.recording.reader import LogReader
 from rover_hil.run.checks import VIRTUAL_RUN_CHECKS
 from rover_hil.run.driving import run_virtual

@@ -9,10 +9,10 @@ from drivers.link import Received
 from drivers.samples import RateSample
 from drivers.witmotion.codec import REGISTERS, WitMotionCodec, encode_frame, encode_rate
 from rover_hil.config import Config, load_config
+from rover_hil.doctor.devices.gyro_bandwidth import check_gyro_bandwidth, stated_bandwidth_hz
+from rover_hil.doctor.devices.gyro_rate import check_gyro_rate
+from rover_hil.doctor.devices.listening import Reception
 from rover_hil.doctor.finding import Level
-from rover_hil.doctor.gyro_bandwidth import check_gyro_bandwidth, stated_bandwidth_hz
-from rover_hil.doctor.gyro_rate import check_gyro_rate
-from rover_hil.doctor.listening import Reception
 from tests.rover_hil.test_doctor_samples import reception as silent
 
 ROBOTINO = load_config("robotino")

@@ -26,14 +26,14 @@ from drivers.samples import (
     RateSample,
     Sample,
 )
-from rover_hil.doctor.clocks import check_device_clock
-from rover_hil.doctor.faults import check_faults
+from rover_hil.doctor.devices.clocks import check_device_clock
+from rover_hil.doctor.devices.faults import check_faults
+from rover_hil.doctor.devices.frames import check_frames
+from rover_hil.doctor.devices.listening import Reception
+from rover_hil.doctor.devices.no_data import check_no_data
+from rover_hil.doctor.devices.rejections import advice_for, check_rejections
+from rover_hil.doctor.devices.streams import Part, check_breaks, check_streams, stream_of
 from rover_hil.doctor.finding import Finding, Level
-from rover_hil.doctor.frames import check_frames
-from rover_hil.doctor.listening import Reception
-from rover_hil.doctor.no_data import check_no_data
-from rover_hil.doctor.rejections import advice_for, check_rejections
-from rover_hil.doctor.streams import Part, check_breaks, check_streams, stream_of
 
 COMPASS = NmeaCompassSettings(port="/dev/null")
 CAN = CanWheelsSettings(interface="socketcan", channel="can0", mapping="generic_wheel", bit_rate=500_000)

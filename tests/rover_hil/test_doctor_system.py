@@ -20,12 +20,12 @@ from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.witmotion.settings import WitMotionSettings
 from rover_hil.config import Config
-from rover_hil.doctor.can_interface import check_interface
-from rover_hil.doctor.clocks import ClockPair, check_host_clock
-from rover_hil.doctor.config_consistency import check_consistency
+from rover_hil.doctor.configuration.config_consistency import check_consistency
+from rover_hil.doctor.devices.clocks import ClockPair, check_host_clock
 from rover_hil.doctor.finding import Finding, Level, SystemPaths
-from rover_hil.doctor.installation import OWNERS, check_installation
-from rover_hil.doctor.ports import (
+from rover_hil.doctor.host.can_interface import check_interface
+from rover_hil.doctor.host.installation import OWNERS, check_installation
+from rover_hil.doctor.host.ports import (
     CAMERA,
     SERIAL,
     Port,
@@ -35,7 +35,7 @@ from rover_hil.doctor.ports import (
     no_permission,
     port_of,
 )
-from rover_hil.doctor.scheduling import check_scheduling
+from rover_hil.doctor.host.scheduling import check_scheduling
 from rover_hil.ready.ages import check_ages
 
 ROOT = Path(__file__).parents[2]

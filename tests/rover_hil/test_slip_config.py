@@ -9,7 +9,7 @@ from controllers.slip.effort.gyro_response import GyroResponse
 from controllers.slip.effort.yaw_excitation import ExcitationSettings
 from drivers.errors import ConfigError
 from rover_hil.config import Config, load_config, shipped_configs
-from rover_hil.doctor.config_consistency import check_consistency
+from rover_hil.doctor.configuration.config_consistency import check_consistency
 from rover_hil.doctor.finding import Level
 from rover_hil.ready.ages import check_ages
 from tests.rover_hil.command import Command

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from rover_hil.pages import style
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
-from rover_hil.report import run_plots
 from rover_hil.report.curves import run_curves, viewer_data
+from rover_hil.report.figures import run_plots
 from rover_hil.report.read_run import read_run
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Summary, position_error_m, summarise

@@ -11,7 +11,7 @@ import pytest
 from rover_hil.config import load_config, ros2_joints
 from rover_hil.config.ros2_settings import DOMAIN_VARIABLE, Ros2Settings
 from rover_hil.doctor.finding import Finding, Level
-from rover_hil.doctor.ros2 import check_ros2
+from rover_hil.doctor.host.ros2 import check_ros2
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.connect.by_hand import own_domain
 

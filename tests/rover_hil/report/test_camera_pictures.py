@@ -13,7 +13,7 @@ from controllers.safety import Mode
 from drivers.errors import LogError
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.schema import RAW
-from rover_hil.report.camera_pictures import camera_pictures
+from rover_hil.report.figures.camera import camera_pictures
 from rover_hil.report.read_run import read_run
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Stop, Summary, summarise
@@ -91,7 +91,7 @@ def test_a_frame_that_is_damaged_is_said_so(
     def fail(data: bytes) -> None:
         raise LogError("damaged")
 
-    monkeypatch.setattr("rover_hil.report.camera_pictures.decode_image", fail)
+    monkeypatch.setattr("rover_hil.report.figures.camera.decode_image", fail)
     found = camera_pictures(*run)
     assert len(found) == 3
     assert {(picture.trace, picture.source) for picture in found} == {("the frame cannot be decoded", "")}

@@ -29,9 +29,9 @@ from rover_hil.recording.schema import VIEW_LOG, EstimateRecord, PoseRecord, end
 from rover_hil.recording.text import estimate_text
 from rover_hil.recording.watchdog_note import MOST_CHARACTERS, note_path, read_note
 from rover_hil.recording.writer import LogWriter
+from rover_hil.report.figures.system import draw_innovations
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Spread, Summary, summarise
-from rover_hil.report.system_figures import draw_innovations
 from rover_hil.report.verdict import Grade, facts, grade, tag, verdict
 from rover_hil.report.write import write_report
 from rover_hil.run.executive import End, RunResult

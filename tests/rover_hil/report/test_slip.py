@@ -10,8 +10,8 @@ import pytest
 from controllers.control_loop import StepOutput
 from controllers.slip.effort.compensator import SlipReport
 from controllers.slip.effort.wheel_slips import WheelSlip
+from rover_hil.report.figures.slip import draw_slip
 from rover_hil.report.read_run import read_run
-from rover_hil.report.slip_figures import draw_slip
 from rover_hil.report.summary import SlipSummary, summarise
 from rover_hil.report.verdict import facts
 from rover_hil.report.write import write_report

@@ -5,12 +5,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rover_hil.pages import style
-from rover_hil.report import run_plots
+from rover_hil.report.figures import run_plots
+from rover_hil.report.figures.wheels import ROW_HEIGHT_IN
 from rover_hil.report.run_data import EstimatedSlip, RunData, SlipData, WheelData
 from rover_hil.report.summary import Summary
 from rover_hil.report.thinning import visible_spans
 from rover_hil.report.tracks import Series, running_mean, slip_over_time, spans
-from rover_hil.report.wheel_figures import ROW_HEIGHT_IN
 
 TURNING_SHARE = 0.05
 STRIP_HEIGHT_IN = 0.45

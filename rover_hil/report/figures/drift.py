@@ -5,7 +5,7 @@ import math
 from matplotlib.figure import Figure
 
 from rover_hil.pages import style
-from rover_hil.report import run_plots
+from rover_hil.report.figures import run_plots
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Summary
 from rover_hil.report.thinning import visible_spans

@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 from drivers.clock import Clock, date_of, seconds, wall_time_ns
+from rover_hil.doctor.devices.listening import Reception
 from rover_hil.doctor.finding import Finding, ok, warning
-from rover_hil.doctor.listening import Reception
 
 CHECK = "clock"
 LARGEST_STEP_S = 0.01

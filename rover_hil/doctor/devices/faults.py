@@ -2,8 +2,8 @@
 
 from drivers.can_faults import BUS
 from drivers.samples import BumperSample, FaultSample, PowerSample
+from rover_hil.doctor.devices.listening import Reception
 from rover_hil.doctor.finding import CAN_WIRING, Finding, ok, problem, warning
-from rover_hil.doctor.listening import Reception
 
 CHECK = "device fault"
 

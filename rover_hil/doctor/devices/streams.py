@@ -9,9 +9,9 @@ from controllers.motion.kinematics import make_kinematics
 from drivers.clock import seconds
 from drivers.samples import HeadingSample, LinkSample, RateSample, Sample, WheelSample
 from rover_hil.config import Config
+from rover_hil.doctor.devices.listening import Reception
+from rover_hil.doctor.devices.rejections import list_reasons
 from rover_hil.doctor.finding import Finding, ok, problem, warning
-from rover_hil.doctor.listening import Reception
-from rover_hil.doctor.rejections import list_reasons
 
 CHECK = "data"
 PERIODS_PER_AGE_LIMIT = 1.8

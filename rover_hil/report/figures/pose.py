@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
 from rover_hil.pages import style
-from rover_hil.report import run_plots
+from rover_hil.report.figures import run_plots
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import Summary, TrackError, position_error_m
 from rover_hil.report.thinning import THIN_BINS

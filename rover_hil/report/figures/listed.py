@@ -6,15 +6,15 @@ from functools import partial
 from matplotlib.figure import Figure
 
 from rover_hil.pages.picture import Drawing, Picture, draw_pictures
-from rover_hil.report.crab_figures import draw_crab
-from rover_hil.report.drift_figures import draw_drift
-from rover_hil.report.ground_figures import draw_ground_slip
-from rover_hil.report.pose_figures import draw_error, draw_headings, draw_path
+from rover_hil.report.figures.crab import draw_crab
+from rover_hil.report.figures.drift import draw_drift
+from rover_hil.report.figures.ground import draw_ground_slip
+from rover_hil.report.figures.pose import draw_error, draw_headings, draw_path
+from rover_hil.report.figures.slip import draw_effort, draw_slip
+from rover_hil.report.figures.system import draw_innovations, draw_timeline, draw_timing
+from rover_hil.report.figures.wheels import draw_currents, draw_speeds
 from rover_hil.report.run_data import RunData
-from rover_hil.report.slip_figures import draw_effort, draw_slip
 from rover_hil.report.summary import Summary
-from rover_hil.report.system_figures import draw_innovations, draw_timeline, draw_timing
-from rover_hil.report.wheel_figures import draw_currents, draw_speeds
 
 Draw = Callable[[RunData, Summary], Figure | None]
 

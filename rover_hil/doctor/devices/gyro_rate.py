@@ -3,9 +3,9 @@
 from drivers.inertial_settings import InertialSettings
 from drivers.samples import RateSample
 from rover_hil.config import Config
+from rover_hil.doctor.devices.listening import Reception
+from rover_hil.doctor.devices.streams import stream_of
 from rover_hil.doctor.finding import Finding, warning
-from rover_hil.doctor.listening import Reception
-from rover_hil.doctor.streams import stream_of
 
 
 def check_gyro_rate(reception: Reception, config: Config) -> list[Finding]:

@@ -10,9 +10,9 @@ from drivers.robotino3_board.settings import Robotino3BoardSettings
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.vectornav.settings import VectorNavSettings
 from drivers.vesc.settings import VescSettings
+from rover_hil.doctor.devices.listening import Reception
+from rover_hil.doctor.devices.rejections import advice_for, list_reasons
 from rover_hil.doctor.finding import Finding, problem, warning
-from rover_hil.doctor.listening import Reception
-from rover_hil.doctor.rejections import advice_for, list_reasons
 
 CHECK = "data"
 GARBLED = frozenset({"framing", "checksum"})

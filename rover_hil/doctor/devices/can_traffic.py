@@ -7,9 +7,9 @@ from drivers.can_wheels.mapping import CanWheelsMapping
 from drivers.can_wheels.mapping_file import load_mapping
 from drivers.can_wheels.messages import bus_id
 from drivers.can_wheels.settings import CanWheelsSettings
+from rover_hil.doctor.devices.listening import Reception
+from rover_hil.doctor.devices.streams import stream_of
 from rover_hil.doctor.finding import Finding, ok, problem
-from rover_hil.doctor.listening import Reception
-from rover_hil.doctor.streams import stream_of
 
 CHECK = "CAN messages"
 MOST_NAMED = 8

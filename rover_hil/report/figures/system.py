@@ -10,7 +10,7 @@ from matplotlib.ticker import EngFormatter
 from controllers.motion.limits import Limit
 from controllers.safety import Mode
 from rover_hil.pages import style
-from rover_hil.report import run_plots
+from rover_hil.report.figures import run_plots
 from rover_hil.report.run_data import InnovationData, RunData
 from rover_hil.report.summary import Summary
 from rover_hil.report.thinning import visible_spans, with_gaps

@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
+from rover_hil.doctor.devices.listening import Reception
 from rover_hil.doctor.finding import CAN_WIRING, Finding, Level
-from rover_hil.doctor.listening import Reception
 
 CHECK = "rejected data"
 

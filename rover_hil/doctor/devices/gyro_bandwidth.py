@@ -12,8 +12,8 @@ from controllers.slip.effort.settings import YAW_PROBE
 from drivers.witmotion.codec import FRAME_SIZE, HEADER, REGISTERS
 from drivers.witmotion.settings import WitMotionSettings
 from rover_hil.config import Config
+from rover_hil.doctor.devices.listening import Reception
 from rover_hil.doctor.finding import Finding, ok, warning
-from rover_hil.doctor.listening import Reception
 
 CHECK = "bandwidth"
 BANDWIDTHS_HZ = (256.0, 188.0, 98.0, 42.0, 20.0, 10.0, 5.0)

@@ -12,7 +12,7 @@ from drivers.camera.settings import FrameSourceSettings
 from drivers.device_settings import CanDeviceSettings, SerialDeviceSettings
 from drivers.registry import AnyDeviceSettings
 from rover_hil.doctor.finding import Finding, SystemPaths, ok, problem, read_text, warning
-from rover_hil.doctor.port_users import describe, find_users
+from rover_hil.doctor.host.port_users import describe, find_users
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,9 +4,9 @@ from drivers.camera.codec import LARGEST_LEAD_NS, OLDEST_NS
 from drivers.camera.settings import CameraSettings
 from drivers.clock import seconds
 from drivers.samples import FrameSample
+from rover_hil.doctor.devices.listening import Reception
+from rover_hil.doctor.devices.streams import stream_of
 from rover_hil.doctor.finding import Finding, ok, warning
-from rover_hil.doctor.listening import Reception
-from rover_hil.doctor.streams import stream_of
 
 CHECK = "frames"
 LOWEST_SHARE = 0.8

@@ -1,0 +1,1 @@
+"""What this computer has: interfaces, ports, libraries, priorities, networks."""
