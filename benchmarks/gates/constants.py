@@ -60,6 +60,7 @@ LEAST_CHANGE = 0.005
 """Of a figure of the trace."""
 SHORT_DRIVES = ("curved_104", "dropout_104")
 FOLDERS = ("controllers/slip", "controllers/estimation", "controllers/safety", "controllers/ftrace")
+PACKAGES = ("controllers.", "rover_hil.gap.", "sim_backends.")
 SITE = 500
 CONFIGURE = load_config
 CORNERS = RectangleMission(type="rectangle", length_m=0.9, width_m=0.4).corners()
@@ -89,9 +90,9 @@ class Number:
         )
 
 
-def numbers(root: Path = ROOT) -> Iterator[Number]:
+def numbers(root: Path = ROOT, folders: Sequence[str] = FOLDERS) -> Iterator[Number]:
     """Yield every number of the folders: constants of modules, and defaults of parameters and settings."""
-    for folder in FOLDERS:
+    for folder in folders:
         for path in sorted((root / folder).rglob("*.py")):
             module = ".".join(path.relative_to(root).with_suffix("").parts)
             tree = ast.parse(path.read_text(encoding="utf-8"))
@@ -143,7 +144,7 @@ def changed(number: Number, factor: float) -> Iterator[None]:
     module = importlib.import_module(number.module)
     if not number.owner:
         usual = getattr(module, number.name)
-        loaded = [each for name, each in sys.modules.items() if name.startswith("controllers.")]
+        loaded = [each for name, each in sys.modules.items() if name.startswith(PACKAGES)]
         holders = [each for each in loaded if vars(each).get(number.name) is usual]  # imported by name, too
         for holder in holders:
             setattr(holder, number.name, varied(usual, factor))

@@ -20,6 +20,7 @@ IMPROVES = 0.7
 MOST_MEMBERS = 4
 """Of a set of explanations."""
 HALF_WIDTHS = NormalDist().inv_cdf(0.975)
+"""Half of a 95 % interval of a normal distribution, in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,6 +13,7 @@ from sim_backends.state_model.integrate import Point, Simulation, is_recordable
 from sim_backends.state_model.port_effect import PortEffect
 
 MOST_SUBSTEPS = 32
+"""Integration steps per sample, above which a machine is refused as stiff."""
 SETTLED_SHARE = 0.75
 """Share of the runs that must not depend on the step where others are at a tipping point."""
 SOLVED_SHARE = 0.1

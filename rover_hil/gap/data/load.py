@@ -30,6 +30,7 @@ SHIPPED = tuple(one.name.replace("_", "-") for one in pkgutil.iter_modules(model
 FACTORY = "make_model"
 PARTS = ("name", "channels", "condition_units", "parameters", "effects", "predict")
 NULL_TOLERANCE = 1e-9
+"""Difference, over the size of a prediction, below which an effect at its null changes nothing."""
 
 
 def load_model(name: str) -> Model:

@@ -22,6 +22,7 @@ from sim_backends.state_model.model import StateModel
 TIME = "t_s"
 OTHER_TIME = "time"
 MOST_DIGITS = 9
+"""Decimals that are tried to find how times were rounded."""
 
 
 def read_table(model: Model, path: Path) -> list[Run]:

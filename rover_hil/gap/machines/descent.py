@@ -16,7 +16,7 @@ from rover_hil.gap.data.derivatives import Derivatives
 from rover_hil.gap.data.problem import DerivativeRequest, Free, Observations, Point, Problem
 from rover_hil.gap.machines.called_machine import CalledMachine
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.statistics.fit import RIDGE, Fit
 from rover_hil.gap.statistics.sensor_noise import SensorNoise, declared_noise, noise_of_residual
 from sim_backends.models.interface import Array, Model
 from sim_backends.models.parameter_key import ParameterKey
@@ -24,11 +24,11 @@ from sim_backends.models.parameter_key import ParameterKey
 Descent: TypeAlias = Generator[Sequence[Point], Sequence[Array], tuple[Fit, SensorNoise]]
 
 POINTS_AT_ONCE = 256
+"""Points that are predicted together."""
 VALUES_TOGETHER = 32_000_000
 """Predicted values that fits in lockstep hold."""
 POINTS_OF_A_DESCENT = 30
 """Predictions that one of them holds, about."""
-RIDGE = 1e-12
 FAR = 1e6
 """Residual, in declared deviations, where a model has no solution."""
 

@@ -19,6 +19,7 @@ from sim_backends.state_model.model import StateModel
 from sim_backends.state_model.port_effect import PortEffect
 
 STILL = 1e-9
+"""Range of a signal, over its size, below which it does not move."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

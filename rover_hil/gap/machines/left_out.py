@@ -8,12 +8,10 @@ import numpy as np
 
 from rover_hil.gap.data.problem import Indices
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.statistics.fit import RIDGE, Fit
 from rover_hil.gap.statistics.sensor_noise import SensorNoise
 from sim_backends.models.interface import Array
 from sim_backends.models.parameter_key import ParameterKey
-
-RIDGE = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

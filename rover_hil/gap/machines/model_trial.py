@@ -19,6 +19,7 @@ from sim_backends.state_model.model import StateModel
 POINTS, RUNS, SAMPLES = 2, 3, 5
 """Numbers of the trial, all different, so that axes cannot be mistaken."""
 MINUTE_S = 60.0
+"""Seconds of a minute."""
 
 
 def try_model(model: Machine, runs: Sequence[Run], clock: Clock | None = None) -> list[str]:

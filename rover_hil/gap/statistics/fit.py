@@ -11,6 +11,9 @@ from rover_hil.gap.statistics.noise import Noise
 from sim_backends.models.interface import Array
 from sim_backends.models.parameter_key import ParameterKey
 
+RIDGE = 1e-12
+"""Added to the normal matrix, over its largest diagonal, where rounding would make it singular."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:

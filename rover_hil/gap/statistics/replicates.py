@@ -22,6 +22,7 @@ from rover_hil.gap.statistics.parameters import STATISTICS
 from sim_backends.models.interface import Array, Channel, Run
 
 FLOOR_SHARE = 1e-6
+"""Added to a covariance of channels, over their variance, so that it can be inverted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

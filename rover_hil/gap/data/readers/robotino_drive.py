@@ -48,9 +48,11 @@ from sim_backends.models.robotino_drive.model import RADIUS_M, TO_BODY, WHEELS
 
 TICKS_PER_RAD = ROBOTINO_BOARD.ticks_per_motor_turn * ROBOTINO_BOARD.gear_ratio / math.tau
 NOMINAL_M_PER_PX = 1.84e-3
+"""Scale of the camera's image by its calibration; the model fits it."""
 MIDDLE_M = (1.45, -1.04)
 """Approximate middle of the paths in the picture."""
 RPM_TO_WHEEL = math.tau / 60.0 / ROBOTINO_BOARD.gear_ratio
+"""Speed of a wheel in rad/s per rpm of its motor."""
 LABELS = ("wheel_radius_m", "base_radius_m", "is_averaged")
 
 

@@ -17,6 +17,7 @@ from sim_backends.models.interface import Array
 from sim_backends.models.parameter_key import ParameterKey
 
 POINTS_AT_ONCE = 100
+"""Draws that are predicted together."""
 Data: TypeAlias = tuple[Array, Array]
 """Draws x blocks of a new run, and the squared noise inside the blocks of each draw."""
 

@@ -26,6 +26,7 @@ from sim_backends.models.parameter_key import ParameterKey
 SOMETHING_ELSE = "something else"
 NO_EFFECT = "no effect"
 CLEAR_T = 1.96
+"""Half of a 95 % interval of a normal distribution, in standard deviations."""
 LEAST_SPREAD = 1e-6
 """Of the logarithm of an error: explanations that predict the same are equally probable."""
 

@@ -16,6 +16,7 @@ from sim_backends.models.interface import Array, MachineModel
 from sim_backends.models.parameter_key import ParameterKey
 
 FAR_NOISES = 1e6
+"""Change of a prediction, in sensor noises, where a model runs away."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

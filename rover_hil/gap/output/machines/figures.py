@@ -15,12 +15,17 @@ from rover_hil.pages import style
 from sim_backends.models.interface import Array
 
 WIDTH_IN = 4.3
+"""Of a drawing that a phone shows."""
 SMALL = mpl.RcParams({"font.size": 9.0, "axes.titlesize": 9.0, "legend.fontsize": 8.0})
 """Sizes of text for pictures of this width."""
 MOST_CHANNELS = 4
+"""That a drawing shows."""
 MOST_RUNS = 3
+"""That a drawing shows."""
 BAND_SD = 2.0
+"""Half of the band of noise in a drawing, in standard deviations."""
 TIME_BINS = 20
+"""Columns of the map of errors."""
 MANY = 2000
 """Samples from which a line is drawn as an image, which keeps the page small."""
 LEAST_SCALE = 3.0

@@ -10,6 +10,7 @@ from rover_hil.gap.output.machines.series import ForceTrace
 from rover_hil.pages import style
 
 NORMAL_95 = 1.96
+"""Half of a 95 % interval of a normal distribution, in standard deviations."""
 
 
 def draw_force_over_time(shown: Sequence[ForceTrace]) -> Figure:

@@ -1,14 +1,10 @@
 """Model file of a machine."""
 
-from statistics import NormalDist
-
+from rover_hil.gap.base_parameters import HALF_WIDTHS
 from rover_hil.gap.machines.analysis import MachineFindings
 from rover_hil.gap.machines.sizes import size_of
 from rover_hil.gap.output.model_file import ModelFile, Provenance, describe_model
 from sim_backends.models.interface import Model
-
-HALF_WIDTHS = NormalDist().inv_cdf(0.975)
-"""Half of a 95 % interval in standard deviations."""
 
 
 def describe_machine(findings: MachineFindings, model: Model, base: str, provenance: Provenance) -> ModelFile:

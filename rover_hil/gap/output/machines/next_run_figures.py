@@ -10,6 +10,7 @@ from sim_backends.models.interface import Channel
 
 COLOURS = (style.ESTIMATE, style.ENCODERS, style.GYRO, style.ALARM, style.TRUTH, style.COMMANDED)
 MOST_INPUTS = 3
+"""That a drawing shows."""
 
 
 def draw_next_run(proposal: Proposal, channel: Channel) -> Figure:

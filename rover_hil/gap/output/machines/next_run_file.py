@@ -6,10 +6,10 @@ import io
 import numpy as np
 
 from rover_hil.gap.machines.next_run.proposal import Proposal
+from rover_hil.gap.output.machines.force_figures import NORMAL_95
 from sim_backends.models.interface import Array, Channel
 
 NEXT_RUN_NAME = "next_run.csv"
-NORMAL_95 = 1.96
 
 
 def next_run_text(proposal: Proposal) -> str:
