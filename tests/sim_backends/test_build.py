@@ -2,7 +2,9 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
@@ -118,8 +120,19 @@ def test_a_seed_gives_one_run_and_another_seed_another() -> None:
     assert runs[0] == runs[1] != runs[2]
 
 
-def test_a_seed_means_the_same_in_every_process() -> None:
-    assert build._generator(1, "plant").integers(1_000_000) == 886_854
+def test_a_seed_means_the_same_in_every_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn = []
+    make = build.BYTE_DEVICES["robotino_board"]
+
+    def note(
+        name: str, settings: Any, errors: Any, plant: Any, rng: np.random.Generator, start_ns: int
+    ) -> Any:
+        drawn.append(int(rng.integers(1_000_000)))
+        return make(name, settings, errors, plant, rng, start_ns)
+
+    monkeypatch.setitem(build.BYTE_DEVICES, "robotino_board", note)
+    world(*ROBOTINO, seed=1)
+    assert drawn == [370_421]
 
 
 def test_two_devices_of_a_kind_do_not_share_their_noise() -> None:

@@ -2,6 +2,7 @@ import itertools
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ from drivers.errors import ConfigError
 from rover_hil.gap.data.observed_model import ObservedModel
 from rover_hil.gap.data.readers.side_slope import path_bend_deg_m, read_side_slope
 from sim_backends.models.interface import EffectCard, Model, Run
+from sim_backends.models.side_slope import states
 from sim_backends.models.side_slope.effects import EFFECTS
 from sim_backends.models.side_slope.model import BEND, SideSlope, make_model
+from sim_backends.terramechanics.slope.load_transfer import Demand, demand
 from tests.nature.side_slope import Experiment, Nature, Sites, some_nature, travel, write
 
 AT_ONCE = {"start_length_m": 0.005}
@@ -200,12 +203,19 @@ def test_start_of_the_rover_bends_its_path(model: SideSlope) -> None:
     assert abs(slow["slip_angle_deg"][0]) < abs(steady["slip_angle_deg"][0])
 
 
-def test_replicates_share_one_solution(model: SideSlope) -> None:
+def test_replicates_share_one_solution(monkeypatch: pytest.MonkeyPatch) -> None:
+    solved = []
+
+    def note(*arguments: Any) -> Demand:
+        solved.append(arguments)
+        return demand(*arguments)
+
+    monkeypatch.setattr(states, "demand", note)
     fresh = make_model()
     fresh.predict(
         [site(15.0, 5.0), site(15.0, 5.0), site(15.0, 5.0, 33.8)], {}, {"camera_yaw": {"offset": 1.0}}
     )
-    assert len(fresh._states._memory) == 2
+    assert len(solved) == 2
 
 
 def test_no_steady_state_is_not_a_number(model: SideSlope) -> None:
