@@ -111,10 +111,10 @@ def measure_here(part: str) -> int:
 
 def covered(state: Path) -> dict[str, tuple[int, int]]:
     """Return branches that ran, and all, of each folder of the second level."""
-    whole = coverage.Coverage(data_file=str(state / FOLDER / "whole"), branch=True, config_file=False)
-    whole.combine([str(state / FOLDER / part) for part in PARTS], keep=True)
     table = state / FOLDER / "table.json"
-    with contextlib.chdir(state):
+    with contextlib.chdir(state):  # names of files are relative to it
+        whole = coverage.Coverage(data_file=str(FOLDER / "whole"), branch=True, config_file=False)
+        whole.combine([str(FOLDER / part) for part in PARTS], keep=True)
         whole.json_report(outfile=str(table))
     counts: dict[str, tuple[int, int]] = {}
     for name, file in json.loads(table.read_text("utf-8"))["files"].items():
