@@ -121,18 +121,21 @@ def test_a_seed_gives_one_run_and_another_seed_another() -> None:
 
 
 def test_a_seed_means_the_same_in_every_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    drawn = []
-    make = build.BYTE_DEVICES["robotino_board"]
+    drawn = {}
+    known = build.emulator_of
 
-    def note(
-        name: str, settings: Any, errors: Any, plant: Any, rng: np.random.Generator, start_ns: int
-    ) -> Any:
-        drawn.append(int(rng.integers(1_000_000)))
-        return make(name, settings, errors, plant, rng, start_ns)
+    def note(kind: str) -> Any:
+        def make(
+            name: str, settings: Any, errors: Any, plant: Any, rng: np.random.Generator, start_ns: int
+        ) -> Any:
+            drawn[name] = int(rng.integers(1_000_000))
+            return known(kind)(name, settings, errors, plant, rng, start_ns)
 
-    monkeypatch.setitem(build.BYTE_DEVICES, "robotino_board", note)
+        return make
+
+    monkeypatch.setattr(build, "emulator_of", note)
     world(*ROBOTINO, seed=1)
-    assert drawn == [370_421]
+    assert drawn["board"] == 370_421
 
 
 def test_two_devices_of_a_kind_do_not_share_their_noise() -> None:
