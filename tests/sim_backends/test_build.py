@@ -16,7 +16,7 @@ from drivers.registry import AnyDeviceSettings
 from drivers.samples import FrameSample, HeadingSample, RateSample, Sample, WheelCommand, WheelSample
 from sim_backends import build
 from sim_backends.build import build_world, check_world
-from sim_backends.settings import SimulationSettings
+from sim_backends.settings import SimulationSettings, emulator_of
 from sim_backends.world.loopback import LoopbackLink
 from sim_backends.world.world import World
 
@@ -122,7 +122,7 @@ def test_a_seed_gives_one_run_and_another_seed_another() -> None:
 
 def test_a_seed_means_the_same_in_every_process(monkeypatch: pytest.MonkeyPatch) -> None:
     drawn = {}
-    known = build.emulator_of
+    known = emulator_of
 
     def note(kind: str) -> Any:
         def make(
