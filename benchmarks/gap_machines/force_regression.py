@@ -21,10 +21,10 @@ from benchmarks.gap_machines.models.parts import to_runs
 from benchmarks.gap_machines.truth import mentioned, variables
 from rover_hil.gap.data.problem import split_point
 from rover_hil.gap.machines.analysis import MachineFindings
-from rover_hil.gap.machines.free_terms import FreeTerm, free_terms, strength_of
-from rover_hil.gap.machines.machine_fit import MachineFits
+from rover_hil.gap.machines.fits.machine_fit import MachineFits
+from rover_hil.gap.machines.missing_terms.free_terms import FreeTerm, free_terms, strength_of
+from rover_hil.gap.machines.missing_terms.tracking import Tracked
 from rover_hil.gap.machines.search import best_shapes, score_effects
-from rover_hil.gap.machines.tracking import Tracked
 from rover_hil.gap.statistics.random_force import prior_covariance
 from rover_hil.gap.statistics.score import one_sided_z
 from rover_hil.gap.workflow import analyse

@@ -1,7 +1,7 @@
 """Every number of `gap` and its state models: what it decides, its source, and what a change by 20 % does.
 
     python -m benchmarks.gates.gap_constants > rows.md
-    python -m benchmarks.gates.gap_constants --measure --only rover_hil.gap.machines.descent
+    python -m benchmarks.gates.gap_constants --measure --only rover_hil.gap.machines.fits.descent
 
 Prints a row for each number of the folders, as in docs/results/gap_constants.md. What it decides is told by
 the comment or text at the number itself. With `--measure` the figures of `benchmarks.sensitivity machines` on

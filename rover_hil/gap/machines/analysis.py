@@ -7,29 +7,29 @@ from typing import TypeGuard
 import numpy as np
 
 from rover_hil.gap.data.problem import Problem, observe
-from rover_hil.gap.machines.called_machine import CalledMachine
-from rover_hil.gap.machines.descent import residual_of
-from rover_hil.gap.machines.drafts import DraftTerm, find_drafts
-from rover_hil.gap.machines.error_budget import ChannelError, error_budget
-from rover_hil.gap.machines.evidence import MachineFit
+from rover_hil.gap.machines.called.called_machine import CalledMachine
+from rover_hil.gap.machines.evidence.evidence import MachineFit
+from rover_hil.gap.machines.evidence.sizes import Size, size_of
 from rover_hil.gap.machines.first_answer import first_answer
-from rover_hil.gap.machines.free_terms import FittedTerm, free_terms, search_terms, strength_of
-from rover_hil.gap.machines.gap_tests import gap_p
-from rover_hil.gap.machines.holdout import Holdout, hold_out
-from rover_hil.gap.machines.localise import ResidualLocation, localise_residuals
-from rover_hil.gap.machines.machine_fit import MachineFits
-from rover_hil.gap.machines.output_terms import equal_terms, equations_of, term_scores
+from rover_hil.gap.machines.fits.descent import residual_of
+from rover_hil.gap.machines.fits.holdout import Holdout, hold_out
+from rover_hil.gap.machines.fits.machine_fit import MachineFits
+from rover_hil.gap.machines.fits.released_fit import released_fit
+from rover_hil.gap.machines.fits.run_scatter import RunScatter, run_scatter
+from rover_hil.gap.machines.misfit.error_budget import ChannelError, error_budget
+from rover_hil.gap.machines.misfit.gap_tests import gap_p
+from rover_hil.gap.machines.misfit.localise import ResidualLocation, localise_residuals
+from rover_hil.gap.machines.missing_terms.drafts import DraftTerm, find_drafts
+from rover_hil.gap.machines.missing_terms.free_terms import FittedTerm, free_terms, search_terms, strength_of
+from rover_hil.gap.machines.missing_terms.output_terms import equal_terms, equations_of, term_scores
+from rover_hil.gap.machines.missing_terms.residual_equations import Equation
+from rover_hil.gap.machines.missing_terms.tracking import Tracked, track
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.machines.released_fit import released_fit
-from rover_hil.gap.machines.residual_equations import Equation
-from rover_hil.gap.machines.run_scatter import RunScatter, run_scatter
 from rover_hil.gap.machines.search import (
     Found,
     MachineSearch,
     score_effects,
 )
-from rover_hil.gap.machines.sizes import Size, size_of
-from rover_hil.gap.machines.tracking import Tracked, track
 from rover_hil.gap.statistics.score import Score
 from sim_backends.models.interface import Machine, Run
 from sim_backends.models.parameter_key import ParameterKey

@@ -8,14 +8,14 @@ import numpy as np
 from rover_hil.gap.base_parameters import Trial
 from rover_hil.gap.data.problem import Problem
 from rover_hil.gap.machines.analysis import MachineFindings, has_ports, likeness
-from rover_hil.gap.machines.evidence import MachineFit
-from rover_hil.gap.machines.free_terms import free_terms, search_terms, strength_of
-from rover_hil.gap.machines.holdout import hold_out
-from rover_hil.gap.machines.machine_fit import MachineFits
+from rover_hil.gap.machines.evidence.evidence import MachineFit
+from rover_hil.gap.machines.evidence.sizes import size_of
+from rover_hil.gap.machines.fits.holdout import hold_out
+from rover_hil.gap.machines.fits.machine_fit import MachineFits
+from rover_hil.gap.machines.fits.released_fit import released_fit
+from rover_hil.gap.machines.missing_terms.free_terms import free_terms, search_terms, strength_of
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.machines.released_fit import released_fit
 from rover_hil.gap.machines.search import best_shapes, score_effects
-from rover_hil.gap.machines.sizes import size_of
 from rover_hil.gap.statistics.score import one_sided_z
 from rover_hil.gap.verdict import FittedBase
 from sim_backends.models.interface import Run

@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rover_hil.gap.data.problem import Point
-from rover_hil.gap.machines.card_changes import card_changes
-from rover_hil.gap.machines.evidence import MachineFit, Names
-from rover_hil.gap.machines.machine_fit import MachineFits, Shapes
+from rover_hil.gap.machines.evidence.evidence import MachineFit, Names
+from rover_hil.gap.machines.first_order.card_changes import card_changes
+from rover_hil.gap.machines.fits.machine_fit import MachineFits, Shapes
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.score import Score, cosine, linear_gain, one_sided_z, score_all
 from sim_backends.models.interface import EffectCard, Parameter

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from rover_hil.gap.machines.analysis import MachineFindings
-from rover_hil.gap.machines.error_budget import ChannelError
+from rover_hil.gap.machines.misfit.error_budget import ChannelError
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.search import best_shapes
 from rover_hil.gap.statistics.score import Score, one_sided_z

@@ -10,8 +10,8 @@ import pytest
 from drivers.errors import ConfigError
 from rover_hil.gap.data.cut import cut_runs, without_warm_up
 from rover_hil.gap.machines.analysis import analyse_machine
-from rover_hil.gap.machines.linter import lint
-from rover_hil.gap.machines.model_trial import try_model
+from rover_hil.gap.machines.model_checks.linter import lint
+from rover_hil.gap.machines.model_checks.model_trial import try_model
 from rover_hil.gap.machines.verdict import decide_machine
 from rover_hil.gap.output.machines.extended_machine import extend_model
 from rover_hil.gap.output.model_file import ModelFile, Number, Provenance

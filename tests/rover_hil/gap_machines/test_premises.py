@@ -8,9 +8,9 @@ import pytest
 
 from rover_hil.gap import Array, Channel, Parameter, Port, Run, RunParameter, StateModel, effects
 from rover_hil.gap.data.problem import Problem, observe
-from rover_hil.gap.machines.gap_tests import gap_p
-from rover_hil.gap.machines.holdout import hold_out
-from rover_hil.gap.machines.machine_fit import MachineFits
+from rover_hil.gap.machines.fits.holdout import hold_out
+from rover_hil.gap.machines.fits.machine_fit import MachineFits
+from rover_hil.gap.machines.misfit.gap_tests import gap_p
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse

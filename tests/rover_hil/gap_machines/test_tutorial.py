@@ -15,8 +15,8 @@ import pytest
 import rover_hil.gap as gap
 from rover_hil.app.app import main
 from rover_hil.gap import Run, StateModel, effects
-from rover_hil.gap.machines.linter import lint
-from rover_hil.gap.machines.model_trial import try_model
+from rover_hil.gap.machines.model_checks.linter import lint
+from rover_hil.gap.machines.model_checks.model_trial import try_model
 from rover_hil.gap.output import results
 
 pytestmark = pytest.mark.slow

@@ -12,7 +12,7 @@ import numpy as np
 
 from rover_hil.gap.data.problem import predict_points
 from rover_hil.gap.machines.analysis import MachineFindings
-from rover_hil.gap.machines.evidence import MachineFit
+from rover_hil.gap.machines.evidence.evidence import MachineFit
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.search import best_shapes
 from sim_backends.models.interface import Run

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.gap.data.problem import Observations, Point, Problem, cells
-from rover_hil.gap.machines.descent import residual_of
+from rover_hil.gap.machines.fits.descent import residual_of
+from rover_hil.gap.machines.missing_terms.tracking import basis_of
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.machines.tracking import basis_of
 from rover_hil.gap.statistics.random_force import (
     ForceBasis,
     prior_covariance,

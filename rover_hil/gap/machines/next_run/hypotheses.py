@@ -8,9 +8,9 @@ from scipy import stats
 
 from rover_hil.gap.data.problem import Free, Problem
 from rover_hil.gap.machines.analysis import MachineFindings
-from rover_hil.gap.machines.evidence import MachineFit
-from rover_hil.gap.machines.left_out import jackknife_error
-from rover_hil.gap.machines.machine_fit import MachineFits
+from rover_hil.gap.machines.evidence.evidence import MachineFit
+from rover_hil.gap.machines.evidence.left_out import jackknife_error
+from rover_hil.gap.machines.fits.machine_fit import MachineFits
 from rover_hil.gap.machines.next_run.discrepancy import Discrepancy, learn_discrepancy, measured_basis
 from rover_hil.gap.machines.next_run.refit import Refit
 from rover_hil.gap.machines.next_run.unlisted_laws import draw_laws

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.gap.data.problem import Indices
-from rover_hil.gap.machines.evidence import MachineFit
-from rover_hil.gap.machines.left_out import held_parameters, parts_of_runs
+from rover_hil.gap.machines.evidence.evidence import MachineFit
+from rover_hil.gap.machines.evidence.left_out import held_parameters, parts_of_runs
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.fit import RIDGE
 from sim_backends.models.interface import Array

@@ -13,9 +13,9 @@ import numpy as np
 from rover_hil.datasets.arrays import rms
 from rover_hil.gap.data.problem import Point, Problem
 from rover_hil.gap.machines.analysis import MachineFindings
-from rover_hil.gap.machines.evidence import MachineFit
-from rover_hil.gap.machines.free_terms import usual_sources
-from rover_hil.gap.machines.machine_fit import MachineFits
+from rover_hil.gap.machines.evidence.evidence import MachineFit
+from rover_hil.gap.machines.fits.machine_fit import MachineFits
+from rover_hil.gap.machines.missing_terms.free_terms import usual_sources
 from rover_hil.gap.machines.parameters import MACHINES
 from sim_backends.models.interface import Array, EffectCard, Machine
 from sim_backends.state_model.effects.cards import card, state, strength

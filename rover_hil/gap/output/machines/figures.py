@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rover_hil.gap.machines.analysis import MachineFindings
-from rover_hil.gap.machines.error_budget import ChannelError
+from rover_hil.gap.machines.misfit.error_budget import ChannelError
 from rover_hil.gap.output.machines.series import Trace
 from rover_hil.pages import style
 from sim_backends.models.interface import Array

@@ -2,7 +2,7 @@
 
 from rover_hil.gap.base_parameters import HALF_WIDTHS
 from rover_hil.gap.machines.analysis import MachineFindings
-from rover_hil.gap.machines.sizes import size_of
+from rover_hil.gap.machines.evidence.sizes import size_of
 from rover_hil.gap.output.model_file import ModelFile, Provenance, describe_model
 from sim_backends.models.interface import Model
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from rover_hil.gap.data.problem import Problem, split_point
 from rover_hil.gap.machines.analysis import MachineFindings
-from rover_hil.gap.machines.tracking import force_series
+from rover_hil.gap.machines.missing_terms.tracking import force_series
 from sim_backends.models.interface import Array, Channel, Machine, Run
 from sim_backends.state_model.model import StateModel
 

@@ -1,7 +1,7 @@
 """The answer on a machine in words: headline, one sentence, and what to do next."""
 
 from rover_hil.gap.machines.analysis import MachineFindings
-from rover_hil.gap.machines.error_budget import ChannelError
+from rover_hil.gap.machines.misfit.error_budget import ChannelError
 from rover_hil.gap.output.machines.draft_file import DRAFT_NAME
 from rover_hil.gap.verdict import Answer, Verdict
 

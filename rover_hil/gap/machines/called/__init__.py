@@ -1,0 +1,1 @@
+"""Models that can only be called, as machines."""

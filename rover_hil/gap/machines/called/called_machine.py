@@ -1,0 +1,185 @@
+"""A model of series that can only be called, as a machine without ports; its sensor noise may be learned."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rover_hil.datasets.arrays import rms
+from rover_hil.gap.data.observed_model import ObservedModel
+from rover_hil.gap.data.problem import Point, Problem, cells, observe
+from rover_hil.gap.machines.evidence.evidence import Evidence, LearnedEvidence, RunEvidence
+from rover_hil.gap.machines.first_order.card_changes import card_changes
+from rover_hil.gap.machines.first_order.terms import series_terms, term_changes
+from rover_hil.gap.machines.parameters import MACHINES
+from sim_backends.models.interface import (
+    Array,
+    Channel,
+    DrivenModel,
+    Model,
+    Parameter,
+    Run,
+    RunParameter,
+    Values,
+)
+
+TIME = "t_s"
+ROUNDING = 1e-9
+"""Least size of errors, as a share of the values: below it is rounding of the arithmetic."""
+
+
+class CalledMachine(ObservedModel):
+    """A model that predicts series, as a machine without ports and without states of its own.
+
+    What it is fed with was measured and cannot be chosen, so that its inputs count as signals inside.
+
+    Args:
+        model: The model.
+        runs: Its measured runs.
+        channels: The same as those of the model, each with the noise of its sensor.
+        evidence: How explanations are compared; by default as where the noise is declared.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        runs: Sequence[Run],
+        channels: tuple[Channel, ...] = (),
+        evidence: Evidence | None = None,
+    ) -> None:
+        super().__init__(model, runs)
+        self.channels = channels or self.channels
+        self.evidence: Evidence = evidence or RunEvidence()
+        units = dict(self.input_units) if isinstance(model, DrivenModel) else {}
+        self.input_units: Mapping[str, str] = units
+        self.states: Mapping[str, str] = {name: unit for name, unit in units.items() if name != TIME}
+        self.inputs: Mapping[str, str] = {}
+        self.step_s: float | None = None if TIME in units else float(getattr(model, "step_s", None) or 1.0)
+        self.run_parameters: tuple[RunParameter, ...] = ()
+        self._names = frozenset(one.name for one in self.parameters)
+
+    def predict(
+        self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
+    ) -> list[dict[str, Array]]:
+        """Predict every channel of every run. See `Model.predict`."""
+        return self.predict_points(runs, [(parameters, effects)])[0]
+
+    def predict_points(
+        self, runs: Sequence[Run], points: Sequence[tuple[Values, Mapping[str, Values]]]
+    ) -> list[list[dict[str, Array]]]:
+        """Predict at several points; deviations of single runs act there. See `Machine.predict_points`.
+
+        Points that appear more than once, as the middle of derivatives does, are predicted once.
+        """
+        found: dict[tuple[object, ...], list[dict[str, Array]]] = {}
+        keys = [_key_of(*one) for one in points]
+        for key, (parameters, effects) in zip(keys, points, strict=True):
+            if key not in found:
+                found[key] = self._at(runs, parameters, effects)
+        return [found[key] for key in keys]
+
+    def trajectories(
+        self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
+    ) -> list[dict[str, Array]]:
+        """Return what the model is fed with in each run."""
+        return [{name: run.inputs[name] for name in self.states} for run in runs]
+
+    def refined(self, runs: Sequence[Run]) -> "CalledMachine":
+        """Return itself: its steps are its own."""
+        return self
+
+    def _at(
+        self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
+    ) -> list[dict[str, Array]]:
+        if parameters.keys() <= self._names:
+            return super().predict(runs, parameters, effects)
+        return [
+            table
+            for run in runs
+            for table in super(CalledMachine, self).predict([run], *self._of_run(run, parameters, effects))
+        ]
+
+    def _of_run(
+        self, run: Run, parameters: Values, effects: Mapping[str, Values]
+    ) -> tuple[Values, Mapping[str, Values]]:
+        """Return the parameters of a run with its deviations."""
+
+        def moved(item: Parameter, value: float, effect: str = "") -> float:
+            by = parameters.get(item.deviation_in(run, effect).text, 0.0)
+            return min(max(value + by, item.lower), item.upper)
+
+        own = {one.name: moved(one, parameters.get(one.name, one.nominal)) for one in self.parameters}
+        active = {name: dict(values) for name, values in effects.items()}
+        for card in self.effects:
+            if card.name in active:
+                first = card.parameters[0]
+                value = active[card.name].get(first.name, first.nominal)
+                active[card.name][first.name] = moved(first, value, card.name)
+        return own, active
+
+
+def _key_of(parameters: Values, effects: Mapping[str, Values]) -> tuple[object, ...]:
+    active = [(name, tuple(sorted(values.items()))) for name, values in effects.items()]
+    return tuple(sorted(parameters.items())), tuple(sorted(active))
+
+
+def called_machine(model: Model, runs: Sequence[Run], at: Point | None = None) -> CalledMachine:
+    """Return a model of series as a machine; noise that a channel does not declare is learned.
+
+    It is what remains if base parameters, effects and free-form terms take away all that they can, to first
+    order. Errors that are slower than noise may be errors of the model: then only their fast part counts.
+
+    Args:
+        model: The model.
+        runs: Runs to learn from.
+        at: Parameters where it is linearised; nominal where left out.
+    """
+    whole = CalledMachine(model, runs)
+    if all(one.sigma for one in whole.channels):
+        return whole
+    problem = Problem(whole, observe(whole, runs))
+    remaining = _remaining(problem, at or {})
+    channels, slow, widening, is_learned = [], [], 1.0, False
+    for index, channel in enumerate(whole.channels):
+        rows = [one for one in cells(problem.observations) if problem.observations.channel[one[0]] == index]
+        if channel.sigma or not rows:
+            channels.append(channel)
+            continue
+        is_learned = True
+        values = [remaining[one][np.isfinite(remaining[one])] for one in rows]
+        fast = rms(np.concatenate([np.diff(one) for one in values])) / np.sqrt(2.0)
+        size = rms(np.concatenate(values))
+        share = min((fast / max(size, 1e-300)) ** 2, 1.0)
+        # Of a first-order autoregression, whose neighbours correlate by one less this share.
+        widening = max(widening, float(np.sqrt((2.0 - share) / max(share, 1e-4))))
+        if size > MACHINES.noise.slow * fast:
+            slow.append(channel.name)
+            size = fast
+        measured = problem.observations.values[np.concatenate(rows)]
+        size = max(size, ROUNDING * rms(measured[np.isfinite(measured)]), 1e-12)
+        step = channel.quantum / np.sqrt(12.0)
+        channels.append(replace(channel, sigma=float(np.sqrt(max(size**2 - step**2, (1e-3 * size) ** 2)))))
+    evidence = LearnedEvidence(tuple(slow), widening) if is_learned else RunEvidence()
+    return CalledMachine(model, runs, tuple(channels), evidence)
+
+
+def _remaining(problem: Problem, point: Point) -> Array:
+    """Return measured minus predicted of an overfitted model, larger by the freedom that the fit took."""
+    observations = problem.observations
+    predicted = problem.predict(point)
+    terms = series_terms(observations, predicted, _units(problem), problem.model.condition_units)
+    columns = list(problem.derivatives(point, problem.base_free()).T)
+    columns += [one.change for one in card_changes(problem, point, problem.model.effects)]
+    columns += [one.change for one in term_changes(observations, terms)]
+    residual = observations.values - predicted
+    here = np.isfinite(residual)
+    matrix = np.nan_to_num(np.stack(columns, axis=1))
+    matrix /= np.maximum(np.sqrt((matrix**2).mean(axis=0)), 1e-300)
+    shift, _, rank, _ = np.linalg.lstsq(matrix[here], residual[here], rcond=1e-6)
+    count = int(here.sum())
+    remaining: Array = (residual - matrix @ shift) * np.sqrt(count / max(count - int(rank), 1))
+    return remaining
+
+
+def _units(problem: Problem) -> Mapping[str, str]:
+    return problem.model.input_units if isinstance(problem.model, DrivenModel) else {}

@@ -1,0 +1,1 @@
+"""What speaks for an explanation, and how large its effects are."""

@@ -1,0 +1,1 @@
+"""Fits of a machine with some effects."""

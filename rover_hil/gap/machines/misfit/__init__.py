@@ -1,0 +1,1 @@
+"""Is there a gap, how large is it, and where?"""
