@@ -4,7 +4,7 @@ A device's `settings.py` stays cheap to import; its codec and its link are impor
 """
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -185,3 +185,21 @@ class FrameDeviceSettings(DeviceSettings):
     ) -> Driver[CameraImage]:
         """Put a driver on a link, whether real, simulated or replayed."""
         return Driver(name, link, self.make_codec(name), clock, max_age_s=self.max_age_s, tap=tap)
+
+
+def check_nodes(nodes: Sequence[int], **host: int) -> None:
+    """Check that each node of a bus belongs to one wheel.
+
+    Args:
+        nodes: Of the wheels.
+        host: Key and number of the node of this program.
+
+    Raises:
+        ValueError: A node is used twice.
+    """
+    repeated = next((node for node in nodes if nodes.count(node) > 1), None)
+    if repeated is not None:
+        raise ValueError(f"two wheels have the node {repeated}: give each its own")
+    for key, node in host.items():
+        if node in nodes:
+            raise ValueError(f"{key} {node} is the node of a wheel: choose another")

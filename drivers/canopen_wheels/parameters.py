@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from drivers.device_settings import CanDeviceSettings, DriveSettings
+from drivers.device_settings import CanDeviceSettings, DriveSettings, check_nodes
 from drivers.settings import Settings
 
 
@@ -60,10 +60,5 @@ class CanopenWheelsParameters(CanDeviceSettings, DriveSettings):
 
     @model_validator(mode="after")
     def _check_nodes(self) -> Self:
-        nodes = [wheel.node for wheel in self.wheel]
-        repeated = next((node for node in nodes if nodes.count(node) > 1), None)
-        if repeated is not None:
-            raise ValueError(f"two wheels have the node {repeated}: give each its own")
-        if self.host_node in nodes:
-            raise ValueError(f"host_node {self.host_node} is the node of a wheel: choose another")
+        check_nodes([wheel.node for wheel in self.wheel], host_node=self.host_node)
         return self

@@ -25,6 +25,7 @@ from drivers.can_wheels.signals import Scale, raw_value
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
 from sim_backends.devices.can_node_settings import CanNodeSettings
+from sim_backends.world.fit import check_bit_rate
 from sim_backends.world.line import NEVER_NS, Line
 from sim_backends.world.plant import Plant, SteeredPlant, Truth
 from sim_backends.world.sensor_errors import standard_normals
@@ -373,11 +374,8 @@ def make_can_node(
     to_host = Line(can_frame_bits, device.bit_rate)
     to_device = Line(can_frame_bits, device.bit_rate)
     nodes = CanNodes(emulator, bus, plant, to_host, rng, start_ns)
-    if nodes.load_bits_per_s > device.bit_rate:
-        raise ConfigError(
-            f"simulated bus '{name}' needs {nodes.load_bits_per_s:.0f} bit/s, it has {device.bit_rate}: "
-            "raise bit_rate or lower wheel_rate_hz"
-        )
+    fix = "raise bit_rate or lower wheel_rate_hz"
+    check_bit_rate(name, nodes.load_bits_per_s, device.bit_rate, fix)
     return EmulatedDevice(name, nodes, to_host, to_device)
 
 

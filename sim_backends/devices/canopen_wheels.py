@@ -19,8 +19,8 @@ from pydantic import Field
 from drivers.can_frame import CanFrame, can_frame_bits, pack_can_frame, unpack_can_frame
 from drivers.canopen_wheels.settings import CanopenWheelsSettings
 from drivers.clock import nanoseconds
-from drivers.errors import ConfigError
 from drivers.settings import Settings
+from sim_backends.world.fit import check_bit_rate, check_wheel_count
 from sim_backends.world.line import NEVER_NS, Line
 from sim_backends.world.plant import Plant
 from sim_backends.world.sensor_errors import standard_normals
@@ -284,18 +284,10 @@ def make_emulator(
     Raises:
         ConfigError: They do not fit the plant, or need more than the bus can carry.
     """
-    if len(device.wheel) != plant.wheel_count:
-        raise ConfigError(
-            f"simulated bus '{name}' has {len(device.wheel)} wheels, the simulated rover "
-            f"{plant.wheel_count}: change one"
-        )
+    check_wheel_count(name, len(device.wheel), plant)
     bits = can_frame_bits(pack_can_frame(CanFrame(0, bytes(6))))
     required_bits_s = 2000.0 * bits * plant.wheel_count / device.pdo_period_ms
-    if required_bits_s > device.bit_rate:
-        raise ConfigError(
-            f"simulated bus '{name}' needs {required_bits_s:.0f} bit/s, it has {device.bit_rate}: "
-            "raise bit_rate or pdo_period_ms"
-        )
+    check_bit_rate(name, required_bits_s, device.bit_rate, "raise bit_rate or pdo_period_ms")
     to_host = Line(can_frame_bits, device.bit_rate)
     to_device = Line(can_frame_bits, device.bit_rate)
     drives = CanopenWheelsEmulator(device, emulator, plant, to_host, rng, start_ns)

@@ -16,6 +16,7 @@ from drivers.errors import ConfigError
 from drivers.nmea import encode_sentence
 from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.settings import Settings
+from sim_backends.world.fit import check_bit_rate
 from sim_backends.world.line import Line, serial_bits
 from sim_backends.world.plant import Plant, Truth
 from sim_backends.world.sensor_errors import DirectionLag, standard_normals
@@ -137,11 +138,7 @@ def make_emulator(
         )
     longest = encode_sentence(_BODY[emulator.sentence].format(359.9))
     required_bits_s = serial_bits(longest) * emulator.rate_hz
-    if required_bits_s > device.baud_rate:
-        raise ConfigError(
-            f"simulated compass '{name}' needs {required_bits_s:.0f} bit/s, its line has {device.baud_rate}: "
-            "raise baud_rate or lower rate_hz"
-        )
+    check_bit_rate(name, required_bits_s, device.baud_rate, "raise baud_rate or lower rate_hz")
     to_host = Line(serial_bits, device.baud_rate)
     to_device = Line(serial_bits, device.baud_rate)
     return EmulatedDevice(name, CompassEmulator(emulator, plant, to_host, rng, start_ns), to_host, to_device)

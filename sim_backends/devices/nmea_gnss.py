@@ -12,11 +12,11 @@ from pydantic import Field
 from pymap3d import enu2geodetic
 
 from drivers.clock import nanoseconds, seconds
-from drivers.errors import ConfigError
 from drivers.nmea import encode_sentence
 from drivers.nmea_gnss.settings import NmeaGnssSettings
 from drivers.settings import Settings
 from sim_backends.world.coloured_noise import ColouredNoise
+from sim_backends.world.fit import check_bit_rate
 from sim_backends.world.line import Line, serial_bits
 from sim_backends.world.plant import Plant
 from sim_backends.world.sensor_errors import standard_normals
@@ -175,9 +175,5 @@ def make_emulator(
     to_host = Line(serial_bits, device.baud_rate)
     receiver = GnssEmulator(device, emulator, plant, to_host, rng, start_ns)
     required_bits_s = serial_bits(receiver.sentences(start_ns, None, has_fix=True)) * emulator.rate_hz
-    if required_bits_s > device.baud_rate:
-        raise ConfigError(
-            f"simulated GNSS receiver '{name}' needs {required_bits_s:.0f} bit/s, its line has "
-            f"{device.baud_rate}: raise baud_rate or lower rate_hz"
-        )
+    check_bit_rate(name, required_bits_s, device.baud_rate, "raise baud_rate or lower rate_hz")
     return EmulatedDevice(name, receiver, to_host, Line(serial_bits, device.baud_rate))

@@ -19,10 +19,10 @@ import numpy as np
 from pydantic import Field
 
 from drivers.clock import nanoseconds
-from drivers.errors import ConfigError
 from drivers.link import Received
 from drivers.robotino3_board.settings import Robotino3BoardSettings
 from drivers.settings import Settings
+from sim_backends.world.fit import check_wheel_count
 from sim_backends.world.line import NEVER_NS, Line, serial_bits
 from sim_backends.world.plant import Plant
 from sim_backends.world.sensor_errors import standard_normals, standard_uniforms
@@ -182,10 +182,7 @@ def make_emulator(
     Raises:
         ConfigError: The rover does not have three wheels.
     """
-    if plant.wheel_count != 3:
-        raise ConfigError(
-            f"device '{name}' turns 3 wheels but the simulated rover has {plant.wheel_count}: change one"
-        )
+    check_wheel_count(name, 3, plant)
     to_host: Line[bytes] = Line(serial_bits, USB_BITS_PER_S)
     to_device: Line[bytes] = Line(serial_bits, USB_BITS_PER_S)
     return EmulatedDevice(

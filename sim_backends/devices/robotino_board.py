@@ -19,7 +19,6 @@ import numpy as np
 from pydantic import Field
 
 from drivers.clock import nanoseconds
-from drivers.errors import ConfigError
 from drivers.link import Received
 from drivers.robotino_board.codec import (
     REQUEST_SIZE,
@@ -31,6 +30,7 @@ from drivers.robotino_board.codec import (
 from drivers.robotino_board.scales import MAX_RAW, MAX_SPEED_STEPS, scales
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.settings import Settings
+from sim_backends.world.fit import check_wheel_count
 from sim_backends.world.line import NEVER_NS, Line, serial_bits
 from sim_backends.world.plant import Plant
 from sim_backends.world.sensor_errors import standard_normals, standard_uniforms
@@ -182,10 +182,7 @@ def make_emulator(
     Raises:
         ConfigError: The rover does not have three wheels.
     """
-    if plant.wheel_count != 3:
-        raise ConfigError(
-            f"device '{name}' turns 3 wheels but the simulated rover has {plant.wheel_count}: change one"
-        )
+    check_wheel_count(name, 3, plant)
     to_host: Line[bytes] = Line(serial_bits, device.baud_rate)
     to_device: Line[bytes] = Line(serial_bits, device.baud_rate)
     board = RobotinoBoardEmulator(device, emulator, plant, to_host, rng, start_ns)

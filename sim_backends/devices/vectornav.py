@@ -16,9 +16,9 @@ import numpy as np
 from pydantic import Field
 
 from drivers.clock import nanoseconds
-from drivers.errors import ConfigError
 from drivers.heading_calibration import Vector
 from drivers.vectornav.settings import VectorNavSettings
+from sim_backends.world.fit import check_bit_rate
 from sim_backends.world.inertial import InertialErrorSettings, InertialSensor
 from sim_backends.world.line import Line, serial_bits
 from sim_backends.world.plant import Plant
@@ -116,11 +116,8 @@ def make_emulator(
     """
     size = {"VNYMR": 122, "VNGYR": 43}[emulator.message]
     required_bits_s = serial_bits(bytes(size)) * emulator.rate_hz
-    if required_bits_s > device.baud_rate:
-        raise ConfigError(
-            f"simulated sensor '{name}' needs {required_bits_s:.0f} bit/s, its line has {device.baud_rate}: "
-            "raise baud_rate, lower rate_hz or send VNGYR only"
-        )
+    fix = "raise baud_rate, lower rate_hz or send VNGYR only"
+    check_bit_rate(name, required_bits_s, device.baud_rate, fix)
     to_host = Line(serial_bits, device.baud_rate)
     to_device = Line(serial_bits, device.baud_rate)
     sensor = InertialSensor(emulator, device.make_mounting(), plant, rng)

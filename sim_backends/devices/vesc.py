@@ -23,9 +23,9 @@ from pydantic import Field
 
 from drivers.can_frame import CanFrame, can_frame_bits, pack_can_frame, unpack_can_frame
 from drivers.clock import nanoseconds
-from drivers.errors import ConfigError
 from drivers.settings import Settings
 from drivers.vesc.settings import VescSettings
+from sim_backends.world.fit import check_bit_rate, check_wheel_count
 from sim_backends.world.line import NEVER_NS, Line
 from sim_backends.world.plant import Plant, Truth
 from sim_backends.world.sensor_errors import standard_normals
@@ -266,17 +266,10 @@ def make_emulator(
     Raises:
         ConfigError: They do not fit the plant, or need more than the bus can carry.
     """
-    if len(device.wheel) != plant.wheel_count:
-        raise ConfigError(
-            f"simulated bus '{name}' has {len(device.wheel)} wheels, the simulated rover "
-            f"{plant.wheel_count}: change one"
-        )
+    check_wheel_count(name, len(device.wheel), plant)
     to_host = Line(can_frame_bits, device.bit_rate)
     to_device = Line(can_frame_bits, device.bit_rate)
     controllers = VescEmulator(device, emulator, plant, to_host, rng, start_ns)
-    if controllers.load_bits_per_s > device.bit_rate:
-        raise ConfigError(
-            f"simulated bus '{name}' needs {controllers.load_bits_per_s:.0f} bit/s, it has "
-            f"{device.bit_rate}: raise bit_rate or lower wheel_rate_hz"
-        )
+    fix = "raise bit_rate or lower wheel_rate_hz"
+    check_bit_rate(name, controllers.load_bits_per_s, device.bit_rate, fix)
     return EmulatedDevice(name, controllers, to_host, to_device)

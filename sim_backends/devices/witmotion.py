@@ -24,6 +24,7 @@ from drivers.witmotion.codec import (
     encode_rate,
 )
 from drivers.witmotion.settings import WitMotionSettings
+from sim_backends.world.fit import check_bit_rate
 from sim_backends.world.inertial import InertialErrorSettings, InertialSensor
 from sim_backends.world.line import Line, serial_bits
 from sim_backends.world.plant import Plant, Truth
@@ -161,11 +162,8 @@ def make_emulator(
     """
     size = sum(LONG_FRAME_SIZE if frame == "combined" else FRAME_SIZE for frame in emulator.frames)
     required_bits_s = 10.0 * size * emulator.rate_hz
-    if required_bits_s > device.baud_rate:
-        raise ConfigError(
-            f"simulated sensor '{name}' needs {required_bits_s:.0f} bit/s, its line has {device.baud_rate}: "
-            "raise baud_rate, lower rate_hz or send fewer frames"
-        )
+    fix = "raise baud_rate, lower rate_hz or send fewer frames"
+    check_bit_rate(name, required_bits_s, device.baud_rate, fix)
     motors = len(emulator.motor_field_counts_per_a)
     if motors not in (0, plant.wheel_count):
         raise ConfigError(

@@ -17,9 +17,9 @@ import numpy as np
 from pydantic import Field
 
 from drivers.clock import nanoseconds
-from drivers.errors import ConfigError
 from drivers.heading_calibration import Vector
 from drivers.xsens.settings import XsensSettings
+from sim_backends.world.fit import check_bit_rate
 from sim_backends.world.inertial import InertialErrorSettings, InertialSensor
 from sim_backends.world.line import Line, serial_bits
 from sim_backends.world.plant import Plant
@@ -128,11 +128,8 @@ def make_emulator(
     """
     size = FIXED_SIZE + sum(ITEM_SIZES[kind] for kind in set(emulator.content))
     required_bits_s = serial_bits(bytes(size)) * emulator.rate_hz
-    if required_bits_s > device.baud_rate:
-        raise ConfigError(
-            f"simulated sensor '{name}' needs {required_bits_s:.0f} bit/s, its line has {device.baud_rate}: "
-            "raise baud_rate, lower rate_hz or shorten content"
-        )
+    fix = "raise baud_rate, lower rate_hz or shorten content"
+    check_bit_rate(name, required_bits_s, device.baud_rate, fix)
     to_host = Line(serial_bits, device.baud_rate)
     to_device = Line(serial_bits, device.baud_rate)
     mounting = device.make_mounting(device.yaw_zero_deg)

@@ -164,7 +164,7 @@ def test_more_mistakes_than_an_error_has_lines(command: Command, tmp_path: Path)
 def test_what_only_shows_when_the_rover_is_put_together_is_found(command: Command, tmp_path: Path) -> None:
     slow_line = ('port = "ports/imu"', 'port = "ports/imu"\nbaud_rate = 4800')
     assert command("check", write(tmp_path, "robotino", slow_line)) == 1
-    assert "simulated sensor 'imu' needs 5500 bit/s, its line has 4800" in command.out
+    assert "simulated device 'imu' needs 5500 bit/s, its line has 4800" in command.out
 
 
 def test_times_that_stop_the_rover_are_a_mistake(command: Command, tmp_path: Path) -> None:

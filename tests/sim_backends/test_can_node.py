@@ -374,7 +374,7 @@ def test_wheel_count_must_fit() -> None:
 
 def test_bus_must_carry_the_load() -> None:
     device = CanWheelsSettings(interface="virtual", channel="x", mapping="odrive_0_5", bit_rate=50_000)
-    with pytest.raises(ConfigError, match=r"needs 1.* bit/s, it has 50000: raise bit_rate"):
+    with pytest.raises(ConfigError, match=r"needs 1.* bit/s, its line has 50000: raise bit_rate"):
         make_can_node("wheels", device, EXACT, ObedientPlant(), np.random.default_rng(1), START_NS)
 
 

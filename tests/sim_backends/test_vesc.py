@@ -173,7 +173,7 @@ def test_same_seed_same_bytes() -> None:
 
 def test_it_must_fit_the_rover_and_the_bus() -> None:
     rng = np.random.default_rng(1)
-    with pytest.raises(ConfigError, match="has 4 wheels, the simulated rover 3"):
+    with pytest.raises(ConfigError, match="turns 4 wheels but the simulated rover has 3"):
         make_emulator("wheels", DEVICE, EXACT, ObedientPlant((0.0,) * 3), rng, START_NS)
     slow = DEVICE.model_copy(update={"bit_rate": 50_000})
     with pytest.raises(ConfigError, match="raise bit_rate or lower wheel_rate_hz"):
