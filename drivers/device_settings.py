@@ -128,7 +128,7 @@ class CanDeviceSettings(ByteDeviceSettings):
 
     def make_link(self, clock: Clock) -> Link[bytes]:
         """Build the link to the bus; nothing is opened yet."""
-        from drivers.can_link import CanLink
+        from drivers.can.link import CanLink
 
         return CanLink(self.interface, self.channel, self.bit_rate, clock, self.reconnect_limit_s)
 

@@ -18,7 +18,7 @@ from itertools import cycle
 from pathlib import Path
 from typing import Literal
 
-from drivers.can_frame import CanFrame, pack_can_frame
+from drivers.can.frame import CanFrame, pack_can_frame
 from drivers.can_wheels.codec import CanWheelsCodec
 from drivers.can_wheels.mapping_file import load_mapping
 from drivers.can_wheels.messages import MessageWriter

@@ -115,7 +115,7 @@ def robotino_board() -> tuple[Codec[bytes], tuple[bytes, ...]]:
 
 
 def can_wheels(mapping: str) -> tuple[Codec[bytes], tuple[bytes, ...]]:
-    from drivers.can_frame import CanFrame, pack_can_frame
+    from drivers.can.frame import CanFrame, pack_can_frame
     from drivers.can_wheels.codec import CanWheelsCodec
     from drivers.can_wheels.mapping_file import load_mapping
     from drivers.can_wheels.messages import MessageWriter
@@ -193,7 +193,7 @@ def xsens() -> tuple[Codec[bytes], tuple[bytes, ...]]:
 
 
 def canopen_wheels() -> tuple[Codec[bytes], tuple[bytes, ...]]:
-    from drivers.can_frame import CanFrame, pack_can_frame
+    from drivers.can.frame import CanFrame, pack_can_frame
     from drivers.canopen_wheels.codec import CanopenWheelsCodec
     from drivers.canopen_wheels.settings import CanopenWheelsSettings
 
@@ -222,7 +222,7 @@ def canopen_wheels() -> tuple[Codec[bytes], tuple[bytes, ...]]:
 
 
 def vesc() -> tuple[Codec[bytes], tuple[bytes, ...]]:
-    from drivers.can_frame import CanFrame, pack_can_frame
+    from drivers.can.frame import CanFrame, pack_can_frame
     from drivers.vesc.codec import VescCodec
     from drivers.vesc.settings import VescSettings
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from drivers.can_faults import BusMonitor, FaultBoard
-from drivers.can_frame import EXTENDED_FLAG, unpack_can_frame
+from drivers.can.faults import BusMonitor, FaultBoard
+from drivers.can.frame import EXTENDED_FLAG, unpack_can_frame
 from drivers.can_wheels.layout import choices_of
 from drivers.can_wheels.mapping import FixedFrame, WheelMapping
 from drivers.can_wheels.mapping_file import BusDescription

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from cantools.database.can import Message
 
-from drivers.can_frame import EXTENDED_FLAG, CanFrame, pack_can_frame
+from drivers.can.frame import EXTENDED_FLAG, CanFrame, pack_can_frame
 from drivers.can_wheels.layout import Layout
 from drivers.can_wheels.mapping import Protection
 from drivers.can_wheels.signals import raw_limits, raw_value

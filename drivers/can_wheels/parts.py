@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeAlias
 
-from drivers.can_faults import FaultBoard, fault_text
+from drivers.can.faults import FaultBoard, fault_text
 from drivers.can_wheels.mapping import SignalName, StateSource, WheelMapping
 from drivers.can_wheels.mapping_file import BusDescription
 from drivers.can_wheels.signals import Scale

@@ -14,8 +14,8 @@ import math
 import struct
 from collections.abc import Callable, Mapping, Sequence
 
-from drivers.can_faults import BusMonitor, FaultBoard
-from drivers.can_frame import unpack_can_frame
+from drivers.can.faults import BusMonitor, FaultBoard
+from drivers.can.frame import unpack_can_frame
 from drivers.canopen_wheels.frames import (
     BOOT_UP,
     EMCY,

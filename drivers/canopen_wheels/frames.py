@@ -8,7 +8,7 @@ and Faulhaber MC 5004 (PDOs).
 from enum import IntEnum
 from typing import NamedTuple
 
-from drivers.can_frame import CanFrame, pack_can_frame
+from drivers.can.frame import CanFrame, pack_can_frame
 from drivers.canopen_wheels.parameters import CanopenWheelsParameters
 
 EMCY, TPDO_1, TPDO_2, RPDO_1 = 0x080, 0x180, 0x280, 0x200

@@ -23,8 +23,8 @@ import struct
 from collections.abc import Callable, Mapping, Sequence
 from enum import IntEnum
 
-from drivers.can_faults import BusMonitor, FaultBoard
-from drivers.can_frame import CanFrame, pack_can_frame, unpack_can_frame
+from drivers.can.faults import BusMonitor, FaultBoard
+from drivers.can.frame import CanFrame, pack_can_frame, unpack_can_frame
 from drivers.driver import Rejection
 from drivers.link import Received
 from drivers.operation_check import OperationCheck

@@ -17,7 +17,7 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.can_frame import ERROR_FLAG, EXTENDED_FLAG, EXTENDED_ID_MASK, FRAME_SIZE, REMOTE_FLAG
+from drivers.can.frame import ERROR_FLAG, EXTENDED_FLAG, EXTENDED_ID_MASK, FRAME_SIZE, REMOTE_FLAG
 from drivers.errors import ConfigError, LogError
 from drivers.files import (
     CAN_CONTAINER_BYTES,
@@ -58,7 +58,7 @@ class CanFrames:
     Attributes:
         path: The file they come from.
         t_s: Times as the file holds them, n.
-        identifiers: With the flags of `drivers.can_frame`, n.
+        identifiers: With the flags of `drivers.can.frame`, n.
         lengths: Number of data bytes, n.
         data: Data bytes, zero behind the length, n x 8.
         channels: Names of the buses in the file.
@@ -427,7 +427,7 @@ def _select(frames: CanFrames, places: NDArray[np.intp], swapped: int) -> CanFra
 def timed_payloads(
     frames: CanFrames, places: NDArray[np.intp], since_s: float
 ) -> Iterator[tuple[int, bytes]]:
-    """Yield time since `since_s` in ns and payload of frames, in the layout of `drivers.can_frame`.
+    """Yield time since `since_s` in ns and payload of frames, in the layout of `drivers.can.frame`.
 
     Times are whole microseconds: a float holds no more of a date.
     """

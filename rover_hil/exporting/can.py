@@ -6,7 +6,7 @@ from typing import Any
 
 import can
 
-from drivers.can_frame import unpack_can_frame
+from drivers.can.frame import unpack_can_frame
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.device_settings import CanDeviceSettings
 from drivers.errors import ConfigError, LogError

@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 from cantools.database.can import Message
 
-from drivers.can_frame import EXTENDED_FLAG, CanFrame, can_frame_bits, pack_can_frame, unpack_can_frame
+from drivers.can.frame import EXTENDED_FLAG, CanFrame, can_frame_bits, pack_can_frame, unpack_can_frame
 from drivers.can_wheels.layout import Choice, choices_of
 from drivers.can_wheels.mapping import FixedFrame, SignalName, StateSource, WheelMapping
 from drivers.can_wheels.mapping_file import BusDescription, load_mapping

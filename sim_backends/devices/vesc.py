@@ -21,7 +21,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from drivers.can_frame import CanFrame, can_frame_bits, pack_can_frame, unpack_can_frame
+from drivers.can.frame import CanFrame, can_frame_bits, pack_can_frame, unpack_can_frame
 from drivers.clock import nanoseconds
 from drivers.settings import Settings
 from drivers.vesc.settings import VescSettings

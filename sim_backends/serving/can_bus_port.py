@@ -5,7 +5,7 @@ import socket
 
 import can
 
-from drivers.can_frame import CanFrame, pack_can_frame, unpack_can_frame
+from drivers.can.frame import CanFrame, pack_can_frame, unpack_can_frame
 from drivers.errors import NotConnectedError
 from sim_backends.serving.port import Port
 

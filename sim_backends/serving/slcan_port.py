@@ -1,6 +1,6 @@
 """A CAN bus behind a serial adapter that speaks LAWICEL's ASCII protocol (slcan), on a pseudo-terminal."""
 
-from drivers.can_frame import (
+from drivers.can.frame import (
     EXTENDED_ID_MASK,
     STANDARD_ID_MASK,
     CanFrame,

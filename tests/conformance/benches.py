@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import TypeAdapter
 
-from drivers.can_frame import CanFrame, pack_can_frame
+from drivers.can.frame import CanFrame, pack_can_frame
 from drivers.clock import Clock, SystemClock, VirtualClock, nanoseconds
 from drivers.device_settings import FrameDeviceSettings
 from drivers.driver import AnyDriver, WheelDrive

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from drivers.can_frame import CanFrame, pack_can_frame
+from drivers.can.frame import CanFrame, pack_can_frame
 from drivers.can_wheels.codec import CanWheelsCodec
 from drivers.driver import Rejection
 from drivers.link import Received

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from drivers.can_frame import CanFrame, pack_can_frame
+from drivers.can.frame import CanFrame, pack_can_frame
 from drivers.driver import Codec, Rejection
 from drivers.link import Received
 from drivers.samples import Sample

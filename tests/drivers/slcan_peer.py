@@ -6,7 +6,7 @@ import threading
 import tty
 from pathlib import Path
 
-from drivers.can_frame import CanFrame, pack_can_frame, unpack_can_frame
+from drivers.can.frame import CanFrame, pack_can_frame, unpack_can_frame
 
 
 class SlcanPeer:

@@ -4,9 +4,9 @@ import struct
 
 import pytest
 
-from drivers import can_link
-from drivers.can_controller_mode import read_silent_modes, silent_modes_in
-from drivers.can_link import CanLink
+from drivers.can import link as can_link
+from drivers.can.controller_mode import read_silent_modes, silent_modes_in
+from drivers.can.link import CanLink
 from drivers.clock import SystemClock
 from drivers.errors import NotConnectedError
 

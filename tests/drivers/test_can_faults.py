@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.can_faults import fault_text
+from drivers.can.faults import fault_text
 from drivers.can_wheels.codec import CanWheelsCodec
 from drivers.can_wheels.mapping_file import load_mapping
 from drivers.driver import Rejection

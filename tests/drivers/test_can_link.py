@@ -11,9 +11,9 @@ from pathlib import Path
 import can
 import pytest
 
-from drivers import can_link
-from drivers.can_frame import CanFrame, pack_can_frame
-from drivers.can_link import GARBLED, CanLink
+from drivers.can import link as can_link
+from drivers.can.frame import CanFrame, pack_can_frame
+from drivers.can.link import GARBLED, CanLink
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.clock import NANOSECONDS_PER_SECOND, SystemClock, wall_time_ns
 from drivers.driver import SampleT, WheelDrive

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.can_frame import unpack_can_frame
+from drivers.can.frame import unpack_can_frame
 from drivers.can_wheels.codec import CanWheelsCodec
 from drivers.can_wheels.mapping_file import load_mapping
 from drivers.can_wheels.messages import MessageReader, MessageWriter

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import can_wheels
-from drivers.can_frame import unpack_can_frame
+from drivers.can.frame import unpack_can_frame
 from drivers.can_wheels.layout import Layout
 from drivers.can_wheels.mapping import Protection
 from drivers.can_wheels.messages import MessageReader, MessageWriter, crc8_j1850, sum8, xor8

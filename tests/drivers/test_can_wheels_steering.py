@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.can_frame import CanFrame, pack_can_frame, unpack_can_frame
+from drivers.can.frame import CanFrame, pack_can_frame, unpack_can_frame
 from drivers.can_wheels.codec import CanWheelsCodec
 from drivers.can_wheels.mapping_file import load_mapping
 from drivers.clock import VirtualClock

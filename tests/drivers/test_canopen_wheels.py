@@ -9,8 +9,8 @@ import pytest
 from canopen.objectdictionary import ObjectDictionary, ODArray, ODVariable, datatypes
 from pydantic import ValidationError
 
-from drivers.can_frame import CanFrame, pack_can_frame, unpack_can_frame
-from drivers.can_link import CanLink
+from drivers.can.frame import CanFrame, pack_can_frame, unpack_can_frame
+from drivers.can.link import CanLink
 from drivers.canopen_wheels.codec import CALLS_UNTIL_REPEAT, CanopenWheelsCodec
 from drivers.canopen_wheels.frames import ObjectValue, State, emcy_text, nmt, sdo_download, state_of
 from drivers.canopen_wheels.settings import CanopenWheelsSettings

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from drivers.can_frame import CanFrame, pack_can_frame, unpack_can_frame
+from drivers.can.frame import CanFrame, pack_can_frame, unpack_can_frame
 from drivers.driver import Rejection
 from drivers.link import Received
 from drivers.position_counter import PositionCounter

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from drivers.can_link import CanLink
+from drivers.can.link import CanLink
 from drivers.link import LinkChange, LinkItem, Received
 from tests.kernel.system import CLOCK, load, run, wait_until, write
 

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from drivers.can_link import CanLink
+from drivers.can.link import CanLink
 from drivers.errors import NotConnectedError
 from drivers.link import LinkChange, Received
 from sim_backends.serving.can_bus_port import CanBusPort

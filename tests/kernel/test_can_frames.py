@@ -5,8 +5,8 @@ import threading
 
 import pytest
 
-from drivers.can_frame import CanFrame, pack_can_frame, unpack_can_frame
-from drivers.can_link import CanLink
+from drivers.can.frame import CanFrame, pack_can_frame, unpack_can_frame
+from drivers.can.link import CanLink
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds
 from drivers.link import Received
 from tests.kernel.can_wire import Wire, collect, frame, numbers

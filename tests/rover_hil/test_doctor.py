@@ -11,7 +11,7 @@ from typing import Literal
 import can
 import pytest
 
-from drivers.can_frame import CanFrame, pack_can_frame, unpack_can_frame
+from drivers.can.frame import CanFrame, pack_can_frame, unpack_can_frame
 from drivers.can_wheels.mapping_file import load_mapping
 from drivers.can_wheels.messages import MessageWriter
 from drivers.clock import SystemClock

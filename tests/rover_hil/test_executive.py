@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.can_frame import unpack_can_frame
+from drivers.can.frame import unpack_can_frame
 from drivers.clock import VirtualClock
 from drivers.errors import LogError
 from drivers.link import LinkChange

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from cantools.database.can import Message
 
-from drivers.can_frame import ERROR_FLAG, EXTENDED_FLAG, REMOTE_FLAG
+from drivers.can.frame import ERROR_FLAG, EXTENDED_FLAG, REMOTE_FLAG
 from drivers.can_wheels.mapping_file import load_mapping, read_dbc
 from drivers.can_wheels.messages import MessageReader
 from drivers.errors import ConfigError, LogError

@@ -14,7 +14,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from controllers.motion.rover_geometry import WheelsRoverSettings
-from drivers.can_frame import CanFrame, unpack_can_frame
+from drivers.can.frame import CanFrame, unpack_can_frame
 from drivers.can_wheels.mapping_file import SHIPPED_FOLDER, load_mapping
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.canopen_wheels.settings import CanopenWheelsSettings

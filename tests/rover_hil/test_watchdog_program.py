@@ -19,7 +19,7 @@ from typing import cast
 
 import pytest
 
-from drivers.can_frame import CanFrame, pack_can_frame
+from drivers.can.frame import CanFrame, pack_can_frame
 from rover_hil.run import watchdog_program as program
 from rover_hil.run.watchdog_program import (
     ARMED,

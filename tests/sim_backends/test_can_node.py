@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.can_frame import can_frame_bits, unpack_can_frame
+from drivers.can.frame import can_frame_bits, unpack_can_frame
 from drivers.can_wheels.codec import CanWheelsCodec
 from drivers.can_wheels.mapping_file import SHIPPED_FOLDER, load_mapping
 from drivers.can_wheels.settings import CanWheelsSettings

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drivers.can_frame import CanFrame, pack_can_frame, unpack_can_frame
+from drivers.can.frame import CanFrame, pack_can_frame, unpack_can_frame
 from drivers.clock import seconds
 from drivers.errors import ConfigError
 from drivers.samples import FaultSample, PowerSample

@@ -10,7 +10,7 @@ import struct
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
-from drivers.can_frame import CanFrame, pack_can_frame, unpack_can_frame
+from drivers.can.frame import CanFrame, pack_can_frame, unpack_can_frame
 from drivers.can_wheels.messages import crc8_j1850
 from drivers.nmea import encode_sentence
 from drivers.robotino_board.codec import build_reply, build_request, parse_reply, parse_request

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from drivers.can_frame import EXTENDED_FLAG, unpack_can_frame
+from drivers.can.frame import EXTENDED_FLAG, unpack_can_frame
 from drivers.can_wheels.mapping import CanWheelsMapping
 from drivers.can_wheels.mapping_file import load_mapping
 from drivers.can_wheels.messages import bus_id

@@ -1,6 +1,6 @@
 """Check the faults that the devices report themselves."""
 
-from drivers.can_faults import BUS
+from drivers.can.faults import BUS
 from drivers.samples import BumperSample, FaultSample, PowerSample
 from rover_hil.doctor.devices.listening import Reception
 from rover_hil.doctor.finding import CAN_WIRING, Finding, ok, problem, warning

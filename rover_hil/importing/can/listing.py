@@ -9,7 +9,7 @@ import numpy as np
 from cantools.database.can import Database, Message, Signal
 from numpy.typing import NDArray
 
-from drivers.can_frame import ERROR_FLAG, EXTENDED_FLAG, EXTENDED_ID_MASK
+from drivers.can.frame import ERROR_FLAG, EXTENDED_FLAG, EXTENDED_ID_MASK
 from drivers.can_wheels.messages import bus_id
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.can_frames import LARGEST_PAYLOAD, CanFrames

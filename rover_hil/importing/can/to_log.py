@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.motion.kinematics import make_kinematics
-from drivers.can_frame import ERROR_FLAG
+from drivers.can.frame import ERROR_FLAG
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.device_settings import CanDeviceSettings, DriveSettings
 from drivers.driver import Codec, Rejection
@@ -38,7 +38,7 @@ class CanRecord:
 
     Attributes:
         t_ns: Since the first one.
-        payload: In the layout of `drivers.can_frame`.
+        payload: In the layout of `drivers.can.frame`.
     """
 
     t_ns: int

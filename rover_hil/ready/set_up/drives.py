@@ -11,7 +11,7 @@ from typing import Any
 import tomlkit
 from cantools.database.can import Message, Signal
 
-from drivers.can_frame import CanFrame, pack_can_frame
+from drivers.can.frame import CanFrame, pack_can_frame
 from drivers.can_wheels.codec import CanWheelsCodec
 from drivers.can_wheels.mapping_file import SHIPPED_FOLDER, load_mapping, read_dbc
 from drivers.can_wheels.messages import bus_id
@@ -265,7 +265,7 @@ def read_messages(dbc: Path) -> list[Message]:
 
 
 def _number(frame: CanFrame) -> int:
-    from drivers.can_frame import EXTENDED_FLAG
+    from drivers.can.frame import EXTENDED_FLAG
 
     return frame.can_id | EXTENDED_FLAG if frame.is_extended else frame.can_id
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.camera.settings import CameraSettings
-from drivers.can_frame import CanFrame, unpack_can_frame
+from drivers.can.frame import CanFrame, unpack_can_frame
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.clock import Clock, nanoseconds, seconds
 from drivers.device_settings import DriveSettings, SerialDeviceSettings

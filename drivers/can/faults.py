@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from drivers.can_frame import CanFrame
+from drivers.can.frame import CanFrame
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.driver import Rejection
 from drivers.samples import FaultSample

@@ -11,8 +11,8 @@ import can
 from can.interfaces.slcan import slcanBus
 from can.interfaces.socketcan import SocketcanBus
 
-from drivers.can_controller_mode import read_silent_modes
-from drivers.can_frame import EXTENDED_ID_MASK, CanFrame, pack_can_frame, unpack_can_frame
+from drivers.can.controller_mode import read_silent_modes
+from drivers.can.frame import EXTENDED_ID_MASK, CanFrame, pack_can_frame, unpack_can_frame
 from drivers.clock import NANOSECONDS_PER_SECOND, Clock, wall_to_monotonic_ns
 from drivers.errors import NotConnectedError
 from drivers.link import Received
