@@ -15,7 +15,7 @@ class InertialSettings(SerialDeviceSettings):
     """An inertial sensor on a serial port.
 
     The sensor is turned into the rover's axes first by roll, then by pitch, then by yaw. `rover-hil calibrate
-    imu --turns` finds roll, pitch, scale and bias.
+    mounting` finds roll, pitch, scale and bias.
 
     Attributes:
         rate_hz: Yaw rates per second that the sensor is set to send. The rover stops where it sends others

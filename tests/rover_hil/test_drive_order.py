@@ -6,17 +6,20 @@ import pty
 import re
 import sys
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.errors import ConfigError
+from rover_hil import ready
 from rover_hil.config import load_config, read_config_text
 from rover_hil.ready import procedure
 from rover_hil.run.drive_permission import permit_drive, permit_turning
 from tests.rover_hil.command import Command, assert_one_sentence
 
+CALIBRATIONS = [path.parent.name for path in Path(ready.__file__).parent.glob("*/calibration.py")]
 ROVER = "the rover of rover.toml (board at ports/board, imu at ports/imu)"
 CHANNEL = "can7"
 COMMANDS = (
@@ -25,6 +28,7 @@ COMMANDS = (
     "calibrate compass compass.toml --out o.toml",
     "calibrate motors compass.toml --out o.toml",
     "calibrate wheels rover.toml --out o.toml",
+    "calibrate scale camera.toml --out o.toml",
     "commission rover.toml --out runs",
 )
 """Every command that moves the wheels and is not itself the order."""
@@ -32,9 +36,25 @@ COMMANDS = (
 
 @pytest.fixture(autouse=True)
 def rovers(command: Command) -> None:
-    for name, source in (("rover.toml", "robotino"), ("compass.toml", "el-dorado")):
+    for name, source in (
+        ("rover.toml", "robotino"),
+        ("compass.toml", "el-dorado"),
+        ("camera.toml", "robotino-camera"),
+    ):
         text = read_config_text(source)
         Path(name).write_text(re.sub(r"(?m)^#:schema.*\n", "", text), "utf-8")
+
+
+@pytest.mark.parametrize("name", CALIBRATIONS)
+def test_every_calibration_that_drives_is_among_them(name: str) -> None:
+    module = import_module(f"rover_hil.ready.{name}.calibration")
+    own = [
+        item
+        for item in vars(module).values()
+        if isinstance(item, type) and item.__module__ == module.__name__
+    ]
+    drives = any("drives" in vars(item) for item in own)
+    assert drives == any(line.startswith(f"calibrate {name} ") for line in COMMANDS)
 
 
 @pytest.fixture

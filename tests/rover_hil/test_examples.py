@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from benchmarks.program.how_tos import blocks_of
+from rover_hil import ready
 from rover_hil.app.app import app
 from rover_hil.app.arguments import spread
 from rover_hil.app.lazy_group import LazyGroup
@@ -39,14 +40,8 @@ OF_A_ROVER = {
     "init",
     "commission",
     "tune gains",
-    "calibrate imu",
-    "calibrate mounting",
-    "calibrate motors",
-    "calibrate scale",
-    "calibrate compass",
-    "calibrate wheels",
-    "calibrate time",
-}
+    *(f"calibrate {path.parent.name}" for path in Path(ready.__file__).parent.glob("*/calibration.py")),
+} - {"calibrate camera"}
 """Their data are drives of a rover, also a simulated one, or of another example."""
 QUICK_ON_SAMPLES = {"replay", "compare", "export", "calibrate camera", "import robotino"}
 """`python -m benchmarks.program.examples` runs the others."""

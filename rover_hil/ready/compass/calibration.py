@@ -127,7 +127,7 @@ class CompassCalibration(FileProcedure[CompassRecord, CompassFit]):
     def title(self, record: CompassRecord, result: CompassFit) -> str:
         if result.problem:
             return f"Compass: not calibrated, {result.problem}"
-        return f"FileProcedure of '{record.device}'"
+        return f"Calibration of '{record.device}'"
 
     def facts(self, record: CompassRecord, result: CompassFit) -> Facts:
         facts = [

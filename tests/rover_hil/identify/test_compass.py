@@ -101,6 +101,9 @@ def test_the_result_is_entered_where_the_configuration_finds_it(command: Command
     (tmp_path / "rover.toml").write_text(read_config_text("el-dorado"), "utf-8")
     assert command("calibrate", "compass", "rover.toml", "--log", "turns.mcap", "--enter", "--json") == 0
     assert json.loads(command.out)["file"] == "rover-compass.toml"
+    assert "Calibration of 'compass'" in (tmp_path / "rover-compass.html").read_text("utf-8").replace(
+        "&#39;", "'"
+    )
     compass = load_config("rover.toml").devices["compass"]
     assert getattr(compass, "calibration", None) == "rover-compass.toml"
     assert "# On a real rover" in (tmp_path / "rover.toml").read_text("utf-8")
