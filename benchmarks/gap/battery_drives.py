@@ -277,7 +277,11 @@ def run(hidden: Hidden, scale: float, noise: str, seed: int) -> Outcome:
         base = load_model(hidden.model)
         runs = read_runs(base, Path(folder))
         model = model_of(hidden, base)
-    return Outcome(hidden=hidden, scale=scale, noise=noise, verdict=analyse(model, runs, seed=seed).verdict)
+    verdict = analyse(model, runs, seed=seed).verdict
+    # A base parameter far from nominal is the same cause as the effect that sets it free.
+    effects = {card.releases: card.name for card in base.effects if card.releases}
+    causes = [[effects.get(name, name) for name in names] for names in verdict.confidence_set]
+    return Outcome(hidden=hidden, scale=scale, noise=noise, verdict=replace(verdict, confidence_set=causes))
 
 
 def _is_named(one: Outcome) -> bool:

@@ -1,6 +1,6 @@
 """Effects of `rover-hil gap rover` hidden in the simulated six-wheel rover, and what is named.
 
-    python -m benchmarks.gap.rover_of_wheels [--drives 6] [--seed 0]
+    python -m benchmarks.gap.rover_of_wheels [--drives 6] [--duration 24] [--seed 0] [--only none]
 
 For each truth the plant of docs/examples/six_wheels.toml, on the gray floor, drives random legs: straight and
 arcs, forwards and backwards, by steering of its corners. Logs hold wheel angles, measured steering angles,
@@ -16,6 +16,7 @@ import math
 import os
 import sys
 import tempfile
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,8 @@ import numpy as np
 from typer.testing import CliRunner
 
 from controllers.motion.kinematics import make_kinematics
+from drivers.clock import SystemClock
+from drivers.clock import seconds as to_seconds
 from drivers.samples import RateSample, Sample, WheelSample
 from drivers.units import STANDARD_GRAVITY_M_S2
 from rover_hil.app.app import app
@@ -39,10 +42,13 @@ ROOT = Path(__file__).parents[2]
 CONFIG = "docs/examples/six_wheels.toml"
 FLOOR = "gray"
 ROW_MS = 20
-LEG_S, CHANGE_S, DURATION_S = 4.0, 0.5, 24.0
+LEG_S, CHANGE_S, DURATION_S = 4.0, 0.5, 24
 POSE_NOISE_M, POSE_NOISE_RAD, GYRO_NOISE_RAD_S = 0.0003, 0.0005, 0.002
 START_NS = 1_000_000_000
-HEADER = "| truth | verdict | root mean square on locked runs, before and after |\n|---|---|---|"
+HEADER = (
+    "| truth | verdict | root mean square on locked runs, before and after | seconds, of the processors |\n"
+    "|---|---|---|---|"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +138,9 @@ def true_settings(settings: WheelsPlantSettings, hidden: Hidden) -> WheelsPlantS
     return settings.model_copy(update={"site": site, "wheels": wheels})
 
 
-def write_drive(path: Path, config: Config, hidden: Hidden, rng: np.random.Generator) -> None:
+def write_drive(
+    path: Path, config: Config, hidden: Hidden, rng: np.random.Generator, duration_s: int = DURATION_S
+) -> None:
     """Drive random legs with the true rover and write what its sensors show."""
     settings = config.require_simulation().plant
     assert isinstance(settings, WheelsPlantSettings)
@@ -145,7 +153,7 @@ def write_drive(path: Path, config: Config, hidden: Hidden, rng: np.random.Gener
     steering_rad = (0.0,) * plant.wheel_count
     leg, wanted, moving = -1, (0.0, 0.0), np.zeros(2)
     with LogWriter(path, START_NS, record, collect_data_files(config), "virtual") as log:
-        for step in range(round(1e3 * DURATION_S)):
+        for step in range(1000 * duration_s):
             t_ns = START_NS + step * 1_000_000
             if int(step / 1e3 / LEG_S) != leg:
                 leg = int(step / 1e3 / LEG_S)
@@ -183,27 +191,33 @@ def write_drive(path: Path, config: Config, hidden: Hidden, rng: np.random.Gener
                 log.samples(t_ns, [*samples, RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=rate)])
 
 
-def verdict_on(hidden: Hidden, drives: int, seed: int) -> dict[str, Any]:
+def verdict_on(hidden: Hidden, drives: int, seed: int, duration_s: int) -> dict[str, Any]:
     """Return the verdict on drives of one truth."""
     config, rng = configuration(), np.random.default_rng(seed)
     text = (ROOT / CONFIG).read_text("utf-8")
     site = f'site = {{ floor = "{FLOOR}", roughness = 0.0 }}'
     text = text.replace('site = "floor_table"', site)
-    return verdict_of(text, lambda path: write_drive(path, config, hidden, rng), drives)
+    return verdict_of(text, lambda path: write_drive(path, config, hidden, rng, duration_s), drives)
 
 
 def verdict_of(config_text: str, write: Callable[[Path], None], drives: int) -> dict[str, Any]:
-    """Return the verdict of `rover-hil gap rover` on drives that `write` writes as logs."""
+    """Return the verdict of `rover-hil gap rover` on drives that `write` writes as logs.
+
+    `command_s` are the seconds of the whole command, reading and writing too, and those of the processors.
+    """
     with tempfile.TemporaryDirectory() as folder:
         runs, out, file = Path(folder) / "runs", Path(folder) / "gap", Path(folder) / "rover.toml"
         for number in range(drives):
             write(runs / str(number) / "run.mcap")
         file.write_text(config_text, "utf-8")
+        clock, begin_processors_s = SystemClock(), time.process_time()
+        begin_ns = clock.now_ns()
         found = CliRunner().invoke(app, ["gap", "rover", str(file), str(runs), "--out", str(out)])
+        took_s = (to_seconds(clock.now_ns() - begin_ns), time.process_time() - begin_processors_s)
         if not (out / "verdict.json").exists():
             raise SystemExit(f"gap failed: {found.output}{found.exception}")
         verdict: dict[str, Any] = json.loads((out / "verdict.json").read_text("utf-8"))
-    return verdict
+    return {**verdict, "command_s": took_s}
 
 
 def main() -> int:
@@ -212,6 +226,7 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--drives", type=int, default=6)
+    parser.add_argument("--duration", type=int, default=DURATION_S, help="of a drive, s")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", choices=sorted({one.name for one in TRUTHS}))
     arguments = parser.parse_args()
@@ -220,7 +235,7 @@ def main() -> int:
     print(HEADER, flush=True)
     for hidden in TRUTHS:
         if arguments.only in (None, hidden.name):
-            verdict = verdict_on(hidden, arguments.drives, arguments.seed)
+            verdict = verdict_on(hidden, arguments.drives, arguments.seed, arguments.duration)
             names = [one["name"] for one in verdict["effects"]]
             is_right &= names == ([] if hidden.name == "none" else [hidden.name])
             print(row(f"{hidden.name} {hidden.size}", verdict), flush=True)
@@ -236,7 +251,8 @@ def row(truth: str, verdict: dict[str, Any]) -> str:
     )
     gap = verdict["gap"].items()
     errors = "; ".join(f"{name} {one['before']:.3g}, {one['after']:.3g}" for name, one in gap)
-    return f"| {truth} | {verdict['verdict']} {named} | {errors} |"
+    seconds = ", ".join(f"{one:.1f}" for one in verdict["command_s"])
+    return f"| {truth} | {verdict['verdict']} {named} | {errors} | {seconds} |"
 
 
 if __name__ == "__main__":

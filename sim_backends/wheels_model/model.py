@@ -3,7 +3,8 @@
 Base: the list of wheels with the loads, the castors and the ground of `[simulation.plant]`. In windows of
 0.2 s or more the mean speeds and steering angles of the wheels give the motion of the body at which the
 contacts carry its inertia (`force_balance`), and the gyro measures its yaw rate. Pose and heading are not
-integrated, so that an error affects only its own windows.
+integrated over the drive, so that an error affects only its own windows, and the stretches of 4 s that hold
+them: over these the motion is integrated, where a small error of a radius or a place adds up.
 """
 
 import math
@@ -20,14 +21,18 @@ from sim_backends.plants.wheels.plant import make_rover
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from sim_backends.wheels_model.effects import effects_of, of_wheel
 from sim_backends.wheels_model.force_balance import Contact, Wheels, balanced_motion, rolling_motion
+from sim_backends.wheels_model.stretches import over_stretches
 
 GYRO = "gyro_rad_s"
 HEADING = "heading_rad"
+STRETCHES = {"stretch_forward_m": "m", "stretch_left_m": "m", "stretch_turn_rad": "rad"}
+"""Channels of the motion over stretches, and their units."""
 CHANNELS = (
     Channel(name="forward_m_s", unit="m/s"),
     Channel(name="left_m_s", unit="m/s"),
     Channel(name="turn_rad_s", unit="rad/s"),
     Channel(name=GYRO, unit="rad/s", is_optional=True),
+    *(Channel(name=name, unit=unit, is_optional=True) for name, unit in STRETCHES.items()),
 )
 
 
@@ -92,6 +97,7 @@ class WheelsModel:
             twist[:, 1] -= active["rotation_centre"]["ahead_m"] * twist[:, 2]
         age_s = base["pose_age_s"] + active["latency"]["time"]
         forward, left, turn = (_shifted(t_s, one, age_s) for one in _at_marker(twist, base).T)
+        stretches = over_stretches(t_s, np.stack((forward, left, turn), axis=1))
         rate = _shifted(t_s, twist[:, 2], base["gyro_age_s"])
         return {
             "forward_m_s": forward,
@@ -100,6 +106,7 @@ class WheelsModel:
             GYRO: (1.0 + active["gyro_scale"]["error"]) * rate
             + base["gyro_bias_rad_s"]
             + active["gyro_bias"]["rate"],
+            **dict(zip(STRETCHES, stretches.T, strict=True)),
         }
 
     def _wheels(self, run: Run, base: Values, active: Mapping[str, Values]) -> Wheels:

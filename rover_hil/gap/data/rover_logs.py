@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,8 @@ from rover_hil.gap.data.parameters import DATA
 from rover_hil.gap.data.windows import Windows, body_rates, stretches, windows_over
 from rover_hil.parallel.calls import HERE, Calls
 from sim_backends.models.interface import Array, Run
-from sim_backends.wheels_model.model import GYRO, HEADING, WheelsModel
+from sim_backends.wheels_model.model import GYRO, HEADING, STRETCHES, WheelsModel
+from sim_backends.wheels_model.stretches import STRETCH_S, over_stretches, windows_of_stretch
 
 
 def read_rover_runs(model: WheelsModel, paths: Sequence[Path], calls: Calls = HERE) -> list[Run]:
@@ -43,7 +45,27 @@ def read_rover_runs(model: WheelsModel, paths: Sequence[Path], calls: Calls = HE
         runs.append(_run(model, drive, name, rng))
     if len(runs) < DATA.runs.least_series:
         runs = [part for run in runs for part in stretches(run)]
-    return runs
+    return [_with_stretches(run, rng) for run in runs]
+
+
+def _with_stretches(run: Run, rng: np.random.Generator) -> Run:
+    """Return a run with its motion over stretches.
+
+    The accuracy of the model's rates adds up in a stretch. Stretches that overlap share it: together they
+    must not count for more than one, so that each has noise of its own in their number.
+    """
+    t_s, (before, after) = run.inputs["t_s"], run.overlap
+    rates = np.stack([run.measured[name] for name in ("forward_m_s", "left_m_s", "turn_rad_s")], axis=1)
+    size, measured = windows_of_stretch(t_s) - 1, dict(run.measured)
+    accuracy = (DATA.windows.balance_m_s, DATA.windows.balance_m_s, DATA.windows.balance_rad_s)
+    inner = slice(before, t_s.size - after)
+    for name, values, one in zip(
+        STRETCHES, over_stretches(t_s[inner], rates[inner]).T, accuracy, strict=True
+    ):
+        series = np.full(t_s.size, np.nan)
+        series[inner] = values + (size + 1) ** 0.5 * STRETCH_S * one * rng.standard_normal(values.size)
+        measured[name] = series
+    return replace(run, measured=measured, overlap=(before + size, after))
 
 
 def _run(model: WheelsModel, drive: RecordedDrive, name: str, rng: np.random.Generator) -> Run:

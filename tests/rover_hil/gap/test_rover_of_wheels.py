@@ -13,6 +13,7 @@ from benchmarks.gap.measured_rovers import config_text
 from benchmarks.gap.measured_rovers import write_log as write_measured_log
 from drivers.samples import PoseFixSample, RateSample, Sample, WheelSample
 from rover_hil.config import Config, load_config
+from rover_hil.gap.data.rover_logs import read_rover_runs
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.schema import TRUTH
 from rover_hil.recording.writer import LogWriter
@@ -255,3 +256,19 @@ def test_freely_rolling_wheels_only_hold_their_axle(tmp_path: Path) -> None:
     assert found["forward_m_s"][20] == pytest.approx(0.0325 * 5.0 * math.cos(0.4), rel=0.01)
     assert found["turn_rad_s"][20] == pytest.approx(0.0325 * 5.0 * math.sin(0.4) / 0.15, rel=0.01)
     assert found["left_m_s"][20] == pytest.approx(0.0, abs=0.001)
+
+
+def test_measured_stretches_are_longer_where_the_rover_goes_farther(tmp_path: Path) -> None:
+    write_logs(tmp_path / "runs", TrueDifferential(slip=-0.03), count=4)
+    settings = load_config(DIFFERENTIAL).require_simulation().plant
+    assert isinstance(settings, WheelsPlantSettings)
+    model = WheelsModel(settings)
+    runs = read_rover_runs(model, [tmp_path / "runs"])
+    tables = model.predict(runs, {}, {})
+    for channel in ("stretch_forward_m", "stretch_turn_rad"):
+        measured = np.concatenate([run.measured[channel] for run in runs])
+        predicted = np.concatenate([table[channel] for table in tables])
+        good = np.isfinite(measured)
+        assert np.isfinite(predicted[good]).all()
+        share = float(measured[good] @ predicted[good] / (predicted[good] @ predicted[good]))
+        assert share == pytest.approx(1.03, abs=0.008), channel
