@@ -213,7 +213,7 @@ class MachineSearch:
         return sorted(
             (
                 one
-                for names, one in self._fits.tried.items()
+                for names, one in list(self._fits.tried.items())  # the evidence may need further fits
                 if len(names) == len(best.names)
                 and names != best.names
                 and (

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from benchmarks.gap.battery_drives import cases, run
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
@@ -52,3 +53,10 @@ def test_a_strength_at_its_limit_is_no_explanation() -> None:
 
 def _limited(card: EffectCard, upper: float) -> EffectCard:
     return replace(card, parameters=(replace(card.parameters[0], upper=upper), *card.parameters[1:]))
+
+
+@pytest.mark.slow
+def test_fits_that_the_evidence_of_an_alternative_needs_are_no_error() -> None:
+    """In this case of the battery such a fit has as many effects as the best one, and joins those judged."""
+    hidden, scale, noise, seed = cases(486)[485]
+    assert run(hidden, scale, noise, seed).verdict.verdict is not Answer.BAD_DATA
