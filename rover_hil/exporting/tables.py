@@ -108,8 +108,12 @@ def _records(message: LogMessage) -> Iterator[tuple[str, int, object]]:
     elif topic == SAMPLES:
         for kind, samples in _mapping(message.json()).items():
             for sample in samples if isinstance(samples, list) else ():
-                t_ns = _mapping(sample).get("t_ns", message.t_ns)
-                yield TABLES_OF_SAMPLES.get(kind, kind), int(str(t_ns)), sample
+                t_ns = _mapping(sample).get("t_ns")
+                yield (
+                    TABLES_OF_SAMPLES.get(kind, kind),
+                    t_ns if isinstance(t_ns, int) else message.t_ns,
+                    sample,
+                )
     elif topic == HEALTH:
         devices = message.json()
         for device in devices if isinstance(devices, list) else ():

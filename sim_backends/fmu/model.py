@@ -91,18 +91,18 @@ class UnitModel:
         Returns:
             Point, then run: channel to values; NaN from where the unit fails.
         """
-        found = self._simulate(runs, points)
+        results = self._simulate(runs, points)
         names = [one.name for one in self.channels]
-        return [[self._table(result, names) for result in row] for row in found]
+        return [[self._table(result, names) for result in row] for row in results]
 
     def trajectories(
         self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
     ) -> list[dict[str, Array]]:
         """Return signals and inputs of each run over its samples."""
-        (found,) = self._simulate(runs, [(parameters, effects)])
+        (results,) = self._simulate(runs, [(parameters, effects)])
         return [
             {**self._table(result, list(self.states)), **{name: run.inputs[name] for name in self.inputs}}
-            for run, result in zip(runs, found, strict=True)
+            for run, result in zip(runs, results, strict=True)
         ]
 
     def failure(self, run: Run) -> str:
@@ -116,8 +116,8 @@ class UnitModel:
             parameters: Base parameters with those of these effects, called `effect.parameter`.
             active: Names of the effects.
         """
-        rest = tuple(card for card in self.effects if card.name not in active)
-        return replace(self, parameters=parameters, effects=rest)
+        inactive = tuple(card for card in self.effects if card.name not in active)
+        return replace(self, parameters=parameters, effects=inactive)
 
     def refined(self, runs: Sequence[Run]) -> "UnitModel":
         """Return the same model with communication steps that are small enough for `runs`.
@@ -201,8 +201,8 @@ class UnitModel:
                 wanted.append(key)
                 if key not in jobs:
                     jobs[key] = replace(series[index], settings=key[1])
-        found = dict(zip(jobs, self.workers.simulate(list(jobs.values())), strict=True))
-        results = [found[key] for key in wanted]
+        by_job = dict(zip(jobs, self.workers.simulate(list(jobs.values())), strict=True))
+        results = [by_job[key] for key in wanted]
         return [results[first : first + len(runs)] for first in range(0, len(results), len(runs) or 1)]
 
     def _series(self, run: Run) -> Job:

@@ -136,37 +136,37 @@ class _Assembly:
 
     def _variable(self, key: str, name: str) -> Variable:
         with self._at(key):
-            found = self._unit.variable(name)
-        if not found.is_scalar:
+            quantity = self._unit.variable(name)
+        if not quantity.is_scalar:
             raise ConfigError(f"{self._path}, {key}: '{name}' is an array; only single numbers can be used")
-        return found
+        return quantity
 
     def _number(self, key: str, name: str) -> Variable:
-        found = self._variable(key, name)
-        if found.type not in NUMBERS:
+        quantity = self._variable(key, name)
+        if quantity.type not in NUMBERS:
             raise ConfigError(
-                f"{self._path}, {key}: '{name}' is of type {found.type}; a floating-point number "
+                f"{self._path}, {key}: '{name}' is of type {quantity.type}; a floating-point number "
                 "of 64 bits is needed"
             )
-        return found
+        return quantity
 
     def _input(self, name: str, entry: Quantity) -> str:
         key = f"inputs.{name}"
-        found = self._number(key, entry.variable or name)
-        if found.causality != "input":
+        quantity = self._number(key, entry.variable or name)
+        if quantity.causality != "input":
             raise ConfigError(
-                f"{self._path}, {key}: '{found.name}' is no input of the unit: it is {found.causality}"
+                f"{self._path}, {key}: '{quantity.name}' is no input of the unit: it is {quantity.causality}"
             )
-        self._inputs[name] = found
-        return self._unit_of(entry.unit, found, key)
+        self._inputs[name] = quantity
+        return self._unit_of(entry.unit, quantity, key)
 
     def _output(self, table: str, name: str, entry: Quantity) -> str:
         key = f"{table}.{name}"
         if name in self._outputs:
             raise ConfigError(f"{self._path}, {key}: a channel has the same name: give one another name")
-        found = self._number(key, entry.variable or name)
-        self._outputs[name] = found
-        return self._unit_of(entry.unit, found, key)
+        quantity = self._number(key, entry.variable or name)
+        self._outputs[name] = quantity
+        return self._unit_of(entry.unit, quantity, key)
 
     def _setting(self, key: str, name: str, plain: str, variable: str) -> Variable:
         """Return the variable that a setting sets.
@@ -177,26 +177,26 @@ class _Assembly:
             plain: Of the variable where the entry gives none.
             variable: That the entry gives.
         """
-        found = self._number(key, variable or plain)
-        if not found.is_settable:
+        quantity = self._number(key, variable or plain)
+        if not quantity.is_settable:
             raise ConfigError(
-                f"{self._path}, {key}: '{found.name}' cannot be set: the unit computes it; use a "
+                f"{self._path}, {key}: '{quantity.name}' cannot be set: the unit computes it; use a "
                 "parameter or a start value"
             )
         for other, one in self._settings.items():
-            if one.reference == found.reference:
-                raise ConfigError(f"{self._path}, {key}: '{found.name}' is set by {other} already")
-        self._settings[name] = found
-        return found
+            if one.reference == quantity.reference:
+                raise ConfigError(f"{self._path}, {key}: '{quantity.name}' is set by {other} already")
+        self._settings[name] = quantity
+        return quantity
 
     def _parameter(self, name: str, entry: ParameterEntry) -> Parameter:
         key = f"parameters.{name}"
-        found = self._setting(key, name, name, entry.variable)
-        lower, upper = self._bounds(key, found, entry.lower, entry.upper)
+        quantity = self._setting(key, name, name, entry.variable)
+        lower, upper = self._bounds(key, quantity, entry.lower, entry.upper)
         return Parameter(
             name=name,
-            unit=self._unit_of(entry.unit, found, key),
-            nominal=self._nominal(key, found, entry.nominal, lower, upper),
+            unit=self._unit_of(entry.unit, quantity, key),
+            nominal=self._nominal(key, quantity, entry.nominal, lower, upper),
             prior_sd=entry.prior_sd,
             lower=lower,
             upper=upper,
@@ -207,14 +207,14 @@ class _Assembly:
 
     def _run_parameter(self, name: str, entry: RunParameterEntry) -> RunParameter:
         key = f"run_parameters.{name}"
-        found = self._setting(key, name, name, entry.variable)
-        lower, upper = self._bounds(key, found, entry.lower, entry.upper)
+        quantity = self._setting(key, name, name, entry.variable)
+        lower, upper = self._bounds(key, quantity, entry.lower, entry.upper)
         is_read = bool(entry.channel)
         return RunParameter(
             name=name,
-            unit=self._unit_of(entry.unit, found, key),
+            unit=self._unit_of(entry.unit, quantity, key),
             prior_sd=entry.prior_sd,
-            nominal=0.0 if is_read else self._nominal(key, found, entry.nominal, lower, upper),
+            nominal=0.0 if is_read else self._nominal(key, quantity, entry.nominal, lower, upper),
             channel=entry.channel,
             lower=lower,
             upper=upper,
@@ -224,13 +224,13 @@ class _Assembly:
         parameters = [self._strength(name, entry, base)]
         for shape, one in entry.shapes.items():
             key = f"effects.{name}.shapes.{shape}"
-            found = self._setting(key, joined_name(name, shape), shape, one.variable)
-            lower, upper = self._bounds(key, found, one.lower, one.upper)
+            quantity = self._setting(key, joined_name(name, shape), shape, one.variable)
+            lower, upper = self._bounds(key, quantity, one.lower, one.upper)
             parameters.append(
                 Parameter(
                     name=shape,
-                    unit=self._unit_of(one.unit, found, key),
-                    nominal=self._nominal(key, found, one.nominal, lower, upper),
+                    unit=self._unit_of(one.unit, quantity, key),
+                    nominal=self._nominal(key, quantity, one.nominal, lower, upper),
                     prior_sd=one.prior_sd,
                     lower=lower,
                     upper=upper,
@@ -255,12 +255,12 @@ class _Assembly:
         if not one.variable:
             raise ConfigError(f"{self._path}: {key}.variable is missing: name the parameter of the unit")
         name = one.name or re.sub(r"\W+", "_", one.variable.rpartition(".")[2]).strip("_")
-        found = self._setting(key, joined_name(effect, name), "", one.variable)
-        lower, upper = self._bounds(key, found, one.lower, one.upper)
+        quantity = self._setting(key, joined_name(effect, name), "", one.variable)
+        lower, upper = self._bounds(key, quantity, one.lower, one.upper)
         return Parameter(
             name=name,
-            unit=self._unit_of(one.unit, found, key),
-            nominal=self._nominal(key, found, one.null, lower, upper),
+            unit=self._unit_of(one.unit, quantity, key),
+            nominal=self._nominal(key, quantity, one.null, lower, upper),
             prior_sd=one.size,
             lower=lower,
             upper=upper,
@@ -300,47 +300,49 @@ class _Assembly:
         return name
 
     def _bounds(
-        self, key: str, found: Variable, lower: float | None, upper: float | None
+        self, key: str, quantity: Variable, lower: float | None, upper: float | None
     ) -> tuple[float, float]:
-        low = lower if lower is not None else float(found.low or -math.inf)
-        high = upper if upper is not None else float(found.high or math.inf)
+        low = lower if lower is not None else float(quantity.low or -math.inf)
+        high = upper if upper is not None else float(quantity.high or math.inf)
         if not low < high:
             raise ConfigError(f"{self._path}, {key}: lower = {low:g} is not below upper = {high:g}")
         return low, high
 
-    def _nominal(self, key: str, found: Variable, given: float | None, lower: float, upper: float) -> float:
-        if given is None and not found.start:
+    def _nominal(
+        self, key: str, quantity: Variable, given: float | None, lower: float, upper: float
+    ) -> float:
+        if given is None and not quantity.start:
             raise ConfigError(
-                f"{self._path}: {key}.nominal is missing, and '{found.name}' has no start value"
+                f"{self._path}: {key}.nominal is missing, and '{quantity.name}' has no start value"
             )
-        value = float(found.start) if given is None else given
+        value = float(quantity.start) if given is None else given
         if not lower <= value <= upper:
             raise ConfigError(f"{self._path}, {key}: {value:g} is outside of {lower:g} to {upper:g}")
         return value
 
-    def _unit_of(self, given: str, found: Variable, key: str) -> str:
+    def _unit_of(self, given: str, quantity: Variable, key: str) -> str:
         """Return the unit of a quantity: that of the file, which must be that of the FMU."""
-        if not (given or found.unit):
+        if not (given or quantity.unit):
             raise ConfigError(f'{self._path}: {key}.unit is missing: write it, "1" for a pure number')
-        if given and found.unit and _plain(given) != _plain(found.unit):
+        if given and quantity.unit and _plain(given) != _plain(quantity.unit):
             raise ConfigError(
-                f"{self._path}, {key}: unit is '{given}', but '{found.name}' of the FMU is in "
-                f"'{found.unit}': write that, values are not converted"
+                f"{self._path}, {key}: unit is '{given}', but '{quantity.name}' of the FMU is in "
+                f"'{quantity.unit}': write that, values are not converted"
             )
-        return given or found.unit
+        return given or quantity.unit
 
     def _fixed(self, name: str, value: bool | int | float | str) -> Fixed:
         key = f"fixed.{name}"
-        found = self._variable(key, name)
-        if not found.is_settable:
+        quantity = self._variable(key, name)
+        if not quantity.is_settable:
             raise ConfigError(f"{self._path}, {key}: '{name}' cannot be set: the unit computes it")
         for other, one in self._settings.items():
-            if one.reference == found.reference:
+            if one.reference == quantity.reference:
                 raise ConfigError(f"{self._path}, {key}: '{name}' is set by {other} already")
-        wanted = _kind(found.type)
+        wanted = _kind(quantity.type)
         if wanted is None or not isinstance(value, wanted) or isinstance(value, bool) != (wanted is bool):
-            raise ConfigError(f"{self._path}, {key}: {value!r} is no value of type {found.type}")
-        return found.type, found.reference, float(value) if wanted == (int, float) else value
+            raise ConfigError(f"{self._path}, {key}: {value!r} is no value of type {quantity.type}")
+        return quantity.type, quantity.reference, float(value) if wanted == (int, float) else value
 
     @contextmanager
     def _at(self, key: str) -> Iterator[None]:

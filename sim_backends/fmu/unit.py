@@ -177,14 +177,14 @@ def _check_size(path: Path, files: Sequence[zipfile.ZipInfo]) -> None:
     size = sum(one.file_size for one in files)
     description = sum(one.file_size for one in files if one.filename == DESCRIPTION)
     allowed = min(max(UNIT_BYTES_FREE, UNIT_PER_BYTE * path.stat().st_size), UNIT_BYTES)
-    for found, most, what in (
+    for count, most, what in (
         (size, allowed, "bytes unpacked"),
         (len(files), UNIT_FILES, "files"),
         (description, UNIT_DESCRIPTION_BYTES, f"bytes of {DESCRIPTION}"),
     ):
-        if found > most:
+        if count > most:
             raise ConfigError(
-                f"{path}: {found} {what}, {most} are allowed: make it smaller; docs/reference/file_limits.md"
+                f"{path}: {count} {what}, {most} are allowed: make it smaller; docs/reference/file_limits.md"
             )
 
 
@@ -198,8 +198,8 @@ def _description(path: Path, folder: Path) -> Any:
 
 def _version(path: Path, description: Path) -> int:
     # FMPy reads no other versions, or fails in them.
-    found = re.search(rb"""fmiVersion\s*=\s*["']([^"']*)["']""", description.read_bytes())
-    version = "" if found is None else found[1].decode("utf-8", "replace")
+    stated = re.search(rb"""fmiVersion\s*=\s*["']([^"']*)["']""", description.read_bytes())
+    version = "" if stated is None else stated[1].decode("utf-8", "replace")
     major = version.partition(".")[0]
     if major not in {"2", "3"}:
         raise ConfigError(
@@ -214,9 +214,9 @@ def _library_file(
     """Return the shared library for this kind of machine."""
     file = f"{identifier}{library.sharedLibraryExtension}"
     for platform in (library.platform, library.platform_tuple):
-        found = folder / "binaries" / platform / file
-        if found.is_file():
-            return str(found)
+        shared = folder / "binaries" / platform / file
+        if shared.is_file():
+            return str(shared)
     others = sorted(
         {name.split("/")[1] for name in names if name.startswith("binaries/") and name.count("/") > 1}
     )
@@ -245,5 +245,5 @@ def _variable(one: Any) -> Variable:
 
 def _closest(name: str, names: Iterable[str]) -> str:
     by_small = {one.lower(): one for one in names}
-    found = difflib.get_close_matches(name.lower(), by_small, n=3, cutoff=0.5)
-    return f"; the closest is {', '.join(by_small[one] for one in found[:1])}" if found else ""
+    closest = difflib.get_close_matches(name.lower(), by_small, n=3, cutoff=0.5)
+    return f"; the closest is {', '.join(by_small[small] for small in closest[:1])}" if closest else ""
