@@ -29,6 +29,8 @@ class Step:
         yaw_rad2: Variance added to the yaw.
         rolled_m: What rolling wheels would have moved, to the left as imaginary part.
         slip_sd: Standard deviation of the slip that remains, as a share of it.
+        covered_s: Time over which the gyro's bias entered `turn_rad`; 0 for a turn by the wheels.
+        bias_rad_s: The bias that was taken off.
     """
 
     x_m: float
@@ -39,6 +41,8 @@ class Step:
     yaw_rad2: float
     rolled_m: complex = 0j
     slip_sd: float = 0.0
+    covered_s: float = 0.0
+    bias_rad_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +51,10 @@ class WayBack:
 
     Attributes:
         rolled_m: Motion of rolling wheels since then, in the present body frame, left imaginary.
+        covered_s: Time since then over which the gyro's bias entered: the turn since falls by it per rad/s.
+        place_s_m: Derivative of the past place over the bias, in the present body frame, left imaginary.
+        bias_rad: What the biases of that time have turned the rover by, to be replaced by the present one.
+        bias_m: Likewise of the past place.
     """
 
     x_m: float
@@ -55,6 +63,14 @@ class WayBack:
     position_m2: float
     yaw_rad2: float
     rolled_m: complex = 0j
+    covered_s: float = 0.0
+    place_s_m: complex = 0j
+    bias_rad: float = 0.0
+    bias_m: complex = 0j
+
+    def with_bias(self, bias_rad_s: float) -> tuple[complex, float]:
+        """Return what another bias adds to the past place, in the present body frame, and to the past yaw."""
+        return bias_rad_s * self.place_s_m - self.bias_m, bias_rad_s * self.covered_s - self.bias_rad
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +79,10 @@ class _Mark:
 
     Attributes:
         rolled_m: Place by rolling wheels with the same yaw.
+        covered_s: Time over which the gyro's bias entered; the yaw falls by it per rad/s of bias.
+        place_s_m: Derivative of the place over the bias.
+        bias_rad: Turn that the biases have taken off.
+        bias_m: Likewise of the place.
     """
 
     t_ns: int
@@ -70,6 +90,10 @@ class _Mark:
     position_m2: float
     yaw_rad2: float
     rolled_m: complex = 0j
+    covered_s: float = 0.0
+    place_s_m: complex = 0j
+    bias_rad: float = 0.0
+    bias_m: complex = 0j
 
 
 class FixQueue:
@@ -110,14 +134,21 @@ class FixQueue:
             marks.clear()
             marks.append(_Mark(t_ns=start_ns, pose=Pose(), position_m2=0.0, yaw_rad2=0.0))
         last = marks[-1]
+        pose = move(last.pose, step.x_m, step.y_m, step.turn_rad)
+        bias_rad = step.bias_rad_s * step.covered_s
+        moved_m = complex(pose.x_m - last.pose.x_m, pose.y_m - last.pose.y_m)
         marks.append(
             _Mark(
                 t_ns=t_ns,
-                pose=move(last.pose, step.x_m, step.y_m, step.turn_rad),
+                pose=pose,
                 position_m2=last.position_m2 + step.position_m2,
                 yaw_rad2=last.yaw_rad2 + step.yaw_rad2,
                 rolled_m=last.rolled_m
                 + step.rolled_m * cmath.rect(1.0, last.pose.yaw_rad + 0.5 * step.turn_rad),
+                covered_s=last.covered_s + step.covered_s,
+                place_s_m=last.place_s_m - 1j * moved_m * (last.covered_s + 0.5 * step.covered_s),
+                bias_rad=last.bias_rad + bias_rad,
+                bias_m=last.bias_m - 1j * moved_m * (last.bias_rad + 0.5 * bias_rad),
             )
         )
         while marks[0].t_ns < t_ns - HISTORY_NS:
@@ -152,6 +183,8 @@ class FixQueue:
         then, now = _between(marks[max(index - 1, 0)], marks[index], then_ns), marks[-1]
         x_m, y_m = then.pose.x_m - now.pose.x_m, then.pose.y_m - now.pose.y_m
         cosine, sine = math.cos(now.pose.yaw_rad), math.sin(now.pose.yaw_rad)
+        # Seen from the present pose, which stays, the path since then turns with the bias.
+        arm_m, to_body = 1j * complex(x_m, y_m), complex(cosine, -sine)
         return WayBack(
             x_m=cosine * x_m + sine * y_m,
             y_m=cosine * y_m - sine * x_m,
@@ -159,6 +192,10 @@ class FixQueue:
             position_m2=now.position_m2 - then.position_m2,
             yaw_rad2=now.yaw_rad2 - then.yaw_rad2,
             rolled_m=(now.rolled_m - then.rolled_m) * cmath.rect(1.0, -now.pose.yaw_rad),
+            covered_s=now.covered_s - then.covered_s,
+            place_s_m=(then.place_s_m - now.place_s_m + now.covered_s * arm_m) * to_body,
+            bias_rad=now.bias_rad - then.bias_rad,
+            bias_m=(then.bias_m - now.bias_m + now.bias_rad * arm_m) * to_body,
         )
 
 
@@ -219,4 +256,8 @@ def _between(before: _Mark, after: _Mark, t_ns: int) -> _Mark:
         position_m2=before.position_m2 + share * (after.position_m2 - before.position_m2),
         yaw_rad2=before.yaw_rad2 + share * (after.yaw_rad2 - before.yaw_rad2),
         rolled_m=before.rolled_m + share * (after.rolled_m - before.rolled_m),
+        covered_s=before.covered_s + share * (after.covered_s - before.covered_s),
+        place_s_m=before.place_s_m + share * (after.place_s_m - before.place_s_m),
+        bias_rad=before.bias_rad + share * (after.bias_rad - before.bias_rad),
+        bias_m=before.bias_m + share * (after.bias_m - before.bias_m),
     )

@@ -144,6 +144,8 @@ class MotionTransition:
             yaw_rad2=float(self._noise[YAW, YAW]),
             rolled_m=complex(increment.x_m, increment.y_m) if by_wheels_m is None else by_wheels_m,
             slip_sd=math.hypot(slip_sd, across_sd),
+            covered_s=turn.covered_s,
+            bias_rad_s=state[BIAS],
         )
         return Moved(state=state, transition=transition, noise=self._noise, step=step)
 

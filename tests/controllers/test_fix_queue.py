@@ -33,7 +33,7 @@ def test_a_fix_waits_for_the_motion_up_to_its_picture() -> None:
     ((fix, way_back),) = fix_queue.take()
     assert fix == fix_at(1150)
     assert way_back is not None
-    assert astuple(way_back) == pytest.approx((-0.05, 0.0, 0.0, 0.5e-4, 0.5e-6, 0.0))
+    assert astuple(way_back)[:6] == pytest.approx((-0.05, 0.0, 0.0, 0.5e-4, 0.5e-6, 0.0))
     assert fix_queue.take() == []
 
 

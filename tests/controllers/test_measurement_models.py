@@ -27,7 +27,15 @@ from drivers.samples import UNKNOWN_YAW_STD_RAD, PoseFixSample
 Array = NDArray[np.float64]
 
 SIZE = 16
-WAY_BACK = WayBack(x_m=-0.02, y_m=0.01, turned_rad=0.1, position_m2=1e-5, yaw_rad2=1e-6)
+WAY_BACK = WayBack(
+    x_m=-0.02,
+    y_m=0.01,
+    turned_rad=0.1,
+    position_m2=1e-5,
+    yaw_rad2=1e-6,
+    covered_s=0.3,
+    place_s_m=0.02 - 0.01j,
+)
 MOTION = GroundMotion(
     from_ns=1,
     to_ns=2,

@@ -7,7 +7,7 @@ import numpy as np
 
 from controllers.estimation.measurement_model import Array, Expected, Measured
 from controllers.estimation.pose_fixes import WayBack
-from controllers.estimation.state_layout import YAW, X, Y
+from controllers.estimation.state_layout import BIAS, YAW, X, Y
 from drivers.samples import UNKNOWN_YAW_STD_RAD, PoseFixSample
 
 
@@ -36,7 +36,8 @@ class PoseFix:
         p = o + R(a) (x + R(yaw) w + R(yaw - t) l),   yaw_fix = yaw - t + a
 
     with the place o and the yaw a of the local frame on the floor, the pose (x, yaw) of the rover, the way w
-    back to the exposure in its frame, the turn t since, and the arm l to the antenna.
+    back to the exposure in its frame, the turn t since, and the arm l to the antenna. Way and turn are by the
+    gyro: both are those of the present bias. The slip since the exposure is noise here.
 
     Attributes:
         fix: The reading.
@@ -69,12 +70,19 @@ class PoseFix:
         """Return the expected pose."""
         fix, origin = self.fix, self.origin_index
         then_m, then_rad = place_then(state, fix, self.way_back)
+        axes, covered_s = cmath.rect(1.0, state.item(YAW)), self.way_back.covered_s
+        arm_m = complex(fix.arm_x_m, fix.arm_y_m) * cmath.rect(1.0, then_rad)
+        by_bias_m, by_bias_rad = self.way_back.with_bias(state.item(BIAS))
+        then_m += by_bias_m * axes + 1j * by_bias_rad * arm_m
+        then_rad += by_bias_rad
+        then_s_m = self.way_back.place_s_m * axes + 1j * covered_s * arm_m
         frame = cmath.rect(1.0, state.item(origin + YAW))
         expected_m = complex(state.item(origin + X), state.item(origin + Y)) + frame * then_m
         # Derivatives of the expected place over the states; x is the real part, y the imaginary one.
         slopes = np.zeros(len(state), dtype=complex)
         slopes[X], slopes[Y] = frame, 1j * frame
         slopes[YAW] = 1j * frame * (then_m - complex(state.item(X), state.item(Y)))
+        slopes[BIAS] = frame * then_s_m
         slopes[origin + X], slopes[origin + Y] = 1.0, 1j
         slopes[origin + YAW] = 1j * frame * then_m
         position_m2 = fix.position_std_m**2 + self.way_back.position_m2
@@ -83,6 +91,7 @@ class PoseFix:
         if has_yaw(fix):
             yaw_row = np.zeros(len(state))
             yaw_row[YAW] = yaw_row[origin + YAW] = 1.0
+            yaw_row[BIAS] = covered_s
             values.append(then_rad + state.item(origin + YAW))
             rows.append(yaw_row)
             variances.append(fix.yaw_std_rad**2 + self.way_back.yaw_rad2)
