@@ -17,45 +17,23 @@ import argparse
 import math
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.four_wheels.consistency import (
-    CAMERA,
-    FIX_DEVICE,
-    Errors,
-    find_errors,
-    print_errors,
-    shown_trace,
-)
+from benchmarks.four_wheels.consistency import Errors, find_errors, print_errors, shown_trace
 from benchmarks.four_wheels.field_drives import MOUNDS, SIDEWAYS, draw_rover, field_drive
 from controllers.estimation.settings import FilterSettings
-from controllers.estimator import Estimator
-from controllers.ftrace.reading import TraceReading
-from controllers.motion.kinematics import SkidSteerKinematics
-from controllers.motion.rover_geometry import SkidSteerRoverSettings
-from controllers.roles import DeviceRoles
-from controllers.slip.scomp.compensator import ScompCompensator
 from controllers.slip.scomp.parameters import ScompParameters
-from controllers.slip.scomp.settings import ScompSettings
-from drivers.clock import nanoseconds
-from drivers.samples import (
-    AttitudeSample,
-    FrameSample,
-    HeadingReference,
-    HeadingSample,
-    PoseFixSample,
-    RateSample,
-    Sample,
-    WheelSample,
-)
+from controllers.slip.scomp.states import ScompStates
+from drivers.samples import PoseFixSample
 from rover_hil.config import load_config
 from rover_hil.identify.scomp.fit import identify
 from rover_hil.scomp.columns import drive_of
 from rover_hil.scomp.drive import TruePath
-from rover_hil.scomp.recorded_samples import RecordedTrace
+from rover_hil.scomp.recorded_samples import FIXES as FIXES_DEVICE
+from rover_hil.scomp.recorded_samples import RecordedSamples, recorded_estimator
 from tests.nature import four_wheel_drive as nature
 
 Array = NDArray[np.float64]
@@ -64,8 +42,6 @@ Columns = Mapping[str, Array]
 PLANTS = ("nature", "el_dorado")
 FIXES = ("no fixes", "fixes in the first half", "fixes")
 GROUNDS = ("known", "unknown")
-ROVER = SkidSteerRoverSettings(kinematics="skid_steer_4", wheel_radius_m=0.092, track_m=0.66)
-START_NS = nanoseconds(1.0)
 REST_S = 2.0
 COMPASS_ROWS, TRACE_ROWS, FIX_ROWS, FIX_LATE_ROWS, REPORT_ROWS = 2, 4, 40, 2, 10
 FIX_SD = 0.01
@@ -116,79 +92,38 @@ def drives_of(plant: str, seed: int) -> dict[str, Recorded]:
     return drives
 
 
-def samples(log: Columns, row: int, t_ns: int, trace: RecordedTrace) -> list[Sample]:
-    """Return what arrives with a row."""
-    value = {name: float(column[row]) for name, column in log.items()}
-    samples_of_drive: list[Sample] = [
-        WheelSample(device="wheels", t_ns=t_ns, wheel=wheel, position_rad=value[f"enc{wheel + 1}_rad"])
-        for wheel in range(4)
-    ]
-    samples_of_drive.append(
-        RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=math.radians(value["gyro_z_deg_s"]))
-    )
-    pitch_rad, roll_rad = -math.radians(value["pitch_deg"]), math.radians(value["roll_deg"])
-    samples_of_drive.append(AttitudeSample(device="imu", t_ns=t_ns, pitch_rad=pitch_rad, roll_rad=roll_rad))
-    if row % COMPASS_ROWS == 0:
-        heading_rad = math.radians(value["compass_deg"])
-        samples_of_drive.append(
-            HeadingSample(
-                device="compass", t_ns=t_ns, heading_rad=heading_rad, reference=HeadingReference.MAGNETIC
-            )
-        )
-    if value["beta_new"]:
-        seen = bool(value["beta_valid"])
-        trace.reading = TraceReading(
-            t_ns=t_ns,
-            detected=seen,
-            theta_rad=math.radians(value["beta_ftrace_deg"]) if seen else None,
-            confidence=float(seen),
-            source="trace" if seen else "none",
-            theta_sd_rad=None,
-        )
-        picture = np.zeros((1, 1), np.uint8)
-        samples_of_drive.append(
-            FrameSample(device=CAMERA, t_ns=t_ns, t_capture_ns=None, index=row, image=picture)
-        )
-    return samples_of_drive
-
-
 def estimate(drive: Recorded, parameters: ScompParameters, settings: FilterSettings, fixes: str) -> Errors:
     """Return the errors of each half second of the drive, of its second half where fixes end."""
-    trace, kinematics = RecordedTrace(), SkidSteerKinematics(ROVER)
-    roles = DeviceRoles(
-        wheels="wheels",
-        required={},
-        gyro="imu",
-        headings=("compass",),
-        camera=CAMERA,
-        fixes=() if fixes == "no fixes" else (FIX_DEVICE,),
-    )
-    slip = ScompCompensator(ScompSettings(parameters=parameters), roles, kinematics, trace)
-    estimator = Estimator(kinematics, settings, 4.0, roles, slip)
+    rows, _ = drive_of(dict(drive.log), "simulated")
+    t_s, poses = rows.t_s, drive.poses()
+    if rows.compass_rad is not None:
+        rows.compass_rad[np.arange(len(t_s)) % COMPASS_ROWS != 0] = np.nan
+    if fixes != "no fixes":
+        rows = replace(rows, fix_m=np.full((len(t_s), 2), np.nan))  # a device; its fixes follow
+    recorded = RecordedSamples(rows, parameters, None)
+    estimator, _ = recorded_estimator(recorded, parameters, settings, ScompStates(parameters))
     rng = np.random.default_rng(3)
-    poses, t_s = drive.poses(), drive.log["t_s"]
     ends = len(t_s) // 2 if fixes == "fixes in the first half" else len(t_s)
     errors: Errors = []
     for row in range(len(t_s)):
-        t_ns = START_NS + nanoseconds(float(t_s[row]))
-        arrived = samples(drive.log, row, t_ns, trace)
+        t_ns = recorded.t_ns(row)
+        for sample in recorded.of_row(row):
+            if not isinstance(sample, PoseFixSample):  # as in the loop, nothing ties the floor to the start
+                estimator.take(sample, t_ns)
         seen = row - FIX_LATE_ROWS
         if fixes != "no fixes" and seen % FIX_ROWS == 0 and 0 <= seen < ends:
             x_m, y_m, yaw_rad = (poses[seen] + rng.normal(0.0, FIX_SD, 3)).tolist()
-            arrived.append(
-                PoseFixSample(
-                    device=FIX_DEVICE,
-                    t_ns=t_ns,
-                    t_capture_ns=START_NS + nanoseconds(float(t_s[seen])),
-                    x_m=x_m,
-                    y_m=y_m,
-                    yaw_rad=yaw_rad,
-                    position_std_m=FIX_SD,
-                    yaw_std_rad=FIX_SD,
-                )
+            fix = PoseFixSample(
+                device=FIXES_DEVICE,
+                t_ns=t_ns,
+                t_capture_ns=recorded.t_ns(seen),
+                x_m=x_m,
+                y_m=y_m,
+                yaw_rad=yaw_rad,
+                position_std_m=FIX_SD,
+                yaw_std_rad=FIX_SD,
             )
-        for sample in arrived:
-            estimator.take(sample, sample.t_ns)
+            estimator.take(fix, t_ns)
         is_driven = t_s[row] > REST_S
         estimator.advance(t_ns, (float(is_driven),) * 4)
         is_judged = ends == len(t_s) or row > ends + FIX_LATE_ROWS
