@@ -65,7 +65,6 @@ class ShadingParameters:
     least_pixels: int = 250  # that two frames must share
     steepest: float = 1.0  # greatest slope of the ground's motion across the image
     lit_share: float = 0.75  # share of each line along the motion that may be darker than lit ground
-    rough_share: float = 0.5  # the same for roughness: edges of shadows are rough
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
