@@ -1,6 +1,6 @@
 """A class holds one idea: none of the controllers, nor of recorded drives, has more than 20 methods.
 
-Counted is every `def` in the body of the class: properties, private and special methods, but nothing inherited.
+Every `def` in the body of the class counts: properties, private and special methods, but nothing inherited.
 """
 
 import ast
