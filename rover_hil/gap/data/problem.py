@@ -40,6 +40,14 @@ class Free:
     start: float
     step: float
 
+    def at(self, pull: float) -> float:
+        """Return the value this many prior deviations from the mean, inside the bounds."""
+        return float(np.clip(self.mean + self.sd * pull, self.lower, self.upper))
+
+    def pull_in(self, point: "Point") -> float:
+        """Return how far a point is from the mean, in prior deviations; the start where it has no value."""
+        return (point.get(self.key, self.start) - self.mean) / self.sd
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Group:

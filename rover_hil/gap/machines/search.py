@@ -19,7 +19,7 @@ from sim_backends.models.parameter_key import ParameterKey
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Evidence:
+class EffectEvidence:
     """Why one effect belongs to an explanation.
 
     Attributes:
@@ -49,7 +49,7 @@ class Found:
     """
 
     best: MachineFit
-    evidence: tuple[Evidence, ...]
+    evidence: tuple[EffectEvidence, ...]
     alternatives: tuple[MachineFit, ...]
     objections: Mapping[str, str]
 
@@ -94,7 +94,7 @@ class MachineSearch:
             self._scores[at.names] = best_shapes(found) if at.names else found
         return self._scores[at.names]
 
-    def evidence(self, found: MachineFit, *, is_alternative: bool = False) -> list[Evidence]:
+    def evidence(self, found: MachineFit, *, is_alternative: bool = False) -> list[EffectEvidence]:
         """Return the evidence for each effect of an explanation; an alternative needs less than a name."""
         return [self._evidence(found, name, is_alternative=is_alternative) for name in found.names]
 
@@ -173,7 +173,7 @@ class MachineSearch:
                 self._objections[one.name] = one.objection
         return all(not one.objection for one in evidence)
 
-    def _evidence(self, found: MachineFit, name: str, *, is_alternative: bool) -> Evidence:
+    def _evidence(self, found: MachineFit, name: str, *, is_alternative: bool) -> EffectEvidence:
         card = self._fits.cards[name]
         part = self._part(found, name)
         share, agreeing = found.explained(part)
@@ -195,7 +195,7 @@ class MachineSearch:
             objection = f"runs disagree on its size: {abs(z):.1f} standard deviations, {needed:g} required"
         else:
             objection = _at_bound(found, card)
-        return Evidence(name=name, z=z, share=share, agreeing=agreeing, objection=objection)
+        return EffectEvidence(name=name, z=z, share=share, agreeing=agreeing, objection=objection)
 
     def _alternatives(self, base: MachineFit, best: MachineFit) -> list[MachineFit]:
         """Return the explanations of the same size that left-out runs do not find worse than the best."""

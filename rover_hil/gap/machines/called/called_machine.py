@@ -8,7 +8,7 @@ import numpy as np
 from rover_hil.datasets.arrays import rms
 from rover_hil.gap.data.observed_model import ObservedModel
 from rover_hil.gap.data.problem import Point, Problem, cells, observe
-from rover_hil.gap.machines.evidence.evidence import Evidence, LearnedEvidence, RunEvidence
+from rover_hil.gap.machines.evidence.evidence import Evidence, LearnedEvidence
 from rover_hil.gap.machines.first_order.card_changes import card_changes
 from rover_hil.gap.machines.first_order.terms import series_terms, term_changes
 from rover_hil.gap.machines.parameters import MACHINES
@@ -49,7 +49,7 @@ class CalledMachine(ObservedModel):
     ) -> None:
         super().__init__(model, runs)
         self.channels = channels or self.channels
-        self.evidence: Evidence = evidence or RunEvidence()
+        self.evidence: Evidence = evidence or Evidence()
         units = dict(self.input_units) if isinstance(model, DrivenModel) else {}
         self.input_units: Mapping[str, str] = units
         self.states: Mapping[str, str] = {name: unit for name, unit in units.items() if name != TIME}
@@ -159,7 +159,7 @@ def called_machine(model: Model, runs: Sequence[Run], at: Point | None = None) -
         size = max(size, ROUNDING * rms(measured[np.isfinite(measured)]), 1e-12)
         step = channel.quantum / np.sqrt(12.0)
         channels.append(replace(channel, sigma=float(np.sqrt(max(size**2 - step**2, (1e-3 * size) ** 2)))))
-    evidence = LearnedEvidence(tuple(slow), widening) if is_learned else RunEvidence()
+    evidence = LearnedEvidence(tuple(slow), widening) if is_learned else Evidence()
     return CalledMachine(model, runs, tuple(channels), evidence)
 
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from scipy import special, stats
@@ -19,8 +19,8 @@ from sim_backends.models.parameter_key import ParameterKey
 Names: TypeAlias = tuple[str, ...]
 
 
-class Evidence(Protocol):
-    """How explanations are compared, and how well the size of the errors is known.
+class Evidence:
+    """How explanations are compared: by what others predict of a run; the noise of each sensor is declared.
 
     Attributes:
         freedom: Degrees of freedom behind the size of the errors.
@@ -30,84 +30,6 @@ class Evidence(Protocol):
         has_budget: The error of each channel is compared with a tolerance.
     """
 
-    freedom: float
-    is_learned: bool
-    slow: tuple[str, ...]
-    widening: float
-    has_budget: bool
-
-    def merit(self, found: "MachineFit") -> float:
-        """Return minus two log-likelihood of what counts; smaller is better."""
-        ...
-
-    def charge(self, found: Fit, shapes: Sequence[ParameterKey]) -> float:
-        """Return what free shapes cost in minus two log-likelihood."""
-        ...
-
-    def most_starts(self) -> int:
-        """Return how many starts of a model that can only be called are fitted."""
-        ...
-
-    def z(self, part: "MachineFit", found: "MachineFit", key: ParameterKey) -> float:
-        """Return how certain a strength is, as a standard normal; `part` is the fit without its effect."""
-        ...
-
-    def needed(self, found: "MachineFit", share: float) -> tuple[float, float]:
-        """Return the least share of the remaining error that an effect explains, and its least certainty."""
-        ...
-
-    def explained(self, part: "MachineFit", found: "MachineFit") -> tuple[float, float]:
-        """Return the share of the excess error that effects explain, and that of the runs they improve."""
-        ...
-
-    def explains_most(self, part: "MachineFit", found: "MachineFit") -> bool:
-        """Return True where one effect leaves no room for a pair."""
-        ...
-
-    def is_imitation(self, found: "MachineFit") -> bool:
-        """Return True where large effects nearly cancel, and so imitate a third."""
-        ...
-
-    def is_equal(self, one: "MachineFit", other: "MachineFit") -> bool:
-        """Return True where the first is neither clearly worse than the second nor better."""
-        ...
-
-    def gains_alike(self, gain: float, best: float) -> bool:
-        """Return True where an alternative gains enough."""
-        ...
-
-    def is_within_noise(self, found: "MachineFit") -> bool:
-        """Return True where the declared noise explains what a fit leaves of left-out runs."""
-        ...
-
-    def leaves_noise(self, found: "MachineFit") -> bool:
-        """Return True where no further effect is worth a search."""
-        ...
-
-    def determined(self, card: EffectCard) -> tuple[Parameter, ...]:
-        """Return the parameters of an effect that runs determine, so that none may be at its limit."""
-        ...
-
-    def half_width(self, found: "MachineFit", index: int) -> float:
-        """Return half of the 95 % interval of a parameter of all runs, in prior deviations."""
-        ...
-
-    def misfit_p(self, found: "MachineFit", structure: Callable[[], list[float]]) -> list[float]:
-        """Return the probabilities of such a misfit by noise alone; `structure` tests what is slow in it."""
-        ...
-
-    def is_contradicted(self, improved: float, closure: float | None, lean: tuple[float, float]) -> bool:
-        """Return True where the locked runs speak against an explanation; see `Holdout`."""
-        ...
-
-    def share_of_gap(self, closure: float | None, share: float, p_remaining: float) -> float:
-        """Return the share of the gap that is explained, on locked runs where that is defined."""
-        ...
-
-
-class RunEvidence(Evidence):
-    """What the others predict of a run; the noise of each sensor is declared."""
-
     freedom = math.inf
     is_learned = False
     slow: tuple[str, ...] = ()
@@ -115,29 +37,47 @@ class RunEvidence(Evidence):
     has_budget = True
 
     def merit(self, found: "MachineFit") -> float:
-        """Each left-out run has errors of its own size: one extrapolated badly cannot decide alone."""
+        """Return minus two log-likelihood of what counts; smaller is better.
+
+        Each left-out run has errors of its own size: one extrapolated badly cannot decide alone.
+        """
         counts = found.left_out.counts
         return float(np.sum(counts * np.log(found.left_out.squares / counts)))
 
     def charge(self, found: Fit, shapes: Sequence[ParameterKey]) -> float:
-        """Nothing: runs that are left out charge for themselves."""
+        """Return what free shapes cost in minus two log-likelihood.
+
+        Nothing: runs that are left out charge for themselves.
+        """
         return 0.0
 
     def most_starts(self) -> int:
-        """Several: effects may be large."""
+        """Return how many starts of a model that can only be called are fitted.
+
+        Several: effects may be large.
+        """
         return MACHINES.fit.called_starts
 
     def z(self, part: "MachineFit", found: "MachineFit", key: ParameterKey) -> float:
-        """Over the scatter of runs."""
+        """Return how certain a strength is, as a standard normal; `part` is the fit without its effect.
+
+        Over the scatter of runs.
+        """
         return strength_z(found, key)
 
     def needed(self, found: "MachineFit", share: float) -> tuple[float, float]:
-        """Less certainty for what explains much."""
+        """Return the least share of the remaining error that an effect explains, and its least certainty.
+
+        Less certainty for what explains much.
+        """
         is_clear = share >= MACHINES.search.clear_share
         return MACHINES.search.share, MACHINES.search.clear_z if is_clear else MACHINES.search.least_z
 
     def explained(self, part: "MachineFit", found: "MachineFit") -> tuple[float, float]:
-        """Each run has the weight of its excess error, at most that of its samples: none decides alone."""
+        """Return the share of the excess error that effects explain, and that of the runs they improve.
+
+        Each run has the weight of its excess error, at most that of its samples: none decides alone.
+        """
         before, after = part.left_out.squares, found.left_out.squares
         excess = np.maximum(before - part.left_out.counts, 1e-9)
         weight = np.minimum(excess, part.left_out.counts)
@@ -146,15 +86,24 @@ class RunEvidence(Evidence):
         return float((weight * shares).sum() / total), float(weight[after < before].sum() / total)
 
     def explains_most(self, part: "MachineFit", found: "MachineFit") -> bool:
-        """Never: predictions are cheap."""
+        """Return True where one effect leaves no room for a pair.
+
+        Never: predictions are cheap.
+        """
         return False
 
     def is_imitation(self, found: "MachineFit") -> bool:
-        """Never: declared noise and left-out runs tell effects from their imitation."""
+        """Return True where large effects nearly cancel, and so imitate a third.
+
+        Never: declared noise and left-out runs tell effects from their imitation.
+        """
         return False
 
     def is_equal(self, one: "MachineFit", other: "MachineFit") -> bool:
-        """By left-out runs, each with the same weight."""
+        """Return True where the first is neither clearly worse than the second nor better.
+
+        By left-out runs, each with the same weight.
+        """
         differences = np.log(one.left_out.squares / other.left_out.squares) * np.sqrt(other.left_out.counts)
         if differences.size < 2:
             return True
@@ -163,23 +112,38 @@ class RunEvidence(Evidence):
         return t < float(stats.t.ppf(0.5 + 0.5 * MACHINES.search.set_level, differences.size - 1))
 
     def gains_alike(self, gain: float, best: float) -> bool:
-        """Most of what the best gains."""
+        """Return True where an alternative gains enough.
+
+        Most of what the best gains.
+        """
         return gain >= MACHINES.search.set_share * best
 
     def is_within_noise(self, found: "MachineFit") -> bool:
-        """By the errors of left-out runs."""
+        """Return True where the declared noise explains what a fit leaves of left-out runs.
+
+        By the errors of left-out runs.
+        """
         return found.is_noise
 
     def leaves_noise(self, found: "MachineFit") -> bool:
-        """Where what is left is noise."""
+        """Return True where no further effect is worth a search.
+
+        Where what is left is noise.
+        """
         return found.is_within_noise
 
     def determined(self, card: EffectCard) -> tuple[Parameter, ...]:
-        """All."""
+        """Return the parameters of an effect that runs determine, so that none may be at its limit.
+
+        All.
+        """
         return card.parameters
 
     def half_width(self, found: "MachineFit", index: int) -> float:
-        """By the noise of samples and what changes when a run is left out (jackknife, Student's t)."""
+        """Return half of the 95 % interval of a parameter of all runs, in prior deviations.
+
+        By the noise of samples and what changes when a run is left out (jackknife, Student's t).
+        """
         left_out = found.left_out
         by_samples = float(left_out.by_samples[index])
         ratio = jackknife_error(left_out, index) / by_samples
@@ -187,22 +151,31 @@ class RunEvidence(Evidence):
         return float(stats.t.ppf(0.975, freedom)) * spread * by_samples
 
     def misfit_p(self, found: "MachineFit", structure: Callable[[], list[float]]) -> list[float]:
-        """The size of the misfit against the declared noise, and its structure."""
+        """Return the probabilities of such a misfit by noise alone; `structure` tests what is slow in it.
+
+        The size of the misfit against the declared noise, and its structure.
+        """
         residual = found.errors
         square = float(residual @ residual) / (1.0 + MACHINES.tests.sigma_uncertainty) ** 2
         size_p = float(stats.chi2.sf(square, max(residual.size - len(found.fit.free), 1)))
         return [size_p, *structure()]
 
     def is_contradicted(self, improved: float, closure: float | None, lean: tuple[float, float]) -> bool:
-        """Most locked runs become worse, or all together."""
+        """Return True where the locked runs speak against an explanation; see `Holdout`.
+
+        Most locked runs become worse, or all together.
+        """
         return improved < 0.5 or (closure is not None and closure < 0.0)
 
     def share_of_gap(self, closure: float | None, share: float, p_remaining: float) -> float:
-        """The closure on locked runs."""
+        """Return the share of the gap that is explained, on locked runs where that is defined.
+
+        The closure on locked runs.
+        """
         return share if closure is None else closure
 
 
-class LearnedEvidence(RunEvidence):
+class LearnedEvidence(Evidence):
     """The same; the noise is learned from the runs, so that a small rest proves nothing.
 
     Args:
@@ -258,7 +231,7 @@ class LearnedEvidence(RunEvidence):
         return _share_by_rest(share, p_remaining) if closure is None else closure
 
 
-class RowEvidence(RunEvidence):
+class RowEvidence(Evidence):
     """The likelihood of all values, of runs that have few; their noise is known by replicates.
 
     Args:

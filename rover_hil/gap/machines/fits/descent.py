@@ -169,7 +169,7 @@ class _Descent:
         self._upper = np.array([(item.upper - item.mean) / item.sd for item in free])
 
     def pull_of(self, point: Point) -> Array:
-        pull = np.array([(point[item.key] - item.mean) / item.sd for item in self._free])
+        pull = np.array([item.pull_in(point) for item in self._free])
         return self.clipped(pull)
 
     def clipped(self, pull: Array) -> Array:
@@ -178,10 +178,7 @@ class _Descent:
         return inside
 
     def point(self, pull: Array) -> Point:
-        values = {
-            item.key: float(np.clip(item.mean + item.sd * one, item.lower, item.upper))
-            for item, one in zip(self._free, pull, strict=True)
-        }
+        values = {item.key: item.at(one) for item, one in zip(self._free, pull, strict=True)}
         return {**self._fixed, **values}
 
     def residual(self, predicted: Array) -> Array:

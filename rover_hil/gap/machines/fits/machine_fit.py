@@ -14,7 +14,6 @@ from rover_hil.gap.machines.evidence.evidence import (
     Evidence,
     MachineFit,
     Names,
-    RunEvidence,
     in_declared_units,
 )
 from rover_hil.gap.machines.evidence.left_out import leave_one_run_out
@@ -51,7 +50,7 @@ class MachineFits:
     def evidence(self) -> Evidence:
         """What explanations are compared by."""
         model = self.problem.model
-        return model.evidence if isinstance(model, CalledMachine) else RunEvidence()
+        return model.evidence if isinstance(model, CalledMachine) else Evidence()
 
     def _starts(
         self, names: Names, free: Sequence[Free], begin: Point, fixed: Point, *, is_near: bool
@@ -94,7 +93,7 @@ class MachineFits:
         """Return minus two log-posterior at a start."""
         error = self.problem.observations.values - self.problem.predict({**fixed, **start})
         whitened = declared_noise(self.problem.observations).whiten(np.clip(np.nan_to_num(error), -FAR, FAR))
-        pull = np.array([(start[item.key] - item.mean) / item.sd for item in free])
+        pull = np.array([item.pull_in(start) for item in free])
         return float(whitened @ whitened + pull @ pull)
 
     def _charge(self, found: Fit) -> float:
@@ -226,9 +225,7 @@ def start_of_runs(problem: Problem, shared: Point | None = None) -> Point:
 def _drawn(free: Sequence[Free], pulls: Mapping[str, float]) -> Point:
     """Return the same draw of the unknowns, by name in prior deviations, in every run."""
     by_item = [(item, pulls[item.key.name]) for item in free]
-    return {
-        item.key: float(np.clip(item.mean + pull * item.sd, item.lower, item.upper)) for item, pull in by_item
-    }
+    return {item.key: item.at(pull) for item, pull in by_item}
 
 
 def _costs(problem: Problem, point: Point, weight: Array) -> Array:

@@ -140,7 +140,7 @@ def _linearise(here: Problem, free: Sequence[Free], point: Point, forces: Sequen
     sizes = np.array([item.sd for item in free])
     request = DerivativeRequest(here, point, free)
     columns = request.matrix(here.predictions(request.points)).scaled(sizes)
-    pull = np.array([(point.get(item.key, item.start) - item.mean) / item.sd for item in free])
+    pull = np.array([item.pull_in(point) for item in free])
     shift, noise = np.zeros(len(free)), None
     for _ in range(2):
         without = np.where(np.isfinite(observations.values), residual - columns.times(shift), np.nan)
@@ -164,10 +164,7 @@ def _linearise(here: Problem, free: Sequence[Free], point: Point, forces: Sequen
         cost=float(errors @ errors + pull @ pull),
     )
     smoothed = noise.smoothed_forces(np.nan_to_num(residual - columns.times(shift)))
-    moved = {
-        item.key: float(np.clip(item.mean + item.sd * (one + by), item.lower, item.upper))
-        for item, one, by in zip(free, pull, shift, strict=True)
-    }
+    moved = {item.key: item.at(one + by) for item, one, by in zip(free, pull, shift, strict=True)}
     return _Step(
         noise=noise,
         fit=fit,
@@ -218,5 +215,5 @@ def _objective(
         return float("inf")
     sizes = tuple((max(size, 1e-6), length) for size, length in noise.sizes)
     precision = np.linalg.inv(prior_covariance(basis, sizes) + 1e-12 * np.eye(forces[0].size))
-    pull = np.array([(point.get(item.key, item.start) - item.mean) / item.sd for item in free])
+    pull = np.array([item.pull_in(point) for item in free])
     return float(scaled @ scaled + pull @ pull + sum(force @ precision @ force for force in forces))

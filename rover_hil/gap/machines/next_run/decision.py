@@ -156,14 +156,8 @@ def _drawn_rows(planning: Planning, index: int, draws: int, rng: np.random.Gener
     points: list[dict[ParameterKey, float]] = []
     for _ in range(draws):
         pulls = hypothesis.pulls + root @ rng.standard_normal(len(hypothesis.shared))
-        values = {
-            item.key: float(np.clip(item.mean + item.sd * pull, item.lower, item.upper))
-            for item, pull in zip(hypothesis.shared, pulls, strict=True)
-        }
-        starts = {
-            item.key: float(np.clip(item.mean + item.sd * rng.standard_normal(), item.lower, item.upper))
-            for item in own
-        }
+        values = {item.key: item.at(pull) for item, pull in zip(hypothesis.shared, pulls, strict=True)}
+        starts = {item.key: item.at(rng.standard_normal()) for item in own}
         points.append({**begin, **values, **starts})
     rows: list[Array] = []
     for first in range(0, len(points), POINTS_AT_ONCE):

@@ -89,7 +89,7 @@ def _is_rest_small(squares: Array) -> Flags:
 def _are_equal(one: Array, other: Array, counts: Array) -> Flags:
     """Return where left-out runs do not find one clearly worse than the other, nor better.
 
-    This is `RunEvidence.is_equal` for many outcomes at once.
+    This is `Evidence.is_equal` for many outcomes at once.
     """
     differences = np.log(one / other) * np.sqrt(counts)
     runs = differences.shape[1]

@@ -7,9 +7,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from rover_hil.gap.machines.evidence.evidence import Evidence, LearnedEvidence, RowEvidence, RunEvidence
+from rover_hil.gap.machines.evidence.evidence import Evidence, LearnedEvidence, RowEvidence
 
-RUNS, LEARNED, ROWS = RunEvidence(), LearnedEvidence((), 1.0), RowEvidence(10.0)
+RUNS, LEARNED, ROWS = Evidence(), LearnedEvidence((), 1.0), RowEvidence(10.0)
 
 
 def fit(**values: object) -> Any:

@@ -5,13 +5,13 @@ from typing import Any, cast
 
 import numpy as np
 
-from rover_hil.gap.machines.evidence.evidence import RunEvidence
+from rover_hil.gap.machines.evidence.evidence import Evidence
 from rover_hil.gap.machines.next_run.rules import _are_equal
 
 
 def _fit(squares: object, counts: object) -> Any:
     left_out = SimpleNamespace(squares=squares, counts=counts)
-    return cast("Any", SimpleNamespace(left_out=left_out, evidence=RunEvidence()))
+    return cast("Any", SimpleNamespace(left_out=left_out, evidence=Evidence()))
 
 
 def test_equal_explanations_are_those_of_the_search() -> None:
@@ -19,7 +19,7 @@ def test_equal_explanations_are_those_of_the_search() -> None:
     counts = rng.integers(30, 300, 5).astype(float)
     one, other = (counts * rng.uniform(0.7, 1.1 + 0.6 * shift, (40, 5)) for shift in (0, 1))
     expected = [
-        RunEvidence().is_equal(_fit(a, counts), _fit(b, counts)) for a, b in zip(one, other, strict=True)
+        Evidence().is_equal(_fit(a, counts), _fit(b, counts)) for a, b in zip(one, other, strict=True)
     ]
     assert 5 < sum(expected) < 35
     assert _are_equal(one, other, counts).tolist() == expected
