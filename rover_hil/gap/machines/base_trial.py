@@ -68,19 +68,24 @@ def machine_trial(
     held = Problem(machine, problem.observations, (name,), problem.released)
     cards = [card for card in machine.effects if card.releases != name]
     begin = {key: value for key, value in found.fit.point.items() if key != ParameterKey(name=name)}
-    part, held = released_fit(held, MachineFits(held, cards).best(found.names, {}, begin))
     fits = MachineFits(held, cards)
-    others = tuple(one for one in held.released if one not in problem.released)
-    equals: list[tuple[str, ...]] = [others] if _is_as_good(part, found, part) else []
-    sizes = {others: " and ".join(f"{one} ({_size_text(part, ParameterKey(name=one))})" for one in others)}
-    if not equals:
+    part = fits.best(found.names, {}, begin)
+    replaced, freed = released_fit(held, part)
+    others = tuple(one for one in freed.released if one not in problem.released)
+    equals: list[tuple[str, ...]] = [others] if _is_as_good(replaced, found, part) else []
+    sizes = {
+        others: " and ".join(f"{one} ({_size_text(replaced, ParameterKey(name=one))})" for one in others)
+    }
+    if not _is_as_good(part, found, part):
+        # An effect that sets one of the others free is the same explanation.
+        fits.cards = {card.name: card for card in cards if card.releases not in others}
         ranked = sorted(best_shapes(score_effects(fits, part)), key=one_sided_z, reverse=True)
         chosen = [one.direction for one in ranked[: MACHINES.terms.most_fitted] if one_sided_z(one) > 0.0]
         options = [((*found.names, one.name), {one.name: one.shapes}, part.fit.point) for one in chosen]
         rivals = fits.fit_all(options)
         good = [one for one in rivals if _is_as_good(one, found, part)]
         equals += [one.names for one in good]
-        sizes = {
+        sizes |= {
             one.names: " and ".join(_effect_text(fits, one, effect) for effect in one.names) for one in good
         }
     if not equals and has_ports(machine):
