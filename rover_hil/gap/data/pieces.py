@@ -19,7 +19,8 @@ from sim_backends.state_model.model import StateModel
 def stable_pieces(machine: Machine, runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
     """Return runs in which an error at the start does not grow exponentially, and what was cut.
 
-    Machines that cannot begin in the middle of a record keep their runs, unexamined.
+    Machines that cannot begin in the middle of a record, or whose start is not fitted, keep their runs,
+    unexamined.
 
     Args:
         machine: Its growth is that of the nominal parameters.
@@ -44,9 +45,13 @@ def stable_pieces(machine: Machine, runs: Sequence[Run]) -> tuple[list[Run], lis
 def _pieces(machine: StateModel, run: Run) -> list[Run]:
     """Return the pieces of a run, as long as an error does not grow exponentially in them.
 
+    An error at a start that is not fitted is none.
+
     Raises:
         ConfigError: The machine cannot begin in the middle of a record.
     """
+    if not machine.run_parameters:
+        return [run]
     step_s = float(np.diff(run.inputs["t_s"][:2])[0]) if machine.step_s is None else machine.step_s
     short_s = DATA.runs.least_samples * step_s
     sizes = error_sizes(machine, cut_runs(machine, [run], short_s))

@@ -56,7 +56,7 @@ def verdict_on(model: WheelsModel, base: Values, effects: Mapping[str, Values]) 
     rng = np.random.default_rng(5)
     runs = drives(model, rng)
     measured = [
-        {name: values + rng.normal(0.0, NOISE[name], WINDOWS) for name, values in table.items()}
+        {name: table[name] + rng.normal(0.0, sd, WINDOWS) for name, sd in NOISE.items()}
         for table in model.predict(runs, base, effects)
     ]
     return analyse(
