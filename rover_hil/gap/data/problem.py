@@ -334,7 +334,7 @@ class DerivativeRequest:
         problem: Model and observations.
         point: Where the derivatives are taken.
         free: The parameters.
-        known: Derivatives that are known already, by parameter of all runs.
+        known: Derivatives that are known already, by parameter.
     """
 
     def __init__(
@@ -374,7 +374,8 @@ class DerivativeRequest:
             places[owned, column], widths[owned, column] = index, self._widths[index]
         for item in self._free:
             if item.key in self._known:
-                values[:, packed[item.key.shared]] = self._known[item.key]
+                owned = self._problem.rows_of(item.key)
+                values[owned, packed[item.key.shared]] = self._known[item.key][owned]
         for key, order in self._order.items():
             column = packed[key]
             with np.errstate(over="ignore", invalid="ignore"):  # of a machine that runs away

@@ -1,12 +1,16 @@
 """Derivatives whose unknowns of single runs share columns, against the same in full."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rover_hil.gap.data.derivatives import Derivatives, in_full
+from rover_hil.gap.data.problem import DerivativeRequest, Problem, observe
 from rover_hil.gap.statistics import score
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.score import Projection
+from tests.rover_hil.gap_machines.small_machine import MODEL, small_runs
 
 RUNS, ROWS, SEED = 7, 6, 3
 
@@ -63,3 +67,16 @@ def test_what_base_parameters_absorb_is_the_same_without_the_full_matrix(
     in_one = Projection(fit).residual
     monkeypatch.setattr(score, "MOST_DENSE", 0)
     np.testing.assert_allclose(Projection(fit).residual, in_one, atol=1e-9)
+
+
+def test_known_derivatives_by_deviations_act_in_their_own_runs() -> None:
+    first = replace(MODEL.parameters[0], scatter_sd=0.1)
+    model = replace(MODEL, parameters=(first, *MODEL.parameters[1:]))
+    problem = Problem(model, observe(model, small_runs(count=3)))
+    free = problem.base_free()
+    assert sum(item.key.is_deviation for item in free) == 3
+    found = problem.derivatives({}, free)
+    known = {item.key: found[:, place] for place, item in enumerate(free)}
+    request = DerivativeRequest(problem, {}, free, known)
+    assert not request.points
+    np.testing.assert_array_equal(request.matrix([]).dense(), found)

@@ -128,6 +128,26 @@ def test_a_wrong_gain_of_a_machine_is_named_in_every_file(command: Callable[[], 
     assert "wrong in the model</td>" in page
 
 
+def test_what_was_known_before_stands_in_the_file_on_the_page_and_in_the_table(tmp_path: Path) -> None:
+    priors = {"gain": 0.123, "damping": 0.0772}
+    model = axis_model()
+    parameters = tuple(replace(item, prior_sd=priors[item.name]) for item in model.parameters)
+    model = replace(model, parameters=parameters, port_effects=model.port_effects[:2])
+    analysis = analyse(model, measured_runs(8))
+    write_results(tmp_path, analysis, "axis", "")
+    written = json.loads((tmp_path / VERDICT_NAME).read_text("utf-8"))["base_parameters"]
+    assert {one["name"]: one["prior_sd"] for one in written} == priors
+    page = (tmp_path / REPORT_NAME).read_text("utf-8")
+    assert '<th class="number">prior sd</th>' in page
+    lines = analysis.verdict.lines()
+    head = next(line for line in lines if line.startswith("Base parameter"))
+    for name, prior_sd in priors.items():
+        row = page.split(f"<tr><td>{name}</td>", 1)[1].split("</tr>", 1)[0]
+        assert f'<td class="number">{prior_sd:.2g}</td>' in row
+        line = next(line for line in lines if line.startswith(name))
+        assert line[head.index("prior sd") :].split()[0] == f"{prior_sd:.2g}"
+
+
 def test_a_value_that_another_base_parameter_replaces_is_told_with_it() -> None:
     """Gain and supply stand side by side in the product: the runs cannot say which of them is wrong."""
     model = axis(gain=7.0)

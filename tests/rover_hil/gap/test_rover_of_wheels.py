@@ -48,9 +48,9 @@ def _in_the_project(monkeypatch: pytest.MonkeyPatch, command: Command) -> None:
     monkeypatch.chdir(ROOT)
 
 
-def write_log(path: Path, drive: Recorded, poses: Poses) -> None:
-    """Write a drive as a log of the differential rover; fixes come 20 times in a second."""
-    config = load_config(DIFFERENTIAL)
+def write_log(path: Path, drive: Recorded, poses: Poses, config: Config | None = None) -> None:
+    """Write a drive as a log, by default of the differential rover; fixes come 20 times in a second."""
+    config = config or load_config(DIFFERENTIAL)
     if poses == "fixes":
         table = config.model_dump(by_alias=True)
         table["devices"]["overhead"], table["roles"]["fixes"] = CAMERA, ["overhead"]
@@ -197,7 +197,9 @@ def test_the_balance_of_forces_is_the_steady_state_of_the_simulated_rover(name: 
     assert found["left_m_s"] == pytest.approx(truth.velocity_y_m_s, abs=sideways * abs(truth.velocity_x_m_s))
 
 
-def tricycle_run(rng: np.random.Generator, steering_rad: float, offset_rad: float) -> Array:
+def tricycle_run(
+    rng: np.random.Generator, steering_rad: float, offset_rad: float, ratio: float = 1.0
+) -> Array:
     """Return a drive of a tricycle in arcs: time, pose, ticks of the front wheel, its measured steering."""
     t_s = 0.05 * np.arange(400)
     speed_m_s = 0.15 + 0.1 * np.sin(0.5 * t_s + rng.uniform(0.0, 6.0))
@@ -210,7 +212,7 @@ def tricycle_run(rng: np.random.Generator, steering_rad: float, offset_rad: floa
     place_m = place_m + 0.0003 * rng.standard_normal(place_m.shape)
     ticks = speed_m_s * 0.05 / 0.0325 * 1600.0 / math.tau
     measured = yaw + 0.0005 * rng.standard_normal(yaw.size)
-    return np.column_stack((t_s, place_m, measured, ticks, true_rad - offset_rad))
+    return np.column_stack((t_s, place_m, measured, ticks, (true_rad - offset_rad) / ratio))
 
 
 @pytest.mark.parametrize(("offset_rad", "answer"), [(0.0, "NO_GAP"), (-0.03, "NAMED")])
