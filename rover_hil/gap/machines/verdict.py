@@ -190,7 +190,10 @@ def _agreement(findings: MachineFindings, before: str, reasons: Sequence[str]) -
 
 
 def _errors(budget: Sequence[ChannelError]) -> str:
-    return ", ".join(one.sentence() for one in budget)
+    """Return the greatest error, in its noise, in words; the page has those of all channels."""
+    greatest = max(budget, key=lambda error: error.model_error / error.sensor_noise)
+    of_all = f", the greatest of {len(budget)} channels" if len(budget) > 1 else ""
+    return f"{greatest.sentence()}{of_all}"
 
 
 def _effects(findings: MachineFindings) -> list[FoundEffect]:
