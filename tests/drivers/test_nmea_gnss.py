@@ -1,13 +1,14 @@
 """GNSS receivers: sentences in, pose fixes without yaw out."""
 
 import math
+from datetime import time
 
 import pytest
 from pydantic import ValidationError
 
 from drivers.driver import Rejection
 from drivers.link import Received
-from drivers.nmea import encode_sentence
+from drivers.nmea import RejectedError, encode_sentence, number
 from drivers.nmea_gnss.codec import NmeaGnssCodec
 from drivers.nmea_gnss.settings import NmeaGnssSettings
 from drivers.samples import UNKNOWN_YAW_STD_RAD, PoseFixSample
@@ -110,3 +111,9 @@ def test_rmc_alone_gives_positions(mode: str, expected: object) -> None:
 
 def test_a_receiver_that_says_void_has_no_fix() -> None:
     assert read(codec(), "GNRMC,120001.00,V,,,,,,,010126,,,N") == ["no_fix"]
+
+
+def test_a_field_of_another_kind_is_no_number() -> None:
+    """A quantity of a sentence that the library takes for a time of day."""
+    with pytest.raises(RejectedError, match="format"):
+        number({"lat": time(12)}, "lat", -90.0, 90.0)
