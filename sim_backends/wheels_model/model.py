@@ -5,9 +5,6 @@ Base: the list of wheels with the loads, the castors and the ground of `[simulat
 contacts carry its inertia (`force_balance`), and the gyro measures its yaw rate. Pose and heading are not
 integrated over the drive, so that an error affects only its own windows, and the stretches of 4 s that hold
 them: over these the motion is integrated, where a small error of a radius or a place adds up.
-
-Drives of one rover differ: in load and air pressure, in where the tyres touch the ground, in the part of the
-floor, and in the bias of the gyro that their calibration leaves. What differs has a deviation in each drive.
 """
 
 import math
@@ -28,15 +25,6 @@ from sim_backends.wheels_model.stretches import over_stretches
 
 GYRO = "gyro_rad_s"
 HEADING = "heading_rad"
-RADIUS_SCATTER = 0.05 / 3.0 * 0.1
-"""Of the radius between drives: a tyre rolls as if a third of its deflection were missing; this is 5 % of the
-radius, and load or air pressure change it by 10 %."""
-BASE_SCATTER = 0.02 * 0.1
-"""Of the places of the wheels: the contact moves by a tenth of the tyre's width, 2 % of the track."""
-STIFFNESS_SCATTER = 0.1
-"""Of the logarithm of the stiffness: dust and wear of a part of the floor change slip by 10 %, by hand."""
-GYRO_BIAS_RAD_S = 0.001
-"""What a calibration at rest leaves of the bias. Each drive has its own, so that it scatters by as much."""
 STRETCHES = {"stretch_forward_m": "m", "stretch_left_m": "m", "stretch_turn_rad": "rad"}
 """Channels of the motion over stretches, and their units."""
 CHANNELS = (
@@ -196,20 +184,9 @@ def _parameters(driven: Sequence[int]) -> tuple[Parameter, ...]:
         for wheel in driven[:-1]
     )
     return (
-        parameter(
-            "radius_error",
-            "1",
-            0.0,
-            0.003,
-            -0.5,
-            0.5,
-            "of the configured radius of all wheels",
-            RADIUS_SCATTER,
-        ),
+        parameter("radius_error", "1", 0.0, 0.003, -0.5, 0.5, "of the configured radius of all wheels"),
         *uneven,
-        parameter(
-            "base_error", "1", 0.0, 0.005, -0.5, 2.0, "of the configured places of the wheels", BASE_SCATTER
-        ),
+        parameter("base_error", "1", 0.0, 0.005, -0.5, 2.0, "of the configured places of the wheels"),
         parameter(
             "stiffness_change",
             "1",
@@ -218,7 +195,6 @@ def _parameters(driven: Sequence[int]) -> tuple[Parameter, ...]:
             -5.0,
             3.0,
             "logarithm of true over configured stiffness",
-            STIFFNESS_SCATTER,
         ),
         parameter("pose_age_s", "s", 0.0, 0.02, -1.0, 1.0, "age of the pose beyond that of the wheels"),
         parameter(
@@ -227,14 +203,5 @@ def _parameters(driven: Sequence[int]) -> tuple[Parameter, ...]:
         parameter("marker_y_m", "m", 0.0, 0.005, -1.0, 1.0, "place of the poses to the left of it"),
         parameter("marker_yaw_rad", "rad", 0.0, 0.01, -3.2, 3.2, "yaw of the poses over that of the rover"),
         parameter("gyro_age_s", "s", 0.0, 0.02, -1.0, 1.0, "the same of the gyro's rate"),
-        parameter(
-            "gyro_bias_rad_s",
-            "rad/s",
-            0.0,
-            GYRO_BIAS_RAD_S,
-            -0.3,
-            0.3,
-            "what calibration at rest leaves",
-            GYRO_BIAS_RAD_S,
-        ),
+        parameter("gyro_bias_rad_s", "rad/s", 0.0, 0.001, -0.3, 0.3, "what calibration at rest leaves"),
     )

@@ -1,6 +1,7 @@
-"""Drives of one rover that differ by what the model declares are no gap, and the answer tells by how much."""
+"""Drives of one rover that differ by a few tenths of a percent are no gap; the answer tells by how much."""
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -8,25 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.output.results import REPORT_NAME, VERDICT_NAME
-from sim_backends.plants.wheels.settings import WheelsPlantSettings
-from sim_backends.wheels_model.model import BASE_SCATTER, RADIUS_SCATTER, WheelsModel
+from rover_hil.gap.output.results import VERDICT_NAME
 from tests.nature.differential_drive import TrueDifferential, record
 from tests.rover_hil.command import Command
 from tests.rover_hil.gap.test_rover_of_wheels import DIFFERENTIAL, ROOT, write_log
 
 SHARES = np.array([-1.3, 1.2, 0.6, -1.0, 1.1, -0.6])
 """Deviations of the drives, in standard deviations: their root mean square is 1."""
+RADIUS_SD = 0.0025
+TRACK_SD = 0.003
 EXACT = TrueDifferential(pose_noise_m=0.00003, pose_noise_rad=0.0001, gyro_noise=0.0005)
-
-
-class OneRover(WheelsModel):
-    """The model without what differs between drives."""
-
-    def __init__(self, settings: WheelsPlantSettings) -> None:
-        super().__init__(settings)
-        self.parameters = tuple(replace(one, scatter_sd=0.0) for one in self.parameters)
 
 
 def write_drives(folder: Path, radii: Sequence[float], tracks: Sequence[float]) -> Path:
@@ -41,34 +33,15 @@ def write_drives(folder: Path, radii: Sequence[float], tracks: Sequence[float]) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("is_declared", [True, False])
-def test_drives_that_differ_as_declared_are_no_gap(
-    command: Command,
-    tmp_path: Path,
-    unrendered: None,
-    monkeypatch: pytest.MonkeyPatch,
-    *,
-    is_declared: bool,
+def test_drives_that_differ_are_no_gap_and_the_answer_says_by_how_much(
+    command: Command, tmp_path: Path, unrendered: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(ROOT)
-    if not is_declared:
-        monkeypatch.setattr("rover_hil.gap.command.find.WheelsModel", OneRover)
-    radii, tracks = 1.5 * RADIUS_SCATTER * SHARES, 1.5 * BASE_SCATTER * SHARES[::-1]
+    radii, tracks = RADIUS_SD * SHARES, TRACK_SD * SHARES[::-1]
     runs, out = write_drives(tmp_path / "runs", radii.tolist(), tracks.tolist()), tmp_path / "gap"
     assert command("gap", "rover", DIFFERENTIAL, str(runs), "--out", str(out)) == 0
     verdict = json.loads((out / VERDICT_NAME).read_text("utf-8"))
     assert verdict["verdict"] == "NO_GAP", verdict["sentence"]
     assert not verdict["effects"]
-    assert (verdict["p_gap"] > MACHINES.tests.alpha) is is_declared, verdict["sentence"]
-    if not is_declared:
-        # The engine learns it, and says so, as long as the error is below the tolerance.
-        assert "parameters differ between runs (radius_error by 0.00" in verdict["sentence"]
-        return
-    found = {one["name"]: one for one in verdict["base_parameters"]}
-    assert found["radius_error"]["scatter_sd"] == RADIUS_SCATTER
-    assert found["radius_error"]["scatter"] == pytest.approx(1.5 * RADIUS_SCATTER, rel=0.4)
-    assert found["marker_x_m"]["scatter"] == 0.0
-    told = f"{found['radius_error']['scatter']:.2g}"
-    line = next(one for one in command.out.splitlines() if one.startswith("radius_error"))
-    assert line.split()[-1] == told
-    assert f"{told} ({RADIUS_SCATTER:.2g})" in (out / REPORT_NAME).read_text("utf-8")
+    (told,) = re.findall(r"parameters differ between runs \(radius_error by ([0-9.]+)", verdict["sentence"])
+    assert float(told) == pytest.approx(RADIUS_SD, rel=0.4)
