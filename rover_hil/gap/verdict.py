@@ -55,8 +55,6 @@ class FittedBase:
         value: Fitted.
         ci95: Its 95 % interval.
         pull: Distance of the value from the nominal one in prior deviations, with sign.
-        scatter_sd: Standard deviation between runs that the model declares; 0 where all runs have one value.
-        scatter: The same as these runs show it; where they show nothing, as declared.
         is_named: The runs prove that the nominal value is wrong and this one right.
         why: Of a value that is far from the nominal one but not named: what is not proven.
         equals: Explanations with the nominal value that explain the runs as well.
@@ -69,8 +67,6 @@ class FittedBase:
     value: float
     ci95: tuple[float, float]
     pull: float
-    scatter_sd: float = 0.0
-    scatter: float = 0.0
     is_named: bool = False
     why: str = ""
     equals: Sequence[Sequence[str]] = ()
@@ -129,14 +125,12 @@ class Verdict:
         """Return the base parameters as a table."""
         if not self.base_parameters:
             return []
-        head = ("Base parameter", "value", "95 % interval", "unit", "nominal", "prior sd", "pull")
-        rows = [(*head, "between runs")]
+        rows = [("Base parameter", "value", "95 % interval", "unit", "nominal", "prior sd", "pull")]
         for one in self.base_parameters:
             low, high = one.ci95
             interval = f"{low:.4g} to {high:.4g}"
             numbers = (f"{one.nominal:.4g}", f"{one.prior_sd:.2g}", f"{one.pull:+.1f}")
-            scatter = f"{one.scatter:.2g}" if one.scatter_sd else ""
-            rows.append((one.name, f"{one.value:.4g}", interval, one.unit, *numbers, scatter))
+            rows.append((one.name, f"{one.value:.4g}", interval, one.unit, *numbers))
         widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
         return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 

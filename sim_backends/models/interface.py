@@ -77,25 +77,11 @@ class Parameter:
 
 
 def parameter(
-    name: str,
-    unit: str,
-    nominal: float,
-    prior_sd: float,
-    lower: float,
-    upper: float,
-    meaning: str = "",
-    scatter_sd: float = 0.0,
+    name: str, unit: str, nominal: float, prior_sd: float, lower: float, upper: float, meaning: str = ""
 ) -> Parameter:
     """Return a parameter given as a row of a table; see `Parameter` for the columns."""
     return Parameter(
-        name=name,
-        unit=unit,
-        nominal=nominal,
-        prior_sd=prior_sd,
-        lower=lower,
-        upper=upper,
-        meaning=meaning,
-        scatter_sd=scatter_sd,
+        name=name, unit=unit, nominal=nominal, prior_sd=prior_sd, lower=lower, upper=upper, meaning=meaning
     )
 
 

@@ -121,8 +121,8 @@ class RutTracker:
     def _advance(self, frame: Frame, motion: PatchMotion | None) -> tuple[float, bool]:
         """Predict the path to this frame; return the distance moved, and whether it is backwards.
 
-        A motion far from the path is left out, in deviations of the noise that this drive shows: motions that
-        scatter by more than is assumed, or stay where they are, are believed after some way.
+        A motion far from the path is left out. The limit grows with the noise that this drive shows: motions
+        that scatter by more than is assumed, or that stay far from the path, are believed after some way.
         """
         numbers = self._numbers.direction
         moved_m = abs(frame.travel_m) * (1 - numbers.slip_guess)

@@ -26,7 +26,7 @@ from sim_backends.state_model.model import StateModel
 def machine_bases(findings: MachineFindings, found: MachineFit) -> list[FittedBase]:
     """Return the base parameters of a fit with their intervals."""
     items = {item.name: item for item in findings.machine.parameters}
-    rows, spread = [], _spread(found)
+    rows = []
     for free in found.fit.free:
         name = free.key.name
         if not free.key.is_base or name not in items:
@@ -41,24 +41,9 @@ def machine_bases(findings: MachineFindings, found: MachineFit) -> list[FittedBa
                 value=size.value,
                 ci95=(size.low, size.high),
                 pull=(size.value - item.nominal) / item.prior_sd,
-                scatter_sd=item.scatter_sd,
-                scatter=item.scatter_sd * spread.get(name, 1.0),
             )
         )
     return rows
-
-
-def _spread(found: MachineFit) -> dict[str, float]:
-    """Return the deviations of runs from each base parameter, over their declared standard deviation.
-
-    Their root mean square with what the runs leave unknown of each: one step of expectation maximisation.
-    """
-    squares: dict[str, list[float]] = {}
-    variance = np.diag(found.fit.covariance)
-    for free, pull, own in zip(found.fit.free, found.fit.pull.tolist(), variance.tolist(), strict=True):
-        if free.key.is_deviation and not free.key.effect:
-            squares.setdefault(free.key.name, []).append(pull**2 + own)
-    return {name: float(np.sqrt(np.mean(values))) for name, values in squares.items()}
 
 
 def machine_trial(
