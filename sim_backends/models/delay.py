@@ -39,6 +39,13 @@ def earlier(t_s: Array, rate: Array, latency_s: float) -> Array:
     return shifted
 
 
+def later(t_s: Array, rate: Array, time_s: float) -> Array:
+    """Return the mean rates as they are `time_s` later, 0 or more; after the last window they stay."""
+    last = float(rate[-1])
+    shifted: Array = last + earlier(t_s, rate[::-1] - last, time_s)[::-1]
+    return shifted
+
+
 @cache
 def _spline_slopes(count: int) -> Array:
     """Return what turns `count` values at equal steps into the slopes per step of their cubic spline."""

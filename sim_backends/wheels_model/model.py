@@ -13,13 +13,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from drivers.units import STANDARD_GRAVITY_M_S2
-from sim_backends.models.delay import earlier
+from sim_backends.models.delay import earlier, later
+from sim_backends.models.drive_effects import of_wheel
 from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values, parameter
 from sim_backends.models.nominal_values import NominalValues
 from sim_backends.plants.robotino.surfaces import Surface
 from sim_backends.plants.wheels.plant import make_rover
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
-from sim_backends.wheels_model.effects import effects_of, of_wheel
+from sim_backends.wheels_model.effects import PARAMETERS, effects_of
 from sim_backends.wheels_model.force_balance import Contact, Wheels, balanced_motion, rolling_motion
 from sim_backends.wheels_model.stretches import over_stretches
 
@@ -158,11 +159,7 @@ def _at_marker(twist: Array, base: Values) -> Array:
 
 def _shifted(t_s: Array, rate: Array, age_s: float) -> Array:
     """Return the rates that a pose of this age shows; a negative one is ahead of the wheels."""
-    if age_s >= 0.0:
-        return earlier(t_s, rate, age_s)
-    last = float(rate[-1])
-    ahead: Array = last + earlier(t_s, rate[::-1] - last, -age_s)[::-1]
-    return ahead
+    return earlier(t_s, rate, age_s) if age_s >= 0.0 else later(t_s, rate, -age_s)
 
 
 def _own_error(wheel: int) -> str:
@@ -170,7 +167,7 @@ def _own_error(wheel: int) -> str:
 
 
 def _parameters(driven: Sequence[int]) -> tuple[Parameter, ...]:
-    last = driven[-1]
+    *others, last = driven
     uneven = (
         parameter(
             _own_error(wheel),
@@ -181,27 +178,7 @@ def _parameters(driven: Sequence[int]) -> tuple[Parameter, ...]:
             0.3,
             f"radius of wheel {wheel} over wheel {last}, less one",
         )
-        for wheel in driven[:-1]
+        for wheel in others
     )
-    return (
-        parameter("radius_error", "1", 0.0, 0.003, -0.5, 0.5, "of the configured radius of all wheels"),
-        *uneven,
-        parameter("base_error", "1", 0.0, 0.005, -0.5, 2.0, "of the configured places of the wheels"),
-        parameter(
-            "stiffness_change",
-            "1",
-            0.0,
-            0.3,
-            -5.0,
-            3.0,
-            "logarithm of true over configured stiffness",
-        ),
-        parameter("pose_age_s", "s", 0.0, 0.02, -1.0, 1.0, "age of the pose beyond that of the wheels"),
-        parameter(
-            "marker_x_m", "m", 0.0, 0.005, -1.0, 1.0, "place of the poses forward of the rover's origin"
-        ),
-        parameter("marker_y_m", "m", 0.0, 0.005, -1.0, 1.0, "place of the poses to the left of it"),
-        parameter("marker_yaw_rad", "rad", 0.0, 0.01, -3.2, 3.2, "yaw of the poses over that of the rover"),
-        parameter("gyro_age_s", "s", 0.0, 0.02, -1.0, 1.0, "the same of the gyro's rate"),
-        parameter("gyro_bias_rad_s", "rad/s", 0.0, 0.001, -0.3, 0.3, "what calibration at rest leaves"),
-    )
+    radius, *rest = PARAMETERS
+    return (radius, *uneven, *rest)

@@ -12,8 +12,7 @@ from rover_hil.gap.data.observed_model import ObservedModel
 from rover_hil.gap.data.readers.side_slope import path_bend_deg_m, read_side_slope
 from sim_backends.models.interface import EffectCard, Model, Run
 from sim_backends.models.side_slope import states
-from sim_backends.models.side_slope.effects import EFFECTS
-from sim_backends.models.side_slope.model import BEND, SideSlope, make_model
+from sim_backends.models.side_slope.model import BEND, EFFECTS, SideSlope, make_model
 from sim_backends.terramechanics.slope.load_transfer import Demand, demand
 from tests.nature.side_slope import Experiment, Nature, Sites, some_nature, travel, write
 

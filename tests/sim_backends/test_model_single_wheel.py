@@ -6,8 +6,7 @@ import pytest
 from drivers.errors import ConfigError
 from rover_hil.gap.data.readers.single_wheel import FILE, read_single_wheel
 from sim_backends.models.interface import EffectCard, Model, Run
-from sim_backends.models.single_wheel.effects import EFFECTS
-from sim_backends.models.single_wheel.model import SingleWheel, make_model
+from sim_backends.models.single_wheel.model import EFFECTS, SingleWheel, make_model
 from sim_backends.terramechanics.soil.any_angle_wheel import Motion, any_angle_at_load, load_any_angle_soil
 from sim_backends.terramechanics.soil.library import load_wheel
 

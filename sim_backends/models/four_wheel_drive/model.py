@@ -10,18 +10,18 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from sim_backends.models.delay import earlier
+from sim_backends.models.delay import later
 from sim_backends.models.drive_effects import true_wheel_speed
 from sim_backends.models.four_wheel_drive.effects import (
-    EFFECTS,
     drift_angle,
     hard_iron_deg,
     lagging_heading,
     slip_on_soil,
     soft_iron_deg,
 )
-from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values, parameter
+from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values
 from sim_backends.models.nominal_values import NominalValues
+from sim_backends.models.tables import read_tables
 
 WHEELS = (1, 2, 3, 4)
 RADIUS_M = 0.092
@@ -36,19 +36,7 @@ CHANNELS = (
     Channel(name="compass_error_deg", unit="deg", is_optional=True),
 )
 
-
-PARAMETERS = (
-    parameter("radius_error", "1", 0.0, 0.01, -0.5, 0.5, "of the wheels' nominal radius"),
-    parameter("track_error", "1", 0.0, 0.05, -0.5, 20.0, "of the distance between left and right wheels"),
-    parameter(
-        "side_error", "1", 0.0, 0.003, -0.3, 0.3, "radius of the right wheels over the left ones, less one"
-    ),
-    parameter("compass_offset_deg", "deg", 0.0, 1.0, -180.0, 180.0, "mounting and declination"),
-    parameter("compass_age_s", "s", 0.05, 0.03, 0.0, 1.0, "age of the compass's reading: some of its period"),
-    parameter("gyro_bias_deg_s", "deg/s", 0.0, 0.05, -20.0, 20.0, "what calibration at rest leaves"),
-    parameter("pitch_zero_rad", "rad", 0.0, 0.01, -0.3, 0.3, "pitch measured on the level"),
-    parameter("roll_zero_rad", "rad", 0.0, 0.01, -0.3, 0.3, "roll measured on the level"),
-)
+PARAMETERS, EFFECTS = read_tables(__file__)
 NOMINAL = NominalValues(PARAMETERS, EFFECTS)
 
 
@@ -97,17 +85,10 @@ def _motion(run: Run, base: Values, active: Mapping[str, Values]) -> dict[str, A
     # Wheels are logged late: the true motion is ahead of them.
     shift = active["latency"]["time"]
     return {
-        "forward_m_s": _ahead(run.inputs["t_s"], forward, shift),
-        "left_m_s": _ahead(run.inputs["t_s"], left, shift),
-        "turn_rad_s": _ahead(run.inputs["t_s"], turn, shift),
+        "forward_m_s": later(run.inputs["t_s"], forward, shift),
+        "left_m_s": later(run.inputs["t_s"], left, shift),
+        "turn_rad_s": later(run.inputs["t_s"], turn, shift),
     }
-
-
-def _ahead(t_s: Array, rate: Array, time_s: float) -> Array:
-    """Return rates as they are `time_s` later; after the end they stay."""
-    last = float(rate[-1])
-    turned: Array = last + earlier(t_s, rate[::-1] - last, time_s)[::-1]
-    return turned
 
 
 def _sides(run: Run, active: Mapping[str, Values]) -> tuple[Array, Array]:

@@ -10,10 +10,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sim_backends.models.delay import earlier
-from sim_backends.models.drive_effects import true_wheel_speed
-from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values, parameter
+from sim_backends.models.drive_effects import of_wheel, true_wheel_speed
+from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values
 from sim_backends.models.nominal_values import NominalValues
-from sim_backends.models.robotino_drive.effects import EFFECTS, radius_error, wheel_slip
+from sim_backends.models.robotino_drive.effects import wheel_slip
+from sim_backends.models.tables import read_tables
 
 WHEELS = (1, 2, 3)
 RADIUS_M = 0.04
@@ -31,31 +32,7 @@ CHANNELS = (
     Channel(name=GYRO, unit="rad/s", is_optional=True),
 )
 
-
-PARAMETERS = (
-    parameter("radius_error", "1", 0.0, 0.005, -0.5, 0.5, "of the wheels' nominal radius, 40 mm"),
-    parameter(
-        "base_error",
-        "1",
-        0.0,
-        0.05,
-        -0.5,
-        0.5,
-        "of the wheels' nominal distance, 125 mm; two rows of rollers carry in turn",
-    ),
-    parameter("scale_error", "1", 0.0, 0.006, -0.5, 0.5, "of the camera's scale; its file states 0.6 %"),
-    parameter(
-        "scale_slope_x", "1/m", 0.0, 0.05, -0.5, 0.5, "growth of the scale to the right: the camera is tilted"
-    ),
-    parameter("scale_slope_y", "1/m", 0.0, 0.05, -0.5, 0.5, "growth of the scale upwards in the picture"),
-    parameter("marker_yaw_rad", "rad", 0.0, 0.03, -0.8, 0.8, "turn of the marker on the rover"),
-    parameter(
-        "camera_age_s", "s", 0.06, 0.03, 0.0, 0.5, "age of the camera's pose: one to three pictures at 30 Hz"
-    ),
-    parameter("wheel_1_error", "1", 0.0, 0.01, -0.3, 0.3, "radius of wheel 1 over wheel 3, less one"),
-    parameter("wheel_2_error", "1", 0.0, 0.01, -0.3, 0.3, "radius of wheel 2 over wheel 3, less one"),
-    parameter("idle_current_a", "A", 0.2, 0.03, 0.0, 2.0, "current of a wheel that pulls nothing"),
-)
+PARAMETERS, EFFECTS = read_tables(__file__)
 NOMINAL = NominalValues(PARAMETERS, EFFECTS)
 
 
@@ -123,7 +100,7 @@ def _ground_speeds(run: Run, base: Values, active: Mapping[str, Values]) -> Arra
         turned = true_wheel_speed(active["encoder_dropouts"], wheel, run.inputs[f"wheel_{wheel}_rad_s"])
         current_a, surface = run.inputs[f"current_{wheel}_a"], run.conditions["surface"]
         slips = wheel_slip(active["wheel_slip"], current_a, base["idle_current_a"], surface)
-        error = base_error + radius_error(active["uneven_wheel"], wheel)
+        error = base_error + of_wheel(active["uneven_wheel"], wheel, "error")
         speeds.append(radius_m * (1.0 + error) * (1.0 - slips) * turned)
     return np.stack(speeds)
 

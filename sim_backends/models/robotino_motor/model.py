@@ -20,15 +20,15 @@ from numba import njit
 from scipy.ndimage import median_filter
 
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD, ROBOTINO_SCALES
-from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values, parameter
+from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values
 from sim_backends.models.nominal_values import NominalValues
 from sim_backends.models.robotino_motor.effects import (
     COPPER_PER_K,
-    EFFECTS,
     bridge_voltage_v,
     dry_friction_nm,
     supply_share,
 )
+from sim_backends.models.tables import read_tables
 
 SUBSTEPS = 6
 PART_SHARES = (np.arange(SUBSTEPS) + 0.5) / SUBSTEPS
@@ -45,37 +45,7 @@ CHANNELS = (
     Channel(name="current_a", unit="A", quantum=CURRENT_STEP_A),
 )
 
-
-PARAMETERS = (
-    parameter(
-        "motor_constant_v_s_rad",
-        "V s/rad",
-        0.0508,
-        0.0006,
-        0.01,
-        0.2,
-        "voltage per speed, torque per current",
-    ),
-    parameter("resistance_ohm", "ohm", 5.6, 0.3, 0.5, 50.0, "winding, leads and brushes"),
-    parameter("inertia_kg_m2", "kg m2", 7.1e-6, 2e-6, 1e-6, 1e-2, "rotor"),
-    parameter("stiffness_v_s_rad", "V s/rad", 0.35, 0.05, 0.01, 5.0, "voltage the loop adds per speed error"),
-    parameter(
-        "feed_forward_v_s_rad", "V s/rad", 0.047, 0.007, 0.0, 0.3, "voltage the loop adds per set-point"
-    ),
-    parameter(
-        "integral_factor", "1", 2.0, 0.7, 1.0, 50.0, "stiffness with over that without integral action"
-    ),
-    parameter(
-        "wait_share",
-        "1",
-        0.8,
-        0.2,
-        0.3,
-        1.0,
-        "longest wait of a set-point for its turn, over the log's cycle",
-    ),
-    parameter("supply_v", "V", 24.0, 0.5, 5.0, 60.0, "voltage of the supply"),
-)
+PARAMETERS, EFFECTS = read_tables(__file__)
 NOMINAL = NominalValues(PARAMETERS, EFFECTS)
 
 

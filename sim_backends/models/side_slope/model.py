@@ -11,19 +11,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values, parameter
+from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values
 from sim_backends.models.nominal_values import NominalValues
 from sim_backends.models.side_slope.effects import (
-    EFFECTS,
     cog_shift_m,
     drift_rate_deg_m,
     dug_in,
     flow_of_soil,
 )
 from sim_backends.models.side_slope.states import Build, Site, SlopeStates, State
+from sim_backends.models.tables import read_tables
 
-NOMINAL_RADIUS_M = 0.097
-"""Radius with which encoder speeds were turned into r omega."""
 DISTANCE_M = 1.0
 START_SHARE = 0.3
 """Share of the distance that counts as start."""
@@ -41,43 +39,9 @@ CHANNELS = (
     Channel(name=BEND, unit="deg/m", tolerance=0.1, is_optional=True),
 )
 
-
-PARAMETERS = (
-    parameter("friction_angle_deg", "deg", 38.0, 0.4, 25.0, 50.0, "internal friction of the soil, phi"),
-    parameter(
-        "shear_modulus_m",
-        "m",
-        0.0283,
-        0.0007,
-        0.008,
-        0.08,
-        "displacement over which shear stress builds up, k",
-    ),
-    parameter("sinkage_modulus", "1", 122.73, 3.0, 30.0, 400.0, "frictional modulus of sinkage, k_phi"),
-    parameter("sinkage_exponent", "1", 1.703, 0.012, 0.8, 2.5, "exponent of sinkage, n"),
-    parameter("exit_share", "1", 0.82, 0.02, 0.3, 1.2, "rise of the wheel behind, over the sinkage"),
-    parameter(
-        "greatest_stress", "1", 0.40, 0.007, 0.2, 0.6, "angle of greatest stress over entry angle, a_0"
-    ),
-    parameter("wheel_radius_m", "m", NOMINAL_RADIUS_M, 0.00015, 0.08, 0.115, "radius of the wheels"),
-    parameter("cog_lateral_m", "m", 0.0, 0.002, -0.15, 0.15, "centre of gravity towards the uphill side"),
-    parameter("cog_height_m", "m", 0.187, 0.003, 0.05, 0.4, "height of the centre of gravity"),
-    parameter("heading_deg", "deg", 0.0, 0.1, -20.0, 20.0, "heading of the rover, uphill of the traverse"),
-    parameter(
-        "camera_yaw_deg", "deg", 0.0, 0.1, -20.0, 20.0, "turn of the motion capture's frame on the slope"
-    ),
-    parameter(
-        "start_length_m",
-        "m",
-        0.1,
-        0.04,
-        0.005,
-        0.3,
-        "distance over which slip builds up at the start",
-    ),
-    parameter("sinkage_zero_mm", "mm", 0.0, 0.2, -5.0, 5.0, "zero of the gauge of the ruts"),
-    parameter("torque_scale", "1", 1.0, 0.01, 0.8, 1.2, "measured over true torque"),
-)
+PARAMETERS, EFFECTS = read_tables(__file__)
+NOMINAL_RADIUS_M = next(item.nominal for item in PARAMETERS if item.name == "wheel_radius_m")
+"""Radius with which encoder speeds were turned into r omega."""
 LATE_DISTANCE_M = np.linspace(START_SHARE * DISTANCE_M, DISTANCE_M, 36)
 NOMINAL = NominalValues(PARAMETERS, EFFECTS)
 
