@@ -18,7 +18,7 @@ from sim_backends.models.interface import (
     Values,
 )
 from sim_backends.models.parameter_key import ParameterKey, joined_name
-from sim_backends.state_model.model import uniform_step_s
+from sim_backends.state_model.sample_times import even_step_s
 
 MOST_SUBSTEPS = 32
 SOLVED_SHARE = 0.1
@@ -185,7 +185,7 @@ class UnitModel:
         return {name: result.outputs[self.outputs.index(name)] for name in names}
 
     def _step_s(self, run: Run) -> float:
-        return uniform_step_s(run) if self.step_s is None else self.step_s
+        return even_step_s(run, self.step_s)
 
     def _simulate(
         self, runs: Sequence[Run], points: Sequence[tuple[Values, Mapping[str, Values]]]

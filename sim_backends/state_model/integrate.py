@@ -19,6 +19,7 @@ from sim_backends.state_model.equations import Equations
 from sim_backends.state_model.held_input import delayed, lagged, lagged_samples, mean_over_steps, played
 from sim_backends.state_model.port_effect import Action, Change, PortEffect
 from sim_backends.state_model.recorded import RecordedLanes, are_equal
+from sim_backends.state_model.sample_times import sample_times_s
 from sim_backends.state_model.tape import make_tape
 from sim_backends.state_model.tracing import Graph, Source, Traced, TracedStack
 
@@ -59,18 +60,22 @@ class Simulation:
 
     Args:
         model: The machine.
-        runs: All with one time step.
+        runs: Each with its own times and length.
         points: Parameters, effects and forces.
-        step_s: Time between samples.
+
+    Raises:
+        ConfigError: The times of a run do not increase.
     """
 
-    def __init__(self, model: Equations, runs: Sequence[Run], points: Sequence[Point], step_s: float) -> None:
+    def __init__(self, model: Equations, runs: Sequence[Run], points: Sequence[Point]) -> None:
         self._model = model
         self._runs = runs
         self._points = points
-        self._step_s = step_s
-        self._sizes = [_size(run) for run in runs]
+        times = [sample_times_s(run, model.step_s) for run in runs]
+        self._sizes = [one.size for one in times]
         self._samples = max(self._sizes)
+        self._times_s = _table(times, self._samples + 1)
+        self._widths_s = np.diff(self._times_s)
         self._shape = (len(points), len(runs))
         self._memories = 0
         self._active = self._active_effects()
@@ -178,8 +183,9 @@ class Simulation:
         active, model = self._active.get(name, []), self._model
         samples = np.stack([_padded(run.inputs[name], self._samples + 1) for run in self._runs])
         delay_s = _delay_s(active)
-        series = mean_over_steps(samples, self._step_s, delay_s, model.substeps, is_held=model.is_held)
-        return _signal_effects(active, series, partial(lagged, step_s=self._step_s / model.substeps))
+        series = mean_over_steps(samples, self._times_s, delay_s, model.substeps, is_held=model.is_held)
+        widths_s = np.repeat(self._widths_s, model.substeps, axis=1) / model.substeps
+        return _signal_effects(active, series, partial(lagged, widths_s=widths_s))
 
     def _input_at_samples(self, name: str) -> Array:
         """Return an input with its effects at the samples: points x runs x samples."""
@@ -187,8 +193,8 @@ class Simulation:
             return self._inputs[name][..., :: self._model.substeps]
         active = self._active.get(name, [])
         samples = np.stack([_padded(run.inputs[name], self._samples) for run in self._runs])
-        series = delayed(samples[None], _delay_s(active) / self._step_s)
-        return _signal_effects(active, series, partial(lagged_samples, step_s=self._step_s))
+        series = delayed(samples[None], self._times_s[:, :-1], _delay_s(active))
+        return _signal_effects(active, series, partial(lagged_samples, widths_s=self._widths_s))
 
     def _force_series(self) -> dict[str, Array]:
         """Return, by port, forces over each integration step: points x runs x steps, or one for all."""
@@ -226,16 +232,16 @@ class Simulation:
         start = self._model.start(SimpleNamespace(**self._parameters), first)
         for index, name in enumerate(self._model.states):
             stored[index, ..., 0] = start[name]
-        substeps, width_s = self._model.substeps, self._step_s / self._model.substeps
+        substeps, widths_s = self._model.substeps, self._widths_s / self._model.substeps
         recorded = self._recorded() if self._samples > 1 else None
         if recorded is not None:
-            recorded.integrate(stored, substeps, width_s)
+            recorded.integrate(stored, substeps, widths_s)
             if self._is_true(recorded, stored):
                 return stored
         state = stored[..., 0].copy()
         for sample in range(1, self._samples):
             for step in range((sample - 1) * substeps, sample * substeps):
-                state = self._step(state, step, width_s)
+                state = self._step(state, step, widths_s[:, sample - 1])
             stored[..., sample] = state
         return stored
 
@@ -278,7 +284,7 @@ class Simulation:
             for states, step in ((stored[..., place], min(place * self._model.substeps, last)),)
         )
 
-    def _step(self, state: Array, step: int, width_s: float) -> Array:
+    def _step(self, state: Array, step: int, width_s: Array) -> Array:
         first = self._rate(state, step)
         second = self._rate(state + 0.5 * width_s * first, step)
         third = self._rate(state + 0.5 * width_s * second, step)
@@ -351,8 +357,8 @@ class Simulation:
         shape = (*self._shape, self._samples)
         values = np.broadcast_to(values, shape)
         if any(one.effect.action is Action.DELAY for one in active):
-            values = delayed(values, _delay_s(active) / self._step_s)
-        lag = partial(lagged_samples, step_s=self._step_s)
+            values = delayed(values, self._times_s[:, :-1], _delay_s(active))
+        lag = partial(lagged_samples, widths_s=self._widths_s)
         return np.broadcast_to(_signal_effects(active, values, lag, states), shape)
 
 
@@ -446,9 +452,16 @@ def _with_time(values: SimpleNamespace) -> SimpleNamespace:
     return SimpleNamespace(**{name: value[..., None] for name, value in vars(values).items()})
 
 
-def _size(run: Run) -> int:
-    series = [*run.inputs.values(), *run.measured.values()]
-    return int(series[0].size)
+def _table(times: Sequence[Array], size: int) -> Array:
+    """Return the times of runs, continued to one length: runs x times, one row where they agree."""
+    longest = max(times, key=len)
+    agree = all(np.array_equal(one, longest[: one.size]) for one in times)
+    return np.stack([_continued(one, size) for one in ([longest] if agree else times)])
+
+
+def _continued(times_s: Array, size: int) -> Array:
+    step_s = times_s[-1] - times_s[-2] if times_s.size > 1 else 1.0
+    return np.append(times_s, times_s[-1] + step_s * np.arange(1, size - times_s.size + 1))
 
 
 def _padded(values: Array, size: int) -> Array:

@@ -80,15 +80,9 @@ class StateModel(Equations):
         self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
     ) -> list[dict[str, Array]]:
         """Return states and inputs of each run over its samples."""
-        found: list[dict[str, Array]] = [{} for _ in runs]
         point = Point(parameters, effects)
         model = replace(self, substeps=self._needed_substeps(point))
-        for step_s, members in self._by_step(runs).items():
-            chosen = [runs[index] for index in members]
-            series = Simulation(model, chosen, [point], step_s).trajectories()
-            for index, one in zip(members, series, strict=True):
-                found[index] = one
-        return found
+        return Simulation(model, runs, [point]).trajectories()
 
     def with_effects(self, more: Sequence[PortEffect]) -> "StateModel":
         """Return the same model with only these effects to choose from."""
@@ -192,15 +186,12 @@ class StateModel(Equations):
 
     def simulate_points(self, runs: Sequence[Run], points: Sequence[Point]) -> list[list[dict[str, Array]]]:
         """Return the channels of each run at each point."""
-        found: list[list[dict[str, Array]]] = [[{} for _ in runs] for _ in points]
+        found: list[list[dict[str, Array]]] = [[] for _ in points]
         for (substeps, _), places in self._alike(points).items():
             model = replace(self, substeps=substeps)
-            for step_s, members in self._by_step(runs).items():
-                chosen = [runs[index] for index in members]
-                tables = Simulation(model, chosen, [points[place] for place in places], step_s).tables()
-                for place, rows in zip(places, tables, strict=True):
-                    for index, table in zip(members, rows, strict=True):
-                        found[place][index] = table
+            tables = Simulation(model, runs, [points[place] for place in places]).tables()
+            for place, rows in zip(places, tables, strict=True):
+                found[place] = rows
         return found
 
     def _alike(self, points: Sequence[Point]) -> dict[tuple[int, frozenset[str]], list[int]]:
@@ -236,26 +227,3 @@ class StateModel(Equations):
     @cached_property
     def _is_recordable(self) -> bool:
         return is_recordable(self)
-
-    def _by_step(self, runs: Sequence[Run]) -> dict[float, list[int]]:
-        groups: dict[float, list[int]] = {}
-        for index, run in enumerate(runs):
-            step_s = self.step_s if self.step_s is not None else uniform_step_s(run)
-            groups.setdefault(step_s, []).append(index)
-        return groups
-
-
-def uniform_step_s(run: Run) -> float:
-    """Return the time between samples of a run.
-
-    Raises:
-        ConfigError: The times in its input `t_s` are not evenly spaced.
-    """
-    steps = np.diff(run.inputs["t_s"])
-    step_s = float(np.median(steps))
-    if step_s <= 0.0 or float(np.abs(steps - step_s).max()) > 0.01 * step_s:
-        raise ConfigError(
-            f"run {run.name}: samples are {steps.min():.4g} to {steps.max():.4g} s apart: interpolate to "
-            "equal steps"
-        )
-    return float(np.round(step_s, 12))

@@ -45,21 +45,24 @@ class RecordedLanes:
         self._parameters = np.array(rows, dtype=np.float64).reshape(len(rows), self._lanes)
         self._series, self._sources = _rows_of_lanes(list(series), shape, steps)
 
-    def integrate(self, stored: Array, substeps: int, width_s: float) -> None:
+    def integrate(self, stored: Array, substeps: int, widths_s: Array) -> None:
         """Fill in the samples after the first, states x points x runs x samples.
+
+        The integration steps of a sample have the width in `widths_s`, runs or one for all x samples.
 
         The result does not depend on the number of processors.
         """
         lanes = stored.reshape(stored.shape[0], self._lanes, stored.shape[3])
         work = self._lanes * stored.shape[3] * substeps * max(len(self._tape.stage), 1)
         threads = min(_processors(), self._lanes // LEAST_LANES) if work >= LEAST_WORK else 1
+        widths = np.resize(np.arange(widths_s.shape[0]), self._lanes)
         ends = np.linspace(0, self._lanes, max(threads, 1) + 1).astype(int)
 
         def part(begin: int, end: int) -> None:
             tape = self._tape
             integrate(
                 tape.constants, tape.once, tape.step, tape.stage, tape.rates, tape.registers,
-                self._parameters, self._series, self._sources, lanes, substeps, width_s, begin, end,
+                self._parameters, self._series, self._sources, lanes, substeps, widths_s, widths, begin, end,
             )  # fmt: skip
 
         if threads <= 1:

@@ -184,25 +184,25 @@ def _read(inputs: Array, series: Array, sources: NDArray[np.intp], number: int) 
 
 
 @compiled(error_model="numpy")
-def _move(moved: Array, state: Array, slopes: Array, part: int, width_s: float, lanes: int) -> None:
+def _move(moved: Array, state: Array, slopes: Array, part: int, width_s: Array, lanes: int) -> None:
     """Enter the states at which the rates of a part of the step are found."""
     if part == 0:
         moved[:, :lanes] = state[:, :lanes]
         return
-    width_s *= 1.0 if part == 3 else 0.5
+    share = 1.0 if part == 3 else 0.5
     for index in range(state.shape[0]):
         for lane in range(lanes):
-            moved[index, lane] = state[index, lane] + width_s * slopes[part - 1, index, lane]
+            moved[index, lane] = state[index, lane] + share * width_s[lane] * slopes[part - 1, index, lane]
 
 
 @compiled(error_model="numpy")
-def _finish(state: Array, slopes: Array, width_s: float, lanes: int) -> None:
+def _finish(state: Array, slopes: Array, width_s: Array, lanes: int) -> None:
     """Move the states to the end of the step."""
     for index in range(state.shape[0]):
         for lane in range(lanes):
             middle = 2.0 * (slopes[1, index, lane] + slopes[2, index, lane])
             both = slopes[0, index, lane] + middle + slopes[3, index, lane]
-            state[index, lane] += width_s / 6.0 * both
+            state[index, lane] += width_s[lane] / 6.0 * both
 
 
 @compiled(error_model="numpy", is_parallel=True)
@@ -218,7 +218,8 @@ def integrate(
     sources: NDArray[np.intp],
     stored: Array,
     substeps: int,
-    width_s: float,
+    widths_s: Array,
+    widths: NDArray[np.intp],
     first_lane: int,
     last_lane: int,
 ) -> None:
@@ -236,7 +237,8 @@ def integrate(
         sources: Row of each input and force in each lane: inputs x lanes.
         stored: States x lanes x samples; its first sample is the start, the others are found.
         substeps: Integration steps per sample.
-        width_s: Duration of an integration step.
+        widths_s: Duration of the integration steps: rows x samples.
+        widths: Row of each lane.
         first_lane: Where to begin.
         last_lane: Where to end; not included.
     """
@@ -246,6 +248,7 @@ def integrate(
     values = np.empty((registers, BLOCK))
     slopes = np.empty((4, count, BLOCK))
     state = np.empty((count, BLOCK))
+    width_s = np.empty(BLOCK)
     for begin in range(first_lane, last_lane, BLOCK):
         lanes = min(BLOCK, last_lane - begin)
         end = begin + lanes
@@ -255,6 +258,8 @@ def integrate(
         state[:, :lanes] = stored[:, begin:end, 0]
         compute(values, once, lanes)
         for sample in range(1, samples):
+            for lane in range(lanes):
+                width_s[lane] = widths_s[widths[begin + lane], sample - 1]
             for number in range((sample - 1) * substeps, sample * substeps):
                 _read(values[inputs_at:states_at], series, sources[:, begin:end], number)
                 compute(values, step, lanes)

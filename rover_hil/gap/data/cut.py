@@ -10,7 +10,8 @@ import numpy as np
 from drivers.errors import ConfigError
 from rover_hil.gap.data.parameters import DATA
 from sim_backends.models.interface import Array, Machine, Model, Run
-from sim_backends.state_model.model import StateModel, uniform_step_s
+from sim_backends.state_model.model import StateModel
+from sim_backends.state_model.sample_times import mean_step_s, sample_times_s
 
 
 def cut_runs(model: Model, runs: Sequence[Run], length_s: float) -> list[Run]:
@@ -56,11 +57,7 @@ def without_warm_up(model: Model, runs: Sequence[Run], duration_s: float) -> lis
 
 
 def _count(model: Machine, run: Run, duration_s: float) -> int:
-    return round(duration_s / _step_s(model, run))
-
-
-def _step_s(model: Machine, run: Run) -> float:
-    return uniform_step_s(run) if model.step_s is None else model.step_s
+    return round(duration_s / mean_step_s(run, model.step_s))
 
 
 def _size(run: Run) -> int:
@@ -70,7 +67,7 @@ def _size(run: Run) -> int:
 def _parts(model: StateModel, run: Run, length_s: float) -> list[Run]:
     size, length = _size(run), _count(model, run, length_s)
     if length < DATA.runs.least_samples:
-        least_s = DATA.runs.least_samples * _step_s(model, run)
+        least_s = DATA.runs.least_samples * mean_step_s(run, model.step_s)
         raise ConfigError(
             f"--cut {length_s:g}: run {run.name} has {length} samples in {length_s:g} s; at least "
             f"{DATA.runs.least_samples} are needed: cut to {least_s:g} s or more"
@@ -86,8 +83,8 @@ def _parts(model: StateModel, run: Run, length_s: float) -> list[Run]:
 def _part(model: StateModel, run: Run, number: int, first: int, last: int) -> Run:
     inputs = {name: values[first:last] for name, values in run.inputs.items()}
     if "t_s" in inputs:
-        # Equal steps in all parts, which rounding of differences would not give.
-        inputs["t_s"] = _step_s(model, run) * np.arange(float(last - first))
+        times_s = sample_times_s(run, model.step_s)[first:last]
+        inputs["t_s"] = times_s - times_s[0]
     size, before, after = last - first, run.overlap[0] - first, run.overlap[1] - (_size(run) - last)
     return replace(
         run,

@@ -18,7 +18,7 @@ class CheckParameters:
     irreproducible_share: float = 0.7
     least_groups: int = 3  # of replicates, to judge scatter
     least_slow_samples: int = 10  # of a channel that is slower than its inputs
-    regular_share: float = 0.95  # least share of the values of a slower channel that arrive in its own rhythm
+    regular_share: float = 0.9  # of the steps between its values, that differ by a sample at most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,7 @@ from rover_hil.gap.data.cut import cut_runs
 from rover_hil.gap.data.parameters import DATA
 from sim_backends.models.interface import Array, Machine, Run
 from sim_backends.state_model.model import StateModel
+from sim_backends.state_model.sample_times import mean_step_s
 
 
 def stable_pieces(machine: Machine, runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
@@ -52,8 +53,7 @@ def _pieces(machine: StateModel, run: Run) -> list[Run]:
     """
     if not machine.run_parameters:
         return [run]
-    step_s = float(np.diff(run.inputs["t_s"][:2])[0]) if machine.step_s is None else machine.step_s
-    short_s = DATA.runs.least_samples * step_s
+    short_s = DATA.runs.least_samples * mean_step_s(run, machine.step_s)
     sizes = error_sizes(machine, cut_runs(machine, [run], short_s))
     count = 1
     while 2 * count <= sizes.size:

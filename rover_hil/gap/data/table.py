@@ -3,7 +3,8 @@
 A row is a steady experiment, or a sample of a series where several rows carry the same `run`. Columns:
 `run`, the model's conditions, its channels, its inputs. Units are part of the header, `current [A]`, or of
 the name, `speed_rad_s`; they must be those of the model. The times of a series are `t_s` or `time [s]`.
-A few samples that a recorder dropped, as the times show, are missing values of the channels.
+A few samples that a recorder dropped, as the times show, are missing values of the channels. Only a
+`StateModel` is integrated between uneven times.
 """
 
 import re
@@ -82,7 +83,10 @@ def _run(
     measured = {item.name: table[item.name][index] for item in model.channels if item.name in table}
     missing: dict[str, tuple[int, int]] = {}
     if isinstance(model, Machine) and TIME in table:
-        times, place = _even_times(table[TIME][index], f"{path}, run {name}", model.step_s)
+        can_be_uneven = isinstance(model, StateModel)
+        times, place = _times(
+            table[TIME][index], f"{path}, run {name}", model.step_s, can_be_uneven=can_be_uneven
+        )
         dropped = (times.size - place.size, times.size)
         missing = {one: dropped for one in series if one != TIME and dropped[0]}
         is_held = not isinstance(model, StateModel) or model.is_held
@@ -116,8 +120,16 @@ def _columns(cells: CsvTable, units: Mapping[str, str]) -> dict[str, str]:
     return columns
 
 
-def _even_times(t_s: Array, where: str, step_s: float | None) -> tuple[Array, Indices]:
-    """Return even times without what rounding in the file did to them, and which of them the samples have.
+def _times(t_s: Array, where: str, step_s: float | None, *, can_be_uneven: bool) -> tuple[Array, Indices]:
+    """Return the times of all samples, and which of them the rows have.
+
+    Even times come without what rounding in the file did to them.
+
+    Args:
+        t_s: Times of the rows.
+        where: File and run, for messages.
+        step_s: Time between samples of the model; None where the times of the data count.
+        can_be_uneven: Times may be uneven, if the model has no step.
 
     Raises:
         ConfigError: Times are missing, do not increase, are uneven, or contradict the model, or many samples
@@ -138,17 +150,25 @@ def _even_times(t_s: Array, where: str, step_s: float | None) -> tuple[Array, In
     counts = np.maximum(np.round(steps / np.median(steps)), 1.0).astype(np.intp)
     place = np.concatenate(([0], np.cumsum(counts)))
     step = float(t_s[-1] - t_s[0]) / int(place[-1])
-    even = t_s[0] + step * np.arange(place[-1] + 1)
+    every = np.arange(place[-1] + 1)
+    times = t_s[0] + step * every
     errors_s = np.abs(steps - step * counts)
     error_s = float(errors_s.max())
-    if error_s > DATA.runs.step_share * step and max(error_s, np.abs(even[place] - t_s).max()) > _rounding_s(
+    if error_s > DATA.runs.step_share * step and max(error_s, np.abs(times[place] - t_s).max()) > _rounding_s(
         t_s, step
     ):
-        place_s = float(t_s[int(np.argmax(errors_s))])
-        raise ConfigError(
-            f"{where}: samples are {steps.min():.4g} to {steps.max():.4g} s apart, most unevenly near "
-            f"{place_s:g} s: interpolate to equal steps"
-        )
+        if step_s is not None or not can_be_uneven:
+            advice = (
+                "leave step_s out of the model and the times of the data are used, or leave the times out of "
+                "the data if only their stamps are uneven"
+                if can_be_uneven
+                else "the unit is simulated in equal steps: interpolate to equal steps"
+            )
+            raise ConfigError(
+                f"{where}: samples are {steps.min():.4g} to {steps.max():.4g} s apart, most unevenly near "
+                f"{float(t_s[int(np.argmax(errors_s))]):g} s: {advice}"
+            )
+        times = np.interp(every, place, t_s)
     if counts.max() > DATA.runs.most_dropped + 1:
         widest = int(np.argmax(counts))
         raise ConfigError(
@@ -161,7 +181,7 @@ def _even_times(t_s: Array, where: str, step_s: float | None) -> tuple[Array, In
             f"{where}: samples are {step:.4g} s apart, the model has step_s = {step_s:g}: correct step_s, or "
             "leave it out and the times of the data are used"
         )
-    return even, place
+    return times, place
 
 
 def _rounding_s(t_s: Array, step_s: float) -> float:

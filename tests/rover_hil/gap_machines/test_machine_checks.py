@@ -63,6 +63,16 @@ def test_a_channel_in_its_own_slower_rhythm_is_complete() -> None:
     ]
 
 
+def test_a_channel_whose_clock_runs_beside_that_of_the_inputs_is_complete() -> None:
+    keep = np.diff(np.floor(np.arange(60) / 3.4), prepend=-1.0)
+    runs = _with_readings(small_runs(), keep)
+    assert object_to(MODEL, runs) is None
+    assert missing_values(MODEL, runs) == []
+    keep[np.flatnonzero(keep)[4]] = 0.0
+    runs = _with_readings(small_runs(), keep)
+    assert [(one.count, one.total) for one in missing_values(MODEL, runs)][:1] == [(1, 18)]
+
+
 def test_gaps_in_a_slower_rhythm_are_counted() -> None:
     keep = (np.arange(60) % 2 == 0).astype(np.float64)
     keep[[10, 12, 14, 40]] = 0.0

@@ -12,9 +12,10 @@ from rover_hil.gap.findings import Analysis
 from rover_hil.gap.output.machines import figures
 from rover_hil.gap.output.machines.error_source import TIME, ErrorSource, find_source, force_sources
 from rover_hil.gap.output.machines.report import report_text
-from rover_hil.gap.output.machines.series import forces, sample_times_s, traces
+from rover_hil.gap.output.machines.series import forces, traces
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
+from sim_backends.state_model.sample_times import sample_times_s
 from tests.rover_hil.gap_machines.page_motor import NOISE_RAD_S, STEP_S, make_motor, measure_motor
 
 
@@ -144,10 +145,10 @@ def test_missing_values_leave_gaps_in_the_lines() -> None:
 
 def test_times_are_seconds_since_the_start_of_the_run() -> None:
     run = measure_motor(1)[0]
-    assert sample_times_s(make_motor(), run)[-1] == pytest.approx(59 * STEP_S)
+    assert sample_times_s(run, STEP_S)[-1] == pytest.approx(59 * STEP_S)
     stamps = (100.0 + 0.1 * np.arange(60)).astype(np.float64)
     timed = replace(run, inputs={**run.inputs, "t_s": stamps})
-    times = sample_times_s(replace(make_motor(), step_s=None), timed)
+    times = sample_times_s(timed, None)
     assert times[0] == 0.0
     assert times[-1] == pytest.approx(5.9)
 

@@ -47,13 +47,27 @@ def test_times_that_contradict_the_step_of_the_model_are_refused(tmp_path: Path)
         read_table(MODEL, path)
 
 
-def test_uneven_times_are_refused_with_their_place(tmp_path: Path) -> None:
+def test_uneven_times_are_kept_without_a_step_and_refused_with_one(tmp_path: Path) -> None:
     lines = table_text(small_runs(), time="time [s]").splitlines(keepends=True)
     lines[31] = lines[31].replace("run0,3", "run0,2.96", 1)
+    path = _written(tmp_path, "".join(lines))
+    times = 0.1 * np.arange(60)
+    times[30] = 2.96
+    assert np.allclose(read_table(TIMED, path)[0].inputs["t_s"], times)
     with pytest.raises(
-        ConfigError, match=r"run run0: samples are 0\.06 to 0\.14 s apart, most unevenly near 2\.9\d* s"
+        ConfigError,
+        match=r"run run0: samples are 0\.06 to 0\.14 s apart, most unevenly near 2\.9\d* s: leave",
     ):
-        read_table(TIMED, _written(tmp_path, "".join(lines)))
+        read_table(MODEL, path)
+
+
+def test_a_dropped_sample_between_uneven_times_has_a_time_of_its_own(tmp_path: Path) -> None:
+    lines = table_text(small_runs(), time="time [s]").splitlines(keepends=True)
+    lines[31] = lines[31].replace("run0,3", "run0,2.96", 1)
+    del lines[32]
+    (run, *_) = read_table(TIMED, _written(tmp_path, "".join(lines)))
+    assert np.allclose(run.inputs["t_s"][29:33], [2.9, 2.96, 3.08, 3.2])
+    assert np.flatnonzero(np.isnan(run.measured["reading"])).tolist() == [31]
 
 
 @pytest.mark.parametrize(("step_s", "model"), [(0.1, TIMED), (1.0, TIMED), (0.1, MODEL)])

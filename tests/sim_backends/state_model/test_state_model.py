@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from drivers.errors import ConfigError
-from rover_hil.gap import Array, Port, effects
+from rover_hil.gap import Array, Port, Run, effects
 from sim_backends.state_model.equations import Signal
 from tests.sim_backends.state_model.machines import STEP_S, mass, run_of, simulated
 
@@ -174,13 +174,52 @@ def test_a_port_that_is_not_declared_is_refused() -> None:
         model.predict([run_of(WAVE)], {}, {})
 
 
-def test_uneven_times_are_refused() -> None:
+def test_times_that_do_not_increase_are_refused() -> None:
     run = run_of(WAVE)
     times = np.arange(WAVE.size) * STEP_S
-    times[70:] += 0.5 * STEP_S
+    times[70] = times[69]
     run = replace(run, inputs={**run.inputs, "t_s": times})
-    with pytest.raises(ConfigError, match=r"run a: samples are 0.02 to 0.03 s apart: interpolate"):
+    with pytest.raises(ConfigError, match=r"run a: the time does not increase after 1\.38 s"):
         mass(step_s=None).predict([run], {}, {})
+
+
+def uneven_run(name: str, size: int, seed: int) -> Run:
+    """Return a run with a constant push at uneven times."""
+    steps: Array = np.random.default_rng(seed).uniform(0.5 * STEP_S, 1.5 * STEP_S, size)
+    times: Array = np.cumsum(steps, dtype=np.float64)
+    run = run_of(np.ones(size), name=name)
+    return replace(run, inputs={**run.inputs, "t_s": times})
+
+
+def test_each_run_moves_by_its_own_uneven_times() -> None:
+    """Under a constant push the speed is the time since the start over two."""
+    model = mass(effects.delay("seen_speed", size=0.05, longest=0.5), step_s=None)
+    runs = [uneven_run("a", 80, 1), uneven_run("b", 50, 2), run_of(np.ones(60), name="c")]
+    runs[2] = replace(runs[2], inputs={**runs[2].inputs, "t_s": np.linspace(0.0, 59.0 * STEP_S, 60)})
+    found = model.predict(runs, {}, {"delay": {"time": 0.07}})
+    for run, table in zip(runs, found, strict=True):
+        times = run.inputs["t_s"] - run.inputs["t_s"][0]
+        np.testing.assert_allclose(table["seen_position"], times**2 / 4.0, atol=1e-12)
+        place = np.interp(times - 0.07, times, times)
+        np.testing.assert_allclose(table["seen_speed"], place / 2.0, atol=1e-12)
+
+
+def test_a_lag_of_an_uneven_ramp_is_that_of_its_time() -> None:
+    model = mass(effects.lag("seen_speed", size=0.05, longest=0.5), step_s=None)
+    run = uneven_run("a", 80, 3)
+    found = model.predict([run], {}, {"lag": {"time": 0.1}})[0]["seen_speed"]
+    times = run.inputs["t_s"] - run.inputs["t_s"][0]
+    np.testing.assert_allclose(found, 0.5 * (times - 0.1 * (1.0 - np.exp(-times / 0.1))), atol=1e-12)
+
+
+def test_a_delayed_held_input_acts_at_its_uneven_time() -> None:
+    """The push of 1 at the third sample arrives later by the delay, between samples."""
+    model = mass(effects.delay("push", size=0.05, longest=0.5), step_s=None)
+    run = uneven_run("a", 80, 4)
+    run = replace(run, inputs={**run.inputs, "push": np.array([0.0, 0.0, *np.ones(78)])})
+    found = model.predict([run], {}, {"delay": {"time": 0.033}})[0]["seen_speed"]
+    times = run.inputs["t_s"] - run.inputs["t_s"][0]
+    np.testing.assert_allclose(found, 0.5 * np.maximum(times - times[2] - 0.033, 0.0), atol=1e-12)
 
 
 def test_times_of_a_run_give_its_step() -> None:

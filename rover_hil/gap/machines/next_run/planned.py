@@ -18,7 +18,7 @@ from rover_hil.gap.machines.next_run.shapes import (
 )
 from rover_hil.gap.machines.parameters import MACHINES
 from sim_backends.models.interface import Array, Machine, Run
-from sim_backends.state_model.model import uniform_step_s
+from sim_backends.state_model.sample_times import mean_step_s
 
 TIME = "t_s"
 ROUNDING = 1e-6
@@ -165,7 +165,7 @@ def _drawn(total: int, count: int, rng: np.random.Generator) -> list[int]:
 
 def step_of(machine: Machine, run: Run) -> float:
     """Return the time between samples of a run, s."""
-    return machine.step_s if machine.step_s is not None else uniform_step_s(run)
+    return mean_step_s(run, machine.step_s)
 
 
 def _samples(run: Run) -> int:

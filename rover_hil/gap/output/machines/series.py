@@ -8,8 +8,9 @@ import numpy as np
 from rover_hil.gap.data.problem import Problem, split_point
 from rover_hil.gap.machines.analysis import MachineFindings
 from rover_hil.gap.machines.missing_terms.tracking import force_series
-from sim_backends.models.interface import Array, Channel, Machine, Run
+from sim_backends.models.interface import Array, Channel, Machine
 from sim_backends.state_model.model import StateModel
+from sim_backends.state_model.sample_times import sample_times_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,16 +59,6 @@ class ForceTrace:
     sources: dict[str, Array]
 
 
-def sample_times_s(machine: Machine, run: Run) -> Array:
-    """Return the times of the samples of a run since its start, s."""
-    if machine.step_s is None:
-        times: Array = run.inputs["t_s"] - run.inputs["t_s"][0]
-        return times
-    series = [*run.inputs.values(), *run.measured.values()]
-    uniform: Array = machine.step_s * np.arange(series[0].size, dtype=np.float64)
-    return uniform
-
-
 def traces(findings: MachineFindings) -> list[Trace]:
     """Return every channel of every run that was used, locked runs last."""
     problem, has_effects = findings.problem, bool(findings.best.names)
@@ -99,7 +90,7 @@ def _traces_of(
                     run=run.name,
                     channel=channel,
                     is_locked=is_locked,
-                    times_s=sample_times_s(machine, run),
+                    times_s=sample_times_s(run, machine.step_s),
                     measured=measured,
                     before=before,
                     after=after if has_effects else None,
@@ -126,7 +117,7 @@ def forces(findings: MachineFindings) -> list[ForceTrace]:
     series = trajectories(findings)
     found = []
     for site, run in enumerate(findings.problem.sites):
-        times_s = sample_times_s(machine, run)
+        times_s = sample_times_s(run, machine.step_s)
         knots = np.arange(basis.knots) * basis.spacing
         knots = knots[knots <= times_s.size - 1]
         samples = np.arange(times_s.size)
