@@ -41,6 +41,10 @@ class Trial:
     improved: float
     sizes: Mapping[tuple[str, ...], str] = field(default_factory=dict)
 
+    def is_proven(self) -> bool:
+        """Return True where the locked runs show that the nominal value is wrong."""
+        return self.closure is not None and self.closure >= CLOSES and self.improved >= IMPROVES
+
 
 def judged(rows: Sequence[FittedBase], trial_of: Callable[[str], Trial]) -> list[FittedBase]:
     """Return base parameters, those far from their nominal value with what the runs prove of them.
@@ -62,17 +66,17 @@ def _judged(row: FittedBase, trial_of: Callable[[str], Trial]) -> FittedBase:
     if trial.equals:
         own = f"{row.name} ({row.value:.4g}, {low:.4g} to {high:.4g})"
         names = ", ".join((own, *(trial.sizes.get(one) or " and ".join(one) for one in trial.equals)))
-        return replace(
-            row, why=f"not decided, these explain the runs equally: {names}", equals=list(trial.equals)
-        )
+        row = replace(row, why=f"not decided, these explain the runs equally: {names}")
+        return replace(row, equals=list(trial.equals)) if trial.is_proven() else row
     if trial.closure is None:
         return replace(row, why="the gap on the locked runs is too small to prove it")
-    if trial.closure < CLOSES or trial.improved < IMPROVES:
-        return replace(
-            row,
-            why=f"on the locked runs it closes {trial.closure:.0%} of the gap and improves "
-            f"{trial.improved:.0%} of the runs only",
+    if not trial.is_proven():
+        weak = (
+            f"closes {trial.closure:.0%} of the gap on the locked runs"
+            if trial.closure < CLOSES
+            else f"improves {trial.improved:.0%} of the locked runs"
         )
+        return replace(row, why=f"it {weak} only")
     return replace(row, is_named=True)
 
 
@@ -118,12 +122,15 @@ def _answer(
             return Answer.NAMED_SET, [[*own, open_[0].name], *([*own, *names] for names in equals)]
         if is_agreement:
             return Answer.NOT_IDENTIFIABLE, []
-        if not named:
-            return verdict.verdict, members
         rivals = [list(names) for names in dict.fromkeys(tuple(sorted(names)) for names in equals)]
-        if rivals and len(rivals) < MOST_MEMBERS:
+        known = {one.name for one in verdict.base_parameters}
+        # A law outside the model, or an effect that the search left, keeps the gap without a name.
+        is_told = bool(named) or all(known.issuperset(names) for names in rivals)
+        if rivals and is_told and len(rivals) < MOST_MEMBERS:
             shared = [one.name for one in open_ if one.equals]
             return Answer.PARTLY_NAMED, [[*own, *shared], *([*own, *names] for names in rivals)]
+        if not named:
+            return verdict.verdict, members
     return (Answer.NAMED if is_agreement else Answer.PARTLY_NAMED), [own]
 
 

@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from functools import partial
 
 import numpy as np
 
-from rover_hil.gap.base_parameters import Trial
+from rover_hil.gap.base_parameters import Trial, far
 from rover_hil.gap.data.problem import Problem
 from rover_hil.gap.machines.analysis import MachineFindings, has_ports, likeness
 from rover_hil.gap.machines.evidence.evidence import MachineFit
@@ -70,28 +71,53 @@ def machine_trial(
     begin = {key: value for key, value in found.fit.point.items() if key != ParameterKey(name=name)}
     fits = MachineFits(held, cards)
     part = fits.best(found.names, {}, begin)
+    # Neither the value nor what takes its place far from nominal: what both are compared with.
+    pushed, before = _pushed(findings, part, problem), part
+    nominal: tuple[str, ...] = (name,)
+    while more := _pushed(findings, before, problem):
+        nominal += more
+        before = _with_nominal(before, problem, nominal)
+    is_as_good = partial(_is_as_good, found=found, before=before)
     replaced, freed = released_fit(held, part)
     others = tuple(one for one in freed.released if one not in problem.released)
-    equals: list[tuple[str, ...]] = [others] if _is_as_good(replaced, found, part) else []
+    if pushed and is_as_good(part):
+        replaced, others = part, pushed
+    equals: list[tuple[str, ...]] = [others] if is_as_good(replaced) else []
     sizes = {
         others: " and ".join(f"{one} ({_size_text(replaced, ParameterKey(name=one))})" for one in others)
     }
-    if not _is_as_good(part, found, part):
+    if not is_as_good(part):
         # An effect that sets one of the others free is the same explanation.
         fits.cards = {card.name: card for card in cards if card.releases not in others}
         ranked = sorted(best_shapes(score_effects(fits, part)), key=one_sided_z, reverse=True)
         chosen = [one.direction for one in ranked[: MACHINES.terms.most_fitted] if one_sided_z(one) > 0.0]
         options = [((*found.names, one.name), {one.name: one.shapes}, part.fit.point) for one in chosen]
         rivals = fits.fit_all(options)
-        good = [one for one in rivals if _is_as_good(one, found, part)]
+        good = [one for one in rivals if is_as_good(one)]
         equals += [one.names for one in good]
         sizes |= {
             one.names: " and ".join(_effect_text(fits, one, effect) for effect in one.names) for one in good
         }
     if not equals and has_ports(machine):
         equals += _terms(_held_machine(machine, name), held, found, part)
-    holdout = hold_out(machine, locked, part, found, np.random.default_rng(seed))
+    holdout = hold_out(machine, locked, before, found, np.random.default_rng(seed))
     return Trial(equals=tuple(equals), closure=holdout.closure, improved=holdout.improved, sizes=sizes)
+
+
+def _pushed(findings: MachineFindings, part: MachineFit, problem: Problem) -> tuple[str, ...]:
+    """Return the base parameters within whose priors a fit cannot stay."""
+    return tuple(
+        row.name
+        for row in far(machine_bases(findings, part))
+        if row.name not in problem.released and not row.ci95[0] <= row.nominal <= row.ci95[1]
+    )
+
+
+def _with_nominal(part: MachineFit, problem: Problem, names: tuple[str, ...]) -> MachineFit:
+    """Return a fit with base parameters held at their nominal values."""
+    held = Problem(problem.model, problem.observations, names, problem.released)
+    begin = {key: value for key, value in part.fit.point.items() if key.name not in names}
+    return MachineFits(held, problem.model.effects).best(part.names, {}, begin)
 
 
 def _effect_text(fits: MachineFits, found: MachineFit, effect: str) -> str:
@@ -114,13 +140,13 @@ def _held_machine(machine: StateModel, name: str) -> StateModel:
     return type(machine)(**parts)
 
 
-def _is_as_good(rival: MachineFit, found: MachineFit, part: MachineFit) -> bool:
+def _is_as_good(rival: MachineFit, found: MachineFit, before: MachineFit) -> bool:
     """Return True where left-out runs do not prefer the fitted value to an explanation without it."""
     if rival.is_within_noise and found.is_within_noise:
         return True
     if rival.merit <= found.merit:
         return True
-    gain, most = part.error - rival.error, part.error - found.error
+    gain, most = before.error - rival.error, before.error - found.error
     return found.evidence.gains_alike(gain, most) and rival.is_equal(found)
 
 

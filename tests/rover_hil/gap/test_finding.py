@@ -47,9 +47,10 @@ def test_a_proven_value_is_named_and_told_first() -> None:
             Answer.NAMED_SET,
             "equally: track (0.21, 0.2095 to 0.2105), slip",
         ),
+        (TRACK, replace(PROVEN, equals=(("slip",),), closure=0.3), Answer.NOT_IDENTIFIABLE, "equally: track"),
         (TRACK, replace(PROVEN, closure=None), Answer.NOT_IDENTIFIABLE, "too small to prove"),
         (TRACK, replace(PROVEN, closure=0.3), Answer.NOT_IDENTIFIABLE, "30% of the gap"),
-        (TRACK, replace(PROVEN, improved=0.5), Answer.NOT_IDENTIFIABLE, "50% of the runs"),
+        (TRACK, replace(PROVEN, improved=0.5), Answer.NOT_IDENTIFIABLE, "50% of the locked runs"),
     ],
 )
 def test_each_premise_that_fails_is_told(row: FittedBase, trial: Trial, answer: Answer, why: str) -> None:
@@ -148,21 +149,36 @@ def test_what_was_known_before_stands_in_the_file_on_the_page_and_in_the_table(t
         assert line[head.index("prior sd") :].split()[0] == f"{prior_sd:.2g}"
 
 
-def test_a_value_that_another_base_parameter_replaces_is_told_with_it() -> None:
-    """Gain and supply stand side by side in the product: the runs cannot say which of them is wrong."""
+def supplied_axis(supply_sd: float) -> StateModel:
+    """Return an axis with too small a gain; gain and supply stand side by side in the product."""
     model = axis(gain=7.0)
-    supply = replace(model.parameters[0], name="supply", unit="1", nominal=1.0, prior_sd=0.1 / 7.0)
-    model = replace(
+    supply = replace(model.parameters[0], name="supply", unit="1", nominal=1.0, prior_sd=supply_sd)
+    return replace(
         model,
         parameters=(*model.parameters, replace(supply, lower=0.1, upper=5.0)),
         derivative=lambda x, u, p, port: {
             "speed": port("acceleration", p.gain * p.supply * u.voltage - p.damping * x.speed)
         },
     )
-    verdict = analyse(model, measured_runs(8)).verdict
+
+
+def test_a_value_that_another_base_parameter_replaces_is_told_with_it() -> None:
+    """The runs cannot say which of them is wrong."""
+    verdict = analyse(supplied_axis(0.1 / 7.0), measured_runs(8)).verdict
     assert verdict.verdict is Answer.NAMED_SET, verdict.sentence
     assert sorted(map(list, verdict.confidence_set)) == [["gain"], ["supply"]]
     assert "explain the runs equally" in verdict.sentence
+
+
+@pytest.mark.parametrize("force", [1.0, 3.0])
+def test_what_a_nominal_value_pushes_away_is_told_where_a_gap_remains(force: float) -> None:
+    """With the nominal gain the supply leaves its prior: locked runs compare both with neither of them."""
+    verdict = analyse(supplied_axis(0.02), measured_runs(8, disturbance=force)).verdict
+    assert verdict.verdict is Answer.PARTLY_NAMED, verdict.sentence
+    assert sorted(map(list, verdict.confidence_set)) == [["gain"], ["supply"]]
+    told = verdict.sentence.split("explain the runs equally: ")[1].split(". ")[0]
+    assert "gain (" in told
+    assert "supply (1.1" in told
 
 
 def test_effect_and_base_parameters_of_the_model_file_are_those_of_the_verdict(tmp_path: Path) -> None:
