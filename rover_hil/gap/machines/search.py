@@ -73,7 +73,7 @@ class MachineSearch:
         base = self._fits.base()
         best = base
         for _ in range(MACHINES.search.most_rounds):
-            if best.names and best.leaves_noise:
+            if best.names and best.is_within_noise:
                 break
             better = self._better(best)
             if better is None:
@@ -102,7 +102,7 @@ class MachineSearch:
         """Return a better explanation that is accepted; with a pair only where no single effect suffices."""
         singles = self._fitted([*self._singles(best), *self._swapped(best)])
         better = self._best_of(singles, best)
-        if is_small(best) or (better is not None and (better.leaves_noise or better.explains_most(best))):
+        if is_small(best) or (better is not None and (better.is_within_noise or better.explains_most(best))):
             return better
         pairs = self._fitted(self._pairs(best))
         return self._best_of([*singles, *pairs], best)

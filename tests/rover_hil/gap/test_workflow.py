@@ -104,6 +104,11 @@ def test_both_effects_of_a_pair_are_named(names: list[str], hidden: dict[str, fl
     assert names in [list(one) for one in verdict.confidence_set]
 
 
+def test_a_second_effect_is_found_where_all_values_together_are_no_farther_off_than_by_chance() -> None:
+    verdict = verdict_of(2, {"digging": 80.0, "yaw": 0.2})
+    assert verdict.confidence_set == [["camera_yaw", "slip_sinkage"]], verdict.sentence
+
+
 @pytest.mark.parametrize("hidden", [{"stick": 0.2}, {"swing": 0.012}], ids=["sinkage with roll", "slip wave"])
 def test_an_effect_outside_the_catalogue_gets_no_full_name(hidden: dict[str, float]) -> None:
     verdict = verdict_of(6, hidden)

@@ -125,13 +125,6 @@ class Evidence:
         """
         return found.is_noise
 
-    def leaves_noise(self, found: "MachineFit") -> bool:
-        """Return True where no further effect is worth a search.
-
-        Where what is left is noise.
-        """
-        return found.is_within_noise
-
     def determined(self, card: EffectCard) -> tuple[Parameter, ...]:
         """Return the parameters of an effect that runs determine, so that none may be at its limit.
 
@@ -274,6 +267,13 @@ class RowEvidence(Evidence):
         share = float(np.clip((part.merit - found.merit) / excess_cost, -1.0, 1.0))
         return share, 1.0 if share > 0.0 else 0.0
 
+    def explains_most(self, part: "MachineFit", found: "MachineFit") -> bool:
+        """Predictions are dear, so pairs are left out where all values together are as near as noise.
+
+        This is no reason to end the search: one more effect can be certain by itself.
+        """
+        return found.cost - found.charge <= _most_noise(found.count)
+
     def is_equal(self, one: "MachineFit", other: "MachineFit") -> bool:
         """By the likelihood ratio."""
         level, known = MACHINES.steady.set_level, math.isfinite(other.freedom)
@@ -287,10 +287,6 @@ class RowEvidence(Evidence):
     def is_within_noise(self, found: "MachineFit") -> bool:
         """Never asked of left-out runs."""
         return False
-
-    def leaves_noise(self, found: "MachineFit") -> bool:
-        """By the cost of all values."""
-        return found.cost - found.charge <= _most_noise(found.count)
 
     def determined(self, card: EffectCard) -> tuple[Parameter, ...]:
         """The strength: steady experiments seldom determine a shape; a share of 0 or 1 is possible."""
@@ -410,11 +406,6 @@ class MachineFit:
     def is_within_noise(self) -> bool:
         """True where the declared noise of the sensors explains what is left of left-out runs."""
         return self.evidence.is_within_noise(self)
-
-    @property
-    def leaves_noise(self) -> bool:
-        """True where no further effect is worth a search."""
-        return self.evidence.leaves_noise(self)
 
     def explained(self, part: "MachineFit") -> tuple[float, float]:
         """Return the explained share of the excess error of a smaller fit, and that of better runs."""
