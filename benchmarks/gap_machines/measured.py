@@ -6,6 +6,7 @@ describes.
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,18 @@ import numpy as np
 from drivers.errors import ConfigError
 from rover_hil.datasets.csv_table import read_csv
 from rover_hil.gap import Channel, Parameter, Port, Run, RunParameter, StateModel, effects
+from rover_hil.gap.data.problem import Problem, observe
+from rover_hil.gap.machines.evidence.evidence import MachineFit
+from rover_hil.gap.machines.evidence.sizes import size_of
+from rover_hil.gap.machines.fits.machine_fit import MachineFits
 from rover_hil.gap.verdict import Verdict
 from rover_hil.gap.workflow import analyse
+from sim_backends.models.parameter_key import ParameterKey
 from tests.rover_hil.gap_machines.emps import emps_model, emps_runs
 
 EVERY = 4
+SEED, DRAWS, DRIVES = 20261128, 2000, 200
+FOUND = ("asymmetric_friction", "coulomb_friction")
 CARDS = ("coulomb_friction", "quadratic_drag", "asymmetric_friction", "offset")
 
 
@@ -42,12 +50,74 @@ def main(arguments: Sequence[str]) -> int:
     for base in friction.parameters:
         size = alone.machine.size("", base.name)
         print(f"  {base.name} {size.value:.4g} {base.unit}, {size.low:.4g} to {size.high:.4g}")
+    _print_viscous(friction, identification)
     without = analyse(emps_model(has_friction=False), identification).verdict
     _print("drive without friction cards", without)
     plain, whitened = coulomb_by_weighting(identification)
     print(f"Coulomb friction by least squares {plain:.1f} N; after whitening, AR(1), {whitened:.1f} N")
     _print("pendulum", analyse(pendulum_model(CARDS), pendulum_runs(data, EVERY)).verdict)
     return 0
+
+
+def _print_viscous(model: StateModel, runs: Sequence[Run]) -> None:
+    """Print the viscous friction by least squares, and how often the intervals of `gap` hold it."""
+    for words, powers in (("", 0), (" with a force along the travel, x and x^2", 2)):
+        value, low, high = viscous_by_pieces(runs, powers)
+        print(f"viscous friction by least squares{words}: {value:.1f}, {low:.1f} to {high:.1f} N s/m")
+    for names in (FOUND, (*FOUND, "along_travel")):
+        held, width = interval_coverage(model, runs, names)
+        print(
+            f"{', '.join(names)}: intervals hold the viscous friction in {held:.1%}, {width:.1f} N s/m wide"
+        )
+
+
+def viscous_by_pieces(runs: Sequence[Run], powers: int) -> tuple[float, float, float]:
+    """Return the viscous friction by least squares, and its 95 % interval by a bootstrap of whole pieces."""
+    rng = np.random.default_rng(SEED)
+    columns, forces = [], []
+    for run in runs:
+        x, v = run.inputs["position"], run.inputs["velocity"]
+        known = [run.inputs["acceleration"], v, np.tanh(v / SLOW_M_S), np.ones(v.size)]
+        columns.append(np.stack([*known, *(x ** (power + 1) for power in range(powers))], axis=1))
+        forces.append(run.measured["force"])
+    chosen = [np.arange(len(runs)), *rng.integers(len(runs), size=(DRAWS, len(runs)))]
+    found = [
+        np.linalg.lstsq(
+            np.concatenate([columns[one] for one in some]),
+            np.concatenate([forces[one] for one in some]),
+            rcond=None,
+        )[0][1]
+        for some in chosen
+    ]
+    low, high = np.quantile(found[1:], (0.025, 0.975))
+    return float(found[0]), float(low), float(high)
+
+
+def interval_coverage(model: StateModel, runs: Sequence[Run], names: tuple[str, ...]) -> tuple[float, float]:
+    """Return how often intervals hold the viscous friction of generated drives, and their median width.
+
+    A drive moves as the measured one. Its force is that of the fit with these effects, with the errors of
+    this fit, whose sign is drawn for each piece: they are as large and as slow as the measured ones.
+    """
+    rng, key = np.random.default_rng(SEED), ParameterKey(name="viscous")
+    found, problem = _fitted(model, runs, names)
+    predicted = problem.predict(found.fit.point)
+    errors, site = problem.observations.values - predicted, problem.observations.site
+    sizes = []
+    for _ in range(DRIVES):
+        signs = rng.choice((-1.0, 1.0), size=len(runs))
+        forces = predicted + signs[site] * errors
+        drive = [replace(run, measured={"force": forces[site == number]}) for number, run in enumerate(runs)]
+        sizes.append(size_of(_fitted(model, drive, names)[0], key))
+    truth = found.fit.point[key]
+    held = float(np.mean([one.low <= truth <= one.high for one in sizes]))
+    return held, float(np.median([one.high - one.low for one in sizes]))
+
+
+def _fitted(model: StateModel, runs: Sequence[Run], names: tuple[str, ...]) -> tuple[MachineFit, Problem]:
+    problem = Problem(model, observe(model, runs))
+    fits = MachineFits(problem, model.effects)
+    return fits.best(names, {}, fits.base().fit.point), problem
 
 
 def coulomb_by_weighting(runs: Sequence[Run]) -> tuple[float, float]:

@@ -335,6 +335,7 @@ class DerivativeRequest:
         point: Where the derivatives are taken.
         free: The parameters.
         known: Derivatives that are known already, by parameter.
+        predicted: Prediction at the point, if it is known.
     """
 
     def __init__(
@@ -343,6 +344,7 @@ class DerivativeRequest:
         point: Point,
         free: Sequence[Free],
         known: Mapping[ParameterKey, Array] | None = None,
+        predicted: Array | None = None,
     ) -> None:
         self._problem = problem
         self._free = free
@@ -358,11 +360,20 @@ class DerivativeRequest:
             below, above = moves.get(shared, (point, point))
             moves[shared] = ({**below, item.key: low}, {**above, item.key: high})
             self._widths.append(high - low)
-        self._order = {shared: index for index, shared in enumerate(moves)}
-        self.points: list[Point] = [one for pair in moves.values() for one in pair]
+        # The point itself is one side of most of them.
+        self._known_rows = [] if predicted is None else [predicted]
+        different = {_memory_key(one): one for one in [point] * len(self._known_rows)}
+        different |= {_memory_key(one): one for pair in moves.values() for one in pair}
+        self.points: list[Point] = list(different.values())[len(self._known_rows) :]
+        order = {key: index for index, key in enumerate(different)}
+        self._sides = {
+            shared: (order[_memory_key(low)], order[_memory_key(high)])
+            for shared, (low, high) in moves.items()
+        }
 
     def matrix(self, rows: Sequence[Array]) -> Derivatives:
         """Return rows x parameters, given the predictions at `points`."""
+        rows = [*self._known_rows, *rows]
         site = self._problem.observations.site
         shared = [item.key.shared for item in self._free]
         packed = {key: column for column, key in enumerate(dict.fromkeys(shared))}
@@ -376,10 +387,10 @@ class DerivativeRequest:
             if item.key in self._known:
                 owned = self._problem.rows_of(item.key)
                 values[owned, packed[item.key.shared]] = self._known[item.key][owned]
-        for key, order in self._order.items():
+        for key, (low, high) in self._sides.items():
             column = packed[key]
             with np.errstate(over="ignore", invalid="ignore"):  # of a machine that runs away
-                change = (rows[2 * order + 1] - rows[2 * order]) / widths[site, column]
+                change = (rows[high] - rows[low]) / widths[site, column]
             here = (np.abs(change) < LARGEST) & (places[site, column] >= 0)
             values[here, column] = change[here]
         return Derivatives(values=values, site=site, places=places, count=len(self._free))

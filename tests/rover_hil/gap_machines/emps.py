@@ -10,6 +10,7 @@ from rover_hil.datasets.csv_table import read_csv
 from rover_hil.gap import Array, Channel, Parameter, Port, Run, StateModel, effects
 
 RECORD_S, CUT_S, STEP_S, CORNER_HZ = 0.001, 2.0, 0.01, 20.0
+TRAVEL_M = 0.25
 
 
 def emps_runs(data: Path, name: str) -> list[Run]:
@@ -34,10 +35,11 @@ def emps_runs(data: Path, name: str) -> list[Run]:
 def emps_model(*, has_friction: bool) -> StateModel:
     """Return the inverse model: the motor's force from the motion."""
     velocity, slow = "velocity", 0.002
-    friction = (
+    guide = (
         effects.coulomb_friction("resistance", velocity=velocity, size=10.0, slow=slow),
         effects.asymmetric_friction("resistance", velocity=velocity, size=2.0, slow=slow),
         effects.stribeck_friction("resistance", velocity=velocity, size=5.0, speed=0.01, slow=slow),
+        effects.cogging("resistance", position="position", period=TRAVEL_M, size=2.0, name="along_travel"),
     )
     others = (
         effects.quadratic_drag("resistance", velocity=velocity, size=300.0),
@@ -65,5 +67,5 @@ def emps_model(*, has_friction: bool) -> StateModel:
         output=output,
         is_held=False,
         step_s=STEP_S,
-        port_effects=(*friction, *others) if has_friction else others,
+        port_effects=(*guide, *others) if has_friction else others,
     )

@@ -25,6 +25,10 @@ def test_friction_of_the_drive_has_the_published_size(emps: Verdict) -> None:
     assert level.ci95[0] <= 20.4 <= level.ci95[1]
     assert level.ci95[1] - level.ci95[0] <= 0.15 * level.value
     assert {"asymmetric_friction", "offset"} & set(found)
+    viscous = next(one for one in emps.base_parameters if one.name == "viscous")
+    assert 190.0 <= viscous.value <= 215.0
+    assert viscous.ci95[0] <= 203.5 <= viscous.ci95[1]
+    assert viscous.ci95[1] - viscous.ci95[0] <= 0.15 * viscous.value
 
 
 def test_the_pulse_record_is_predicted_as_well_as_by_the_published_fit(

@@ -86,11 +86,11 @@ def descend(
     slopes = _Slopes(problem, free, known or {})
     pull = search.pull_of(start)
     (predicted,) = yield [search.point(pull)]
-    residual = search.residual(predicted)
     last = np.zeros(pull.size)
     for _ in range(MACHINES.descent.most_rounds):
+        residual = search.residual(predicted)
         noise = noise_of_residual(problem.observations, residual)
-        request = slopes.request(search.point(pull))
+        request = slopes.request(search.point(pull), predicted)
         jacobian = search.jacobian(noise, request.matrix((yield request.points)))
         moved = None
         for dampings in _damping_groups(problem.model):
@@ -98,20 +98,22 @@ def descend(
             if len(dampings) > 1 and np.any(last):
                 trials += [search.clipped(pull + factor * last) for factor in MACHINES.descent.farther]
             rows = yield [search.point(trial) for trial in trials]
-            moved = search.best(noise, (pull, residual), trials, rows)
+            moved = search.best(noise, (pull, predicted), trials, rows)
             if moved is not None or slopes.known:
                 break
         gain = 0.0
         if moved is not None:
             last = moved[0] - pull
-            pull, residual, gain = moved
+            pull, predicted, gain = moved
         if gain < max(MACHINES.descent.converged, MACHINES.descent.slow * residual.size):
             if not slopes.known:
                 break
             slopes.known.clear()
+    residual = search.residual(predicted)
     noise = noise_of_residual(problem.observations, residual)
-    request = slopes.request(search.point(pull))
-    jacobian = search.jacobian(noise, request.matrix((yield request.points)))
+    if moved is not None:
+        request = slopes.request(search.point(pull), predicted)
+        jacobian = search.jacobian(noise, request.matrix((yield request.points)))
     whitened = noise.whiten(search.filled(residual))
     fit = Fit(
         free=tuple(free),
@@ -138,9 +140,9 @@ class _Slopes:
         self._free = free
         self.known = {item.key: known[item.key] for item in free if item.key in known}
 
-    def request(self, point: Point) -> DerivativeRequest:
-        """Return what the derivatives need that are not known."""
-        return DerivativeRequest(self._problem, point, self._free, self.known)
+    def request(self, point: Point, predicted: Array) -> DerivativeRequest:
+        """Return what the derivatives need that are not known; the prediction at the point is."""
+        return DerivativeRequest(self._problem, point, self._free, self.known, predicted)
 
 
 def _damping_groups(model: Model) -> tuple[tuple[float, ...], ...]:
@@ -225,19 +227,17 @@ class _Descent:
         trials: Sequence[Array],
         rows: Sequence[Array],
     ) -> tuple[Array, Array, float] | None:
-        """Return the best trial with its residual and gain; None where none is better."""
-        pull, residual = here
-        before = self._cost(noise, pull, residual)
+        """Return the best trial with its prediction and gain; None where none is better."""
+        before = self._cost(noise, *here)
         found = None
         for trial, predicted in zip(trials, rows, strict=True):
-            changed = self.residual(predicted)
-            gain = before - self._cost(noise, trial, changed)
+            gain = before - self._cost(noise, trial, predicted)
             if gain > 0.0 and (found is None or gain > found[2]):
-                found = (trial, changed, gain)
+                found = (trial, predicted, gain)
         return found
 
-    def _cost(self, noise: SensorNoise, pull: Array, residual: Array) -> float:
+    def _cost(self, noise: SensorNoise, pull: Array, predicted: Array) -> float:
         with np.errstate(over="ignore", invalid="ignore"):
-            whitened = noise.whiten(self.filled(residual))
+            whitened = noise.whiten(self.filled(self.residual(predicted)))
             cost = float(whitened @ whitened + pull @ pull)
         return cost if math.isfinite(cost) else math.inf
