@@ -213,6 +213,11 @@ def test_runs_may_have_different_multiples_of_the_communication_step(tmp_path: P
     ]
     refined = model.refined(runs)
     assert [refined._series(run).substeps for run in runs] == [1, 3]
+    times = runs[0].inputs["t_s"] + np.where(np.arange(COUNT) == 7, 0.01, 0.0)
+    with pytest.raises(
+        ConfigError, match=r"run fine: samples are 0\.01 to 0\.03 s apart, and the unit is simulated"
+    ):
+        refined.predict([replace(runs[0], inputs={**runs[0].inputs, "t_s": times})], {}, {})
     model.workers.close()
 
 

@@ -3,8 +3,7 @@
 A row is a steady experiment, or a sample of a series where several rows carry the same `run`. Columns:
 `run`, the model's conditions, its channels, its inputs. Units are part of the header, `current [A]`, or of
 the name, `speed_rad_s`; they must be those of the model. The times of a series are `t_s` or `time [s]`.
-A few samples that a recorder dropped, as the times show, are missing values of the channels. Only a
-`StateModel` is integrated between uneven times.
+A few samples that a recorder dropped, as the times show, are missing values of the channels.
 """
 
 import re
@@ -83,10 +82,7 @@ def _run(
     measured = {item.name: table[item.name][index] for item in model.channels if item.name in table}
     missing: dict[str, tuple[int, int]] = {}
     if isinstance(model, Machine) and TIME in table:
-        can_be_uneven = isinstance(model, StateModel)
-        times, place = _times(
-            table[TIME][index], f"{path}, run {name}", model.step_s, can_be_uneven=can_be_uneven
-        )
+        times, place = _times(table[TIME][index], f"{path}, run {name}", model.step_s)
         dropped = (times.size - place.size, times.size)
         missing = {one: dropped for one in series if one != TIME and dropped[0]}
         is_held = not isinstance(model, StateModel) or model.is_held
@@ -120,19 +116,14 @@ def _columns(cells: CsvTable, units: Mapping[str, str]) -> dict[str, str]:
     return columns
 
 
-def _times(t_s: Array, where: str, step_s: float | None, *, can_be_uneven: bool) -> tuple[Array, Indices]:
+def _times(t_s: Array, where: str, step_s: float | None) -> tuple[Array, Indices]:
     """Return the times of all samples, and which of them the rows have.
 
-    Even times come without what rounding in the file did to them.
-
-    Args:
-        t_s: Times of the rows.
-        where: File and run, for messages.
-        step_s: Time between samples of the model; None where the times of the data count.
-        can_be_uneven: Times may be uneven, if the model has no step.
+    Even times come without what rounding in the file did to them, and with those of lost samples; uneven
+    ones as they are.
 
     Raises:
-        ConfigError: Times are missing, do not increase, are uneven, or contradict the model, or many samples
+        ConfigError: Times are missing, do not increase, or contradict the step of the model, or many samples
             in a row were dropped.
     """
     missing = int(np.sum(~np.isfinite(t_s)))
@@ -145,30 +136,24 @@ def _times(t_s: Array, where: str, step_s: float | None, *, can_be_uneven: bool)
         place_s = float(t_s[int(np.argmin(steps))])
         raise ConfigError(
             f"{where}: the time does not increase after {place_s:g} s; give each record its own name in a "
-            "column 'run'"
+            "column 'run', and keep one of two samples at one time"
         )
     counts = np.maximum(np.round(steps / np.median(steps)), 1.0).astype(np.intp)
     place = np.concatenate(([0], np.cumsum(counts)))
     step = float(t_s[-1] - t_s[0]) / int(place[-1])
-    every = np.arange(place[-1] + 1)
-    times = t_s[0] + step * every
+    times = t_s[0] + step * np.arange(place[-1] + 1)
     errors_s = np.abs(steps - step * counts)
     error_s = float(errors_s.max())
     if error_s > DATA.runs.step_share * step and max(error_s, np.abs(times[place] - t_s).max()) > _rounding_s(
         t_s, step
     ):
-        if step_s is not None or not can_be_uneven:
-            advice = (
-                "leave step_s out of the model and the times of the data are used, or leave the times out of "
-                "the data if only their stamps are uneven"
-                if can_be_uneven
-                else "the unit is simulated in equal steps: interpolate to equal steps"
-            )
+        if step_s is not None:
             raise ConfigError(
                 f"{where}: samples are {steps.min():.4g} to {steps.max():.4g} s apart, most unevenly near "
-                f"{float(t_s[int(np.argmax(errors_s))]):g} s: {advice}"
+                f"{float(t_s[int(np.argmax(errors_s))]):g} s: leave step_s out of the model and the times of "
+                "the data are used, or leave the times out of the data if only their stamps are uneven"
             )
-        times = np.interp(every, place, t_s)
+        times, place = t_s, np.arange(t_s.size)
     if counts.max() > DATA.runs.most_dropped + 1:
         widest = int(np.argmax(counts))
         raise ConfigError(
