@@ -116,13 +116,13 @@ class Simulation:
         for effect, card in zip(self._model.port_effects, self._model.effects, strict=True):
             if not any(card.name in point.effects for point in self._points):
                 continue
+            tables = [point.effects.get(card.name, {}) for point in self._points]
             values = {
-                one.name: self._column([point.effects.get(card.name, {}) for point in self._points], one)
+                one.name: self._with_deviations(self._column(tables, one), one, card.name)
                 for one in card.parameters
             }
             strength = card.parameters[0]
             if np.any(values[strength.name] != strength.nominal):
-                values[strength.name] = self._with_deviations(values[strength.name], strength, card.name)
                 ordered = {f"v{index}": values[one.name] for index, one in enumerate(card.parameters)}
                 numbers, memory = SimpleNamespace(**values, **ordered), self._new_memory(effect)
                 for port, change in {effect.port: effect.change, **effect.elsewhere}.items():

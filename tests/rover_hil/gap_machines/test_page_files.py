@@ -107,9 +107,20 @@ def test_an_extended_machine_predicts_what_was_fitted(named: Analysis, tmp_path:
     )
 
 
+def test_an_effect_in_the_model_deviates_in_single_runs_as_it_did_before() -> None:
+    base, runs = make_motor(), measure_motor(2)
+    extended = extend_model(base, _file("coulomb_friction", level=0.2))
+    item = next(one for one in extended.parameters if one.name == "coulomb_friction.level")
+    deviation = {item.deviation_in(runs[1]).text: 0.1}
+    found = extended.predict(runs, deviation, {})
+    for run, one, level in zip(runs, found, (0.2, 0.3), strict=True):
+        (wanted,) = base.predict([run], {}, {"coulomb_friction": {"level": level}})
+        np.testing.assert_allclose(one["speed"], wanted["speed"], atol=1e-12)
+
+
 def _file(effect: str, **numbers: float) -> ModelFile:
     source = Provenance(date="", verdict="NAMED", data_sha256="", plan_sha256="", seed=0)
-    units = {"coefficient": "N m", "error": "kg m^2"}
+    units = {"coefficient": "N m", "level": "N m", "error": "kg m^2"}
     table = {name: Number(value=value, unit=units[name], sd=0.01) for name, value in numbers.items()}
     return ModelFile(base="m", provenance=source, parameters={}, effects={effect: table})
 

@@ -50,16 +50,16 @@ class ExtendedMachine(StateModel):
 
     def _translated(self, point: Point) -> Point:
         """Return a point with the parameters of the active effects moved from the base to the effects."""
-        values = {item.name: item.nominal for item in self.parameters} | dict(point.parameters)
-        active = {
-            PART_OF_MODEL.format(name): {
-                key.removeprefix(prefix): value for key, value in values.items() if key.startswith(prefix)
-            }
-            for name in self.active_effects
-            for prefix in (joined_name(name, ""),)
-        }
-        prefixes = tuple(joined_name(name, "") for name in self.active_effects)
-        own = {key: value for key, value in values.items() if not key.startswith(prefixes)}
+        nominal = {item.name: item.nominal for item in self.parameters}
+        own: dict[str, float] = {}
+        active: dict[str, dict[str, float]] = {PART_OF_MODEL.format(name): {} for name in self.active_effects}
+        for key, value in (nominal | dict(point.parameters)).items():
+            name = next((one for one in self.active_effects if key.startswith(joined_name(one, ""))), "")
+            part, parameter = PART_OF_MODEL.format(name), key.removeprefix(joined_name(name, ""))
+            if name and key in nominal:
+                active[part][parameter] = value
+            else:  # deviations in single runs stay among those of the base
+                own[joined_name(part, parameter) if name else key] = value
         return Point(own, {**active, **point.effects}, point.force)
 
 
