@@ -116,22 +116,30 @@ def _answer(
         return Answer.PARTLY_NAMED, [[*names, *own] for names in members]
     if verdict.verdict is Answer.NOT_IDENTIFIABLE and members:
         return verdict.verdict, members
-    equals = [list(names) for one in open_ for names in one.equals]
     if open_:
-        if is_agreement and len(open_) == 1 and equals and len(equals) < MOST_MEMBERS:
-            return Answer.NAMED_SET, [[*own, open_[0].name], *([*own, *names] for names in equals)]
+        rivals = dict.fromkeys(tuple(sorted(names)) for one in open_ for names in one.equals)
+        known = {one.name for one in verdict.base_parameters} | {one["name"] for one in verdict.rejected}
+        # A law outside the model keeps the gap without a name.
+        is_told = is_agreement or bool(named) or all(known.issuperset(names) for names in rivals)
+        if 0 < len(rivals) < MOST_MEMBERS and is_told and not (is_agreement and len(open_) > 1):
+            shared = [one.name for one in open_ if one.equals]
+            answer = Answer.NAMED_SET if is_agreement else Answer.PARTLY_NAMED
+            return answer, [[*own, *shared], *([*own, *names] for names in rivals)]
         if is_agreement:
             return Answer.NOT_IDENTIFIABLE, []
-        rivals = [list(names) for names in dict.fromkeys(tuple(sorted(names)) for names in equals)]
-        known = {one.name for one in verdict.base_parameters}
-        # A law outside the model, or an effect that the search left, keeps the gap without a name.
-        is_told = bool(named) or all(known.issuperset(names) for names in rivals)
-        if rivals and is_told and len(rivals) < MOST_MEMBERS:
-            shared = [one.name for one in open_ if one.equals]
-            return Answer.PARTLY_NAMED, [[*own, *shared], *([*own, *names] for names in rivals)]
         if not named:
             return verdict.verdict, members
-    return (Answer.NAMED if is_agreement else Answer.PARTLY_NAMED), [own]
+    is_whole = is_agreement or (not open_ and _is_tolerable(verdict))
+    return (Answer.NAMED if is_whole else Answer.PARTLY_NAMED), [own]
+
+
+def _is_tolerable(verdict: Verdict) -> bool:
+    """Return True where no effect is named, and what is left is below the tolerance, as beside an effect."""
+    sizes = [(one["upper_after"], one["tolerance"]) for one in verdict.error_budget.values()]
+    is_small = [
+        isinstance(upper, float) and isinstance(most, float) and upper <= most for upper, most in sizes
+    ]
+    return verdict.verdict is Answer.UNNAMED and bool(is_small) and all(is_small)
 
 
 def _head(named: Sequence[FittedBase], open_: Sequence[FittedBase]) -> str:
@@ -150,7 +158,9 @@ def _head(named: Sequence[FittedBase], open_: Sequence[FittedBase]) -> str:
 def _rest(verdict: Verdict, named: Sequence[FittedBase]) -> str:
     """Return what the verdict says of the effects, so that it does not contradict the finding."""
     text = verdict.sentence
-    if verdict.verdict is Answer.NO_GAP:
+    if verdict.effects and verdict.verdict in (Answer.NAMED, Answer.NAMED_SET):
+        text += " But what pulls a value that far may be something else that is missing."
+    if not verdict.effects:
         own = "this value" if len(named) == 1 else "the fitted values"
         return f"With {own}: {text[0].lower()}{text[1:]}"
     return f"Probably m{text[1:]}" if text.startswith("Missing") else text

@@ -66,8 +66,9 @@ def analyse(
         allowed.require_names(model)
         require_durations(model, runs, allowed)
     analysis = _analyse(model, runs, seed, confirm, on_plan, advance, announce)
-    analysis = _with_next_run(analysis, allowed or Allowed(), seed, advance)
+    of_effects = analysis.verdict.verdict
     analysis = _with_base_parameters(analysis, seed, advance)
+    analysis = _with_next_run(analysis, of_effects, allowed or Allowed(), seed, advance)
     missing: list[dict[str, str | int]] = [
         {"run": one.run, "series": one.series, "count": one.count, "total": one.total}
         for one in missing_values(model, runs)
@@ -77,16 +78,16 @@ def analyse(
 
 
 def _with_next_run(
-    analysis: Analysis, allowed: Allowed, seed: int, advance: Callable[[str], None]
+    analysis: Analysis, answer: Answer, allowed: Allowed, seed: int, advance: Callable[[str], None]
 ) -> Analysis:
-    """Return an analysis with the proposal of its next run."""
-    if analysis.machine is None:
-        return analysis
+    """Return an analysis with the proposal of its next run; `answer` is the verdict on the effects."""
     verdict = analysis.verdict
+    if analysis.machine is None or (verdict.verdict is Answer.NAMED and not verdict.effects):
+        return analysis
     if isinstance(analysis.machine.machine, CalledMachine):
-        next_run = propose_conditions(analysis.machine)
+        next_run = propose_conditions(analysis.machine, answer)
         return replace(analysis, verdict=replace(verdict, next_run=next_run))
-    proposal = propose_run(analysis.machine, verdict.verdict, allowed, seed, advance)
+    proposal = propose_run(analysis.machine, answer, allowed, seed, advance)
     if proposal is None:
         return analysis
     tables = [option_table(proposal, one, rank) for rank, one in enumerate(proposal.options)]

@@ -158,7 +158,7 @@ def _check_tables(model: Model, runs: Sequence[Run], tables: object) -> None:
                 raise ConfigError(
                     f"model {model.name}: predict() returns no {channel.name} for run {run.name}"
                 )
-            shape = np.shape(table[channel.name])
+            shape = np.atleast_1d(table[channel.name]).shape  # steady runs may give a number
             measured = run.measured.get(channel.name)
             if measured is not None and shape != measured.shape:
                 raise ConfigError(

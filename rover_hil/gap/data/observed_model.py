@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from sim_backends.models.interface import (
     Array,
     Channel,
@@ -43,8 +45,9 @@ class ObservedModel:
     def predict(
         self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
     ) -> list[dict[str, Array]]:
-        """Predict as the model; see `Model.predict`."""
-        return self._model.predict(runs, parameters, effects)
+        """Predict as the model; see `Model.predict`. A number becomes a series of one value."""
+        found = self._model.predict(runs, parameters, effects)
+        return [{name: np.atleast_1d(values) for name, values in table.items()} for table in found]
 
 
 def _unused(model: EitherDriven, runs: Sequence[Run]) -> tuple[str, ...]:

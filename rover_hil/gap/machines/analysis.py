@@ -149,7 +149,10 @@ def analyse_machine(
         advance("opening the locked runs")
         findings = _validated(findings, fits, locked, rng)
     if not findings.best.names:
-        own = findings.scatter.fit
+        findings, fits = _without_wrong_priors(findings, fits, rng)
+        if findings.p_gap > MACHINES.tests.alpha:
+            return findings
+        problem, own = findings.problem, findings.scatter.fit
         findings = replace(findings, p_within_runs=gap_p(own, problem, score_effects(fits, own), rng))
     else:
         advance("comparing with free-form terms")
@@ -165,6 +168,21 @@ def analyse_machine(
         best, problem = released_fit(problem, findings.best)
         findings = replace(findings, best=best, problem=problem)
     return findings
+
+
+def _without_wrong_priors(
+    findings: MachineFindings, fits: MachineFits, rng: np.random.Generator
+) -> tuple[MachineFindings, MachineFits]:
+    """Judge what is left where no effect is named at the fit that base parameters are told by."""
+    base, problem = released_fit(findings.problem, findings.base)
+    if base is findings.base:
+        return findings, fits
+    fits = MachineFits(problem, findings.machine.effects)
+    scatter, scores = run_scatter(fits, base), score_effects(fits, base)
+    budget = _budget(problem, base, scatter)
+    p_gap = gap_p(base, problem, scores, rng, _free_scores(problem, base))
+    findings = replace(findings, problem=problem, base=base, best=base, scatter=scatter, p_gap=p_gap)
+    return replace(findings, budget_before=budget, budget_after=budget, scores=tuple(scores)), fits
 
 
 def _runners_up(fits: MachineFits, found: Found) -> tuple[MachineFit, ...]:

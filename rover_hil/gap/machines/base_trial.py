@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from rover_hil.gap.base_parameters import Trial, far
+from rover_hil.gap.base_parameters import FAR_SD, Trial, far
 from rover_hil.gap.data.problem import Problem
 from rover_hil.gap.machines.analysis import MachineFindings, has_ports, likeness
 from rover_hil.gap.machines.evidence.evidence import MachineFit
@@ -19,7 +19,7 @@ from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.search import best_shapes, score_effects
 from rover_hil.gap.statistics.score import one_sided_z
 from rover_hil.gap.verdict import FittedBase
-from sim_backends.models.interface import Run
+from sim_backends.models.interface import Machine, Run
 from sim_backends.models.parameter_key import ParameterKey
 from sim_backends.state_model.model import StateModel
 
@@ -77,7 +77,7 @@ def machine_trial(
     while more := _pushed(findings, before, problem):
         nominal += more
         before = _with_nominal(before, problem, nominal)
-    is_as_good = partial(_is_as_good, found=found, before=before)
+    is_as_good = partial(_is_as_good, machine, found=found, before=before)
     replaced, freed = released_fit(held, part)
     others = tuple(one for one in freed.released if one not in problem.released)
     if pushed and is_as_good(part):
@@ -140,14 +140,29 @@ def _held_machine(machine: StateModel, name: str) -> StateModel:
     return type(machine)(**parts)
 
 
-def _is_as_good(rival: MachineFit, found: MachineFit, before: MachineFit) -> bool:
-    """Return True where left-out runs do not prefer the fitted value to an explanation without it."""
+def _is_as_good(machine: Machine, rival: MachineFit, found: MachineFit, before: MachineFit) -> bool:
+    """Return True where left-out runs do not prefer the fitted value to an explanation without it.
+
+    One with more causes explains less by each, however well it explains the runs.
+    """
+    if _causes(machine, rival) > _causes(machine, found):
+        return False
     if rival.is_within_noise and found.is_within_noise:
         return True
     if rival.merit <= found.merit:
         return True
     gain, most = before.error - rival.error, before.error - found.error
     return found.evidence.gains_alike(gain, most) and rival.is_equal(found)
+
+
+def _causes(machine: Machine, found: MachineFit) -> int:
+    """Return how many effects a fit has, and base parameters far from their nominal value."""
+    moved = [
+        abs(found.fit.point[key] - item.nominal) > FAR_SD * item.prior_sd
+        for item in machine.parameters
+        if (key := ParameterKey(name=item.name)) in found.fit.point
+    ]
+    return len(found.names) + sum(moved)
 
 
 def _terms(machine: StateModel, held: Problem, found: MachineFit, part: MachineFit) -> list[tuple[str, ...]]:
@@ -158,5 +173,5 @@ def _terms(machine: StateModel, held: Problem, found: MachineFit, part: MachineF
         for one in search_terms(machine, held, terms, part)
         if not one.objection
         and (likeness(one.fit, found, part) <= MACHINES.terms.same_law or not found.is_equal(one.fit))
-        and _is_as_good(one.fit, found, part)
+        and _is_as_good(machine, one.fit, found, part)
     ]

@@ -145,8 +145,7 @@ def _reservations(findings: MachineFindings) -> list[str]:
     elif closure < MACHINES.verdict.whole and not is_rest_small:
         reasons.append(f"it closes {closure:.0%} of the gap on locked runs only")
     elif findings.p_remaining <= MACHINES.tests.alpha and not is_rest_small:
-        rest = max(findings.budget_after, key=lambda one: one.model_error / one.sensor_noise)
-        reasons.append(f"a model error remains, {rest.sentence()}")
+        reasons.append("a model error remains")
     reasons += [f"the term {name} explains as much" for name in findings.rival_terms[:2]]
     return reasons
 

@@ -77,6 +77,31 @@ def test_what_is_left_keeps_the_name_uncertain() -> None:
     assert "Probably missing: slip" in verdict.sentence
 
 
+@pytest.mark.parametrize(("upper", "answer"), [(0.9, Answer.NAMED), (1.1, Answer.PARTLY_NAMED)])
+def test_what_is_left_below_the_tolerance_weakens_the_name_no_more_than_that_of_an_effect(
+    upper: float, answer: Answer
+) -> None:
+    left = replace(
+        AGREES,
+        verdict=Answer.UNNAMED,
+        sentence="There is a gap; below the tolerance.",
+        error_budget={"x": {"tolerance": 1.0, "upper_after": upper}},
+    )
+    verdict = judge(TRACK, PROVEN, left)
+    assert (verdict.verdict, verdict.confidence_set) == (answer, [["track"]])
+    assert "With this value: there is a gap" in verdict.sentence
+
+
+def test_a_value_and_its_rival_are_a_set_where_a_gap_remains_too() -> None:
+    """A rival that is a law outside the model leaves the gap without a name."""
+    left = replace(AGREES, verdict=Answer.UNNAMED, sentence="There is a gap.")
+    rows = judged([TRACK], lambda _: replace(PROVEN, equals=(("slip",),)))
+    assert with_base_parameters(left, rows).verdict is Answer.UNNAMED
+    verdict = with_base_parameters(replace(left, rejected=[{"name": "slip", "why": "weak"}]), rows)
+    assert (verdict.verdict, verdict.confidence_set) == (Answer.PARTLY_NAMED, [["track"], ["slip"]])
+    assert headline(verdict).startswith("track or slip is probably wrong in the model.")
+
+
 def test_what_replaces_a_value_stays_in_the_set_beside_a_proven_one() -> None:
     """Of two values far from nominal one is proven; the other, or an effect in its place, is open."""
     left = replace(AGREES, verdict=Answer.UNNAMED, sentence="There is a gap.")

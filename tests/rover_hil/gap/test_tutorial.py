@@ -85,3 +85,10 @@ def test_without_the_card_it_is_an_equation(folder: Path) -> None:
     assert verdict["verdict"] in ("UNNAMED", "PARTLY_NAMED")
     assert "sign(speed)" in verdict["unnamed"][0]["equation"]
     assert f"Unexplained: {verdict['unnamed'][0]['equation']}" in done.stdout
+
+
+def test_the_loss_of_steady_experiments_is_named_with_its_size(folder: Path) -> None:
+    """Each prediction is a number; the truth loses a fifth at 100 turns a second."""
+    assert verdict_in(folder / "thrust")["confidence_set"] == [["tip_loss"]]
+    share = json.loads((folder / "thrust" / "verdict.json").read_text())["effects"][0]["parameters"]["share"]
+    assert share["ci95"][0] < 0.002 < share["ci95"][1]

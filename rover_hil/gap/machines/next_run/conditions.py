@@ -15,13 +15,19 @@ from rover_hil.gap.machines.analysis import MachineFindings
 from rover_hil.gap.machines.evidence.evidence import MachineFit
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.search import best_shapes
+from rover_hil.gap.verdict import Answer
 from sim_backends.models.interface import Run
 
 
-def propose_conditions(findings: MachineFindings) -> str:
-    """Return the experiment that distinguishes the explanations that are left, as a sentence."""
+def propose_conditions(findings: MachineFindings, answer: Answer) -> str:
+    """Return the experiment that distinguishes the explanations that are left, as a sentence.
+
+    Args:
+        findings: Of the model.
+        answer: The verdict on them; a name that is decided has no rival.
+    """
     alternatives = () if findings.found is None else findings.found.alternatives
-    others = [*alternatives, *findings.runners_up]
+    others = alternatives if answer is Answer.NAMED else (*alternatives, *findings.runners_up)
     if findings.best.names and others:
         return _between(findings, findings.best, others[0])
     scores = best_shapes(findings.scores)

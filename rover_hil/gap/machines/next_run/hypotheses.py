@@ -73,7 +73,7 @@ def hypotheses_of(findings: MachineFindings, answer: Answer) -> tuple[list[Hypot
         findings: Of the machine.
         answer: The verdict on them.
     """
-    named = _named(findings)
+    named = _named(findings, is_decided=answer in (Answer.NAMED, Answer.NAMED_SET))
     odds = np.array([odds_of(one, named[0][2]) for _, _, one in named])
     shares = odds / odds.sum()
     kept = [
@@ -105,7 +105,7 @@ def unlisted_of(
         basis: Of `hypotheses_of`.
         rng: For the draws.
     """
-    best = _named(findings)[0][2]
+    best = _named(findings, is_decided=True)[0][2]
     laws = draw_laws(findings, rng)
     odds = np.array([odds_of(fit, best) for _, _, fit in laws])
     kept = np.flatnonzero(odds >= MACHINES.hypotheses.least_weight)
@@ -127,7 +127,8 @@ def _else_weight(answer: Answer) -> float:
     return weights[answer]
 
 
-def _named(findings: MachineFindings) -> list[tuple[str, Machine, MachineFit]]:
+def _named(findings: MachineFindings, *, is_decided: bool) -> list[tuple[str, Machine, MachineFit]]:
+    """Return the explanations of the verdict, and what it leaves open unless it has decided."""
     machine, best = findings.machine, findings.best
     found: list[tuple[str, Machine, MachineFit]] = []
     if best.names:
@@ -137,6 +138,8 @@ def _named(findings: MachineFindings) -> list[tuple[str, Machine, MachineFit]]:
         ]
     elif findings.p_gap > MACHINES.tests.alpha:
         found.append((NO_EFFECT, machine, best))
+    if is_decided and found:
+        return found
     found += [(_words(one), wider, one) for wider, one in findings.unlisted]
     rest = findings.runners_up if findings.found is not None else _scored(findings)
     found += [(_words(one), machine, one) for one in rest]
