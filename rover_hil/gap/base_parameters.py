@@ -160,7 +160,7 @@ def _rest(verdict: Verdict, named: Sequence[FittedBase]) -> str:
     text = verdict.sentence
     if verdict.effects and verdict.verdict in (Answer.NAMED, Answer.NAMED_SET):
         text += " But what pulls a value that far may be something else that is missing."
-    if not verdict.effects:
+    if verdict.verdict is Answer.NO_GAP or _is_tolerable(verdict):
         own = "this value" if len(named) == 1 else "the fitted values"
         return f"With {own}: {text[0].lower()}{text[1:]}"
     return f"Probably m{text[1:]}" if text.startswith("Missing") else text
