@@ -54,7 +54,9 @@ def _read_file(model: Model, path: Path) -> list[Run]:
         _check_unit(path, column, cells.units.get(column), units[name])
     for name in (*model.condition_units, *_input_names(model)):
         if name not in columns:
-            raise ConfigError(f"{path} has no column '{name}' [{units[name]}]")
+            raise ConfigError(
+                f"{path} has no column '{name}' [{units[name]}]; it has {', '.join(cells.names)}"
+            )
     table = {name: cells.numbers(column) for name, column in columns.items()}
     names = cells.text("run") if "run" in cells.names else [path.stem] * len(cells.rows)
     members: dict[str, list[int]] = {}

@@ -164,5 +164,5 @@ def test_one_input_is_missing_in_the_data(model: UnitModel, command: Command, tm
     data.write_text(data.read_text().replace("voltage [V]", "volts [V]", 1))
     out = tmp_path / "out"
     assert command("gap", str(unit), str(data), "--out", str(out)) == 1
-    assert "has no column 'voltage' [V]" in command.out
+    assert "has no column 'voltage' [V]; it has " in command.out
     assert not out.exists()

@@ -18,6 +18,7 @@ from rover_hil.gap import Run, StateModel, effects
 from rover_hil.gap.machines.model_checks.linter import lint
 from rover_hil.gap.machines.model_checks.model_trial import try_model
 from rover_hil.gap.output import results
+from rover_hil.gap.workflow import analyse
 
 pytestmark = pytest.mark.slow
 
@@ -149,7 +150,10 @@ def test_arguments_of_a_recipe_fit_the_machine(title: str) -> None:
     assert lint(model.refined(runs), runs).problems == ()
 
 
-@pytest.mark.parametrize(("name", "effect"), [("tanks.py", "overflow"), ("pendulum.py", "quadratic_drag")])
+@pytest.mark.parametrize(
+    ("name", "effect"),
+    [("tanks.py", "overflow"), ("pendulum.py", "quadratic_drag"), ("vehicle.py", "steering_lag")],
+)
 def test_the_models_of_recipes_work(name: str, effect: str) -> None:
     model = make(name)
     runs = some_runs(model)
@@ -157,6 +161,33 @@ def test_the_models_of_recipes_work(name: str, effect: str) -> None:
     report = lint(model.refined(runs), runs)
     assert report.problems == ()
     assert effect in {one.name for one in report.cards}
+
+
+def driven(number: int, curvature: float) -> Run:
+    """Return a drive along arcs in closed form, turning by `curvature` times the command per metre."""
+    rng = np.random.default_rng(number)
+    speed = np.repeat(rng.uniform(0.5, 1.8, 6), 20)
+    steering = np.repeat(rng.uniform(-0.8, 0.8, 6), 20)
+    turn = speed * curvature * steering
+    yaw = rng.uniform(-3.0, 3.0) + 0.05 * np.concatenate(([0.0], np.cumsum(turn)))
+    chord = speed * 0.05 * np.sinc(turn * 0.05 / (2.0 * np.pi))
+    middle = yaw[:-1] + 0.5 * np.diff(yaw)
+    x, y = (np.concatenate(([0.0], np.cumsum(chord * along(middle)))) for along in (np.cos, np.sin))
+    noisy = {
+        name: values[:-1] + rng.normal(0.0, sd, speed.size)
+        for name, values, sd in (("x", x, 0.003), ("y", y, 0.003), ("yaw", yaw, 0.005))
+    }
+    times = 0.05 * np.arange(float(speed.size))
+    inputs = {"speed": speed, "steering": steering, "t_s": times}
+    return Run(name=f"drive{number}", conditions={}, inputs=inputs, measured=noisy)
+
+
+@pytest.mark.slow
+def test_the_vehicle_of_the_page_tells_its_curvature() -> None:
+    verdict = analyse(make("vehicle.py"), [driven(number, 0.48) for number in range(8)]).verdict
+    assert (verdict.verdict, verdict.confidence_set) == ("NAMED", [["curvature"]]), verdict.sentence
+    low, high = verdict.base_parameters[0].ci95
+    assert low < 0.48 < high
 
 
 def test_the_reference_lists_every_effect() -> None:
