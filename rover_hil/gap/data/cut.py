@@ -31,8 +31,13 @@ def cut_runs(model: Model, runs: Sequence[Run], length_s: float) -> list[Run]:
     """
     if not isinstance(model, StateModel):
         raise ConfigError("--cut: only a StateModel can begin in the middle of a record; leave out --cut")
-    _require_free_start(model)
-    return [part for run in runs for part in _parts(model, run, length_s)]
+    fixed = [name for name, is_free in _free_starts(model).items() if not is_free]
+    if fixed:
+        raise ConfigError(
+            f"--cut: state {fixed[0]} of model {model.name} begins with the same value in every run, "
+            "which is wrong in the middle of a record: add a RunParameter for it and use it in start()"
+        )
+    return [part for run in runs for part in parts_of(model, run, length_s)]
 
 
 def without_warm_up(model: Model, runs: Sequence[Run], duration_s: float) -> list[Run]:
@@ -64,7 +69,8 @@ def _size(run: Run) -> int:
     return max((values.size for values in (*run.inputs.values(), *run.measured.values())), default=0)
 
 
-def _parts(model: StateModel, run: Run, length_s: float) -> list[Run]:
+def parts_of(model: StateModel, run: Run, length_s: float) -> list[Run]:
+    """Return the parts of a run; see `cut_runs`."""
     size, length = _size(run), _count(model, run, length_s)
     if length < DATA.runs.least_samples:
         least_s = DATA.runs.least_samples * mean_step_s(run, model.step_s)
@@ -119,18 +125,9 @@ def _blanked(values: Array, count: int, is_start: bool) -> Array:
     return blanked
 
 
-def _require_free_start(model: StateModel) -> None:
-    """Check that every state may begin with another value in every run.
-
-    Raises:
-        ConfigError: A state always begins with the same value.
-    """
-    fixed = [name for name, is_free in _free_starts(model).items() if not is_free]
-    if fixed:
-        raise ConfigError(
-            f"--cut: state {fixed[0]} of model {model.name} begins with the same value in every run, "
-            "which is wrong in the middle of a record: add a RunParameter for it and use it in start()"
-        )
+def begins_anywhere(model: StateModel) -> bool:
+    """Return True where every state may begin with another value in every run."""
+    return all(_free_starts(model).values())
 
 
 def _free_starts(model: StateModel) -> Mapping[str, bool]:

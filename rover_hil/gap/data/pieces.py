@@ -6,59 +6,54 @@ at measured values: a simulation of the whole record would leave the measured mo
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 
-from drivers.errors import ConfigError
-from rover_hil.gap.data.cut import cut_runs
+from rover_hil.gap.data.cut import begins_anywhere, parts_of
 from rover_hil.gap.data.parameters import DATA
-from sim_backends.models.interface import Array, Machine, Run
+from sim_backends.models.interface import Array, Machine, Run, RunParameter
 from sim_backends.state_model.model import StateModel
 from sim_backends.state_model.sample_times import mean_step_s
 
 
 def stable_pieces(machine: Machine, runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
-    """Return runs in which an error at the start does not grow exponentially, and what was cut.
+    """Return runs in which an error at the start does not grow exponentially, and what was found.
 
-    Machines that cannot begin in the middle of a record, or whose start is not fitted, keep their runs,
-    unexamined.
+    Runs of a machine whose start is not fitted stay whole. Its growth is that around the start that it has.
 
     Args:
         machine: Its growth is that of the nominal parameters.
         runs: Measured.
     """
+    if not isinstance(machine, StateModel) or not machine.states:
+        return list(runs), []
+    is_cut = bool(machine.run_parameters) and begins_anywhere(machine)
     found: list[Run] = []
     told: list[str] = []
     for run in runs:
-        try:
-            pieces = _pieces(machine, run) if isinstance(machine, StateModel) else [run]
-        except ConfigError:
-            pieces = [run]
-        found += pieces
+        pieces = _pieces(machine, run)
+        found += pieces if is_cut else [run]
         if len(pieces) > 1:
-            told.append(
-                f"run {run.name} is unstable, an error at its start grows exponentially: it is compared in "
-                f"{len(pieces)} pieces, each with a start of its own"
+            so = (
+                f"it is compared in {len(pieces)} pieces, each with a start of its own"
+                if is_cut
+                else "its end says little of the machine; let start() take every state from a RunParameter, "
+                "and it is compared in pieces"
             )
+            told.append(f"run {run.name} is unstable, an error at its start grows exponentially: {so}")
     return found, told
 
 
 def _pieces(machine: StateModel, run: Run) -> list[Run]:
-    """Return the pieces of a run, as long as an error does not grow exponentially in them.
-
-    An error at a start that is not fitted is none.
-
-    Raises:
-        ConfigError: The machine cannot begin in the middle of a record.
-    """
-    if not machine.run_parameters:
-        return [run]
+    """Return the pieces of a run, as long as an error does not grow exponentially in them."""
     short_s = DATA.runs.least_samples * mean_step_s(run, machine.step_s)
-    sizes = error_sizes(machine, cut_runs(machine, [run], short_s))
+    sizes = error_sizes(machine, parts_of(machine, run, short_s))
     count = 1
     while 2 * count <= sizes.size:
         if not sizes[: 2 * count].max() <= DATA.runs.most_growth * sizes[:count].max():
-            return cut_runs(machine, [run], count * short_s)
+            return parts_of(machine, run, count * short_s)
         count *= 2
     return [run]
 
@@ -68,22 +63,34 @@ def error_sizes(machine: StateModel, pieces: Sequence[Run]) -> Array:
 
     Size is that of all states, each over its variation in the pieces, of the error that grows most.
     """
-    base = machine.trajectories(pieces, {}, {})
-    moved = []
-    for item in machine.run_parameters:
-        step = DATA.fit.step_share * item.prior_sd
-        point = {item.key_in(one).text: item.nominal_in(one) + step for one in pieces}
-        moved.append(machine.trajectories(pieces, point, {}))
-    scale = np.array([np.std(np.concatenate([one[name] for one in base])) or 1.0 for name in machine.states])
-    error, sizes = np.eye(scale.size), []
+    errors = [
+        RunParameter(name=f"error of {name}", unit=unit, prior_sd=1.0)
+        for name, unit in machine.states.items()
+    ]
+
+    def start(p: SimpleNamespace, u: SimpleNamespace) -> dict[str, Array | float]:
+        begin = machine.start(p, u)
+        return {
+            name: begin[name] + getattr(p, item.name)
+            for name, item in zip(machine.states, errors, strict=True)
+        }
+
+    moving = replace(machine, start=start, run_parameters=(*machine.run_parameters, *errors))
+    base = moving.trajectories(pieces, {}, {})
+    scale = [np.std(np.concatenate([one[name] for one in base])) or 1.0 for name in machine.states]
+    steps = DATA.fit.step_share * np.array(scale)
+    moved = [
+        moving.trajectories(pieces, {item.key_in(one).text: float(step) for one in pieces}, {})
+        for item, step in zip(errors, steps, strict=True)
+    ]
+    error, sizes = np.eye(steps.size), []
     for index, before in enumerate(base):
-        changes = np.array(
-            [[one[index][name][[0, -1]] - before[name][[0, -1]] for one in moved] for name in machine.states]
+        change = np.array(
+            [[one[index][name][-1] - before[name][-1] for one in moved] for name in machine.states]
         )
-        changes = changes / scale[:, None, None]
-        if not np.isfinite(changes).all():
+        if not np.isfinite(change).all():
             sizes.append(np.inf)
             break
-        error = changes[:, :, 1] @ np.linalg.pinv(changes[:, :, 0]) @ error
+        error = change / steps[:, None] @ error
         sizes.append(float(np.linalg.norm(error, 2)))
     return np.array(sizes)

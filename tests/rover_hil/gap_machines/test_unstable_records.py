@@ -29,6 +29,17 @@ def test_unstable_records_are_cut_and_stable_ones_stay() -> None:
     assert stable_pieces(axis_model(), runs) == (runs, [])
 
 
+def test_an_unstable_record_of_a_machine_whose_start_is_not_fitted_stays_whole_and_is_told() -> None:
+    runs = balanced_runs(2)
+    fixed = replace(pendulum_model(), run_parameters=(), start=lambda *_: {"angle": 0.1, "speed": 0.0})
+    found, told = stable_pieces(fixed, runs)
+    assert found == runs
+    assert len(told) == 2
+    assert "let start() take every state from a RunParameter" in told[0]
+    hanging = replace(fixed, start=lambda *_: {"angle": np.pi, "speed": 0.0})
+    assert stable_pieces(hanging, runs) == (runs, [])
+
+
 def test_a_position_that_drifts_with_its_speed_is_not_unstable() -> None:
     """An error of the speed grows in proportion to time in the position: the whole record counts."""
     pendulum = pendulum_model()
