@@ -62,8 +62,9 @@ class MachineFits:
         if not isinstance(self.problem.model, CalledMachine):
             return [plain, *(_stronger(free, begin, share) for share in MACHINES.fit.start_shares)]
         # A prediction is dear, a start is one, a fit many: only the best starts are fitted.
-        starts: list[Point] = [plain, *self._far_starts(names, plain, begin)]
-        ranked = sorted(starts, key=lambda one: self._start_cost(free, one, fixed))
+        # Sizes beyond a limit are the same start, and each counts once.
+        starts = {tuple(one.values()): one for one in (plain, *self._far_starts(names, plain, begin))}
+        ranked = sorted(starts.values(), key=lambda one: self._start_cost(free, one, fixed))
         return ranked[: self.evidence.most_starts()]
 
     def _far_starts(self, names: Names, plain: Point, begin: Point) -> list[Point]:
