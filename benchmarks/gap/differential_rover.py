@@ -13,13 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.gap.rover_of_wheels import HEADER, ROOT, START_NS, row, verdict_of
-from drivers.samples import RateSample, Sample, WheelSample
-from rover_hil.config import Config, load_config
-from rover_hil.recording.data_files import collect_data_files
-from rover_hil.recording.schema import TRUTH
-from rover_hil.recording.writer import LogWriter
-from tests.nature.differential_drive import Recorded, TrueDifferential, record
+from benchmarks.gap.drive_logs import write_log
+from benchmarks.gap.rover_of_wheels import HEADER, ROOT, row, verdict_of
+from rover_hil.config import load_config
+from tests.nature.differential_drive import TrueDifferential, record
 
 CONFIG = "docs/examples/differential.toml"
 TRUTHS = {
@@ -31,24 +28,6 @@ TRUTHS = {
     "pose 0.15 s late": TrueDifferential(pose_age_s=0.15),
     "creep across the ground by 3 % of the speed, on a stiff floor": TrueDifferential(creep=(0.0, 0.03)),
 }
-
-
-def write_log(path: Path, config: Config, drive: Recorded) -> None:
-    """Write a drive as a log, its pose on /truth."""
-    path.parent.mkdir(parents=True)
-    text = config.model_dump_json(by_alias=True).encode()
-    with LogWriter(path, START_NS, text, collect_data_files(config), "virtual") as log:
-        for index, t_s in enumerate(drive.t_s):
-            t_ns = START_NS + round(t_s * 1e9)
-            samples: list[Sample] = [
-                WheelSample(device="wheels", t_ns=t_ns, wheel=wheel, position_rad=float(angle))
-                for wheel, angle in enumerate(drive.wheels_rad[index])
-            ]
-            rate = float(drive.gyro_rad_s[index])
-            samples.append(RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=rate))
-            x_m, y_m, yaw_rad = drive.pose[index].tolist()
-            log.write_json(TRUTH, t_ns, {"t_ns": t_ns, "x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad})
-            log.samples(t_ns, samples)
 
 
 def main() -> int:

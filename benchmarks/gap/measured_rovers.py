@@ -16,13 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.gap.drive_logs import write_log as write_drive
 from benchmarks.gap.reference_rovers import Array, read_run
-from benchmarks.gap.rover_of_wheels import ROOT, START_NS, verdict_of
-from drivers.samples import Sample, WheelSample
+from benchmarks.gap.rover_of_wheels import ROOT, verdict_of
 from rover_hil.config import Config, load_config
-from rover_hil.recording.data_files import collect_data_files
-from rover_hil.recording.schema import TRUTH
-from rover_hil.recording.writer import LogWriter
+from tests.nature.differential_drive import Recorded
 
 REFERENCE = Path(__file__).parent / "references" / "optiodom_circles.json"
 RADII_M = {"diff": 0.042, "omni3": 0.051, "tricyc": 0.0325}
@@ -78,28 +76,15 @@ def config_text(robot: str) -> str:
 
 def write_log(path: Path, config: Config, run: Array, robot: str) -> None:
     """Write a recorded drive as a log, the motion capture on /truth."""
-    ticks, is_steered = TICKS[robot], robot == "tricyc"
-    path.parent.mkdir(parents=True)
-    text = config.model_dump_json(by_alias=True).encode()
-    turned = run[:, 4:5] if is_steered else run[:, 4:]
-    angles_rad = np.cumsum(turned, axis=0) * 2.0 * np.pi / ticks
-    yaw_rad = np.unwrap(run[:, 3])
-    with LogWriter(path, START_NS, text, collect_data_files(config), "virtual") as log:
-        for row, angles, yaw in zip(run, angles_rad, yaw_rad, strict=True):
-            t_ns = START_NS + round(row[0] * 1e9)
-            samples: list[Sample] = [
-                WheelSample(
-                    device="wheels",
-                    t_ns=t_ns,
-                    wheel=wheel,
-                    position_rad=float(angle),
-                    steering_rad=float(row[5]) if is_steered else None,
-                )
-                for wheel, angle in enumerate(angles)
-            ]
-            pose = {"t_ns": t_ns, "x_m": float(row[1]), "y_m": float(row[2]), "yaw_rad": float(yaw)}
-            log.write_json(TRUTH, t_ns, pose)
-            log.samples(t_ns, samples)
+    is_steered = robot == "tricyc"
+    turned = np.cumsum(run[:, 4:5] if is_steered else run[:, 4:], axis=0)
+    drive = Recorded(
+        t_s=run[:, 0],
+        wheels_rad=turned * 2.0 * np.pi / TICKS[robot],
+        gyro_rad_s=np.full(len(run), np.nan),
+        pose=np.column_stack((run[:, 1:3], np.unwrap(run[:, 3]))),
+    )
+    write_drive(path, config, drive, steering_rad=run[:, 5:6] if is_steered else None)
 
 
 def main() -> None:

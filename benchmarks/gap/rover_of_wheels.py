@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from typer.testing import CliRunner
 
+from benchmarks.gap.drive_logs import START_NS
 from controllers.motion.kinematics import make_kinematics
 from drivers.clock import SystemClock
 from drivers.clock import seconds as to_seconds
@@ -44,7 +45,6 @@ FLOOR = "gray"
 ROW_MS = 20
 LEG_S, CHANGE_S, DURATION_S = 4.0, 0.5, 24
 POSE_NOISE_M, POSE_NOISE_RAD, GYRO_NOISE_RAD_S = 0.0003, 0.0005, 0.002
-START_NS = 1_000_000_000
 HEADER = (
     "| truth | verdict | root mean square on locked runs, before and after | seconds, of the processors |\n"
     "|---|---|---|---|"

@@ -9,12 +9,15 @@ from sim_backends.models.tables import read_tables
 PARAMETERS, CARDS = read_tables(__file__)
 
 
-def effects_of(driven: Sequence[int], steered: Sequence[int], *, skids: bool) -> tuple[EffectCard, ...]:
+def effects_of(
+    driven: Sequence[int], steered: Sequence[int], resistance: float, *, skids: bool
+) -> tuple[EffectCard, ...]:
     """Return all cards of a rover.
 
     Args:
         driven: Numbers of its wheels with a motor, from 1.
         steered: Numbers of those that steer.
+        resistance: Of the configured ground against rolling, per wheel load; in truth it may be less.
         skids: Wheels of two axles are fixed, so that a turn drags them sideways.
     """
     has = {
@@ -23,12 +26,15 @@ def effects_of(driven: Sequence[int], steered: Sequence[int], *, skids: bool) ->
         "steering_ratio": bool(steered),
         "rotation_centre": skids,
     }
-    wheels = {"uneven_wheel": driven, "steering_offset": steered}
-    return tuple(
-        _of_one_wheel(card, wheels[card.name]) if card.name in wheels else card
-        for card in CARDS
-        if has.get(card.name, True)
-    )
+    cards = {card.name: card for card in CARDS if has.get(card.name, True)}
+    for name, wheels in (("uneven_wheel", driven), ("steering_offset", steered)):
+        if name in cards:
+            cards[name] = _of_one_wheel(cards[name], wheels)
+    (share,) = cards["rolling_resistance"].parameters
+    # Without any resistance the share is minus the configured one; a fit to that has an error.
+    share = replace(share, lower=-2.0 * resistance)
+    cards["rolling_resistance"] = replace(cards["rolling_resistance"], parameters=(share,))
+    return tuple(cards.values())
 
 
 def _of_one_wheel(card: EffectCard, wheels: Sequence[int]) -> EffectCard:

@@ -55,7 +55,7 @@ def rolling_motion(rover: Rover, wheels: Wheels) -> Array:
     return twist
 
 
-def balanced_motion(rover: Rover, wheels: Wheels, contact: Contact, load: Array) -> Array:
+def balanced_motion(rover: Rover, wheels: Wheels, contact: Contact, load: Array, rolling: Array) -> Array:
     """Return velocity x, y and yaw rate of the body, shape (n, 3).
 
     Args:
@@ -63,8 +63,9 @@ def balanced_motion(rover: Rover, wheels: Wheels, contact: Contact, load: Array)
         wheels: Speeds and directions of the wheels.
         contact: The ground.
         load: Force x, y in N and moment in N m that the contacts must carry, shape (n, 3).
+        rolling: The `rolling_motion` of these wheels.
     """
-    twist = rolling_motion(rover, wheels)
+    twist = rolling.copy()
     _balance(rover, wheels, contact, load, twist, 1.0)
     return twist
 

@@ -64,6 +64,7 @@ class WheelsModel:
         self.effects: tuple[EffectCard, ...] = effects_of(
             self.driven,
             tuple(number for number, one in enumerate(settings.wheels, start=1) if one.steering is not None),
+            self._surface.drag_along,
             skids=not self.steers and len(axles) > 1,
         )
         steering = {f"steering_{wheel}_rad": "rad" for wheel in self._numbers} if self.steers else {}
@@ -89,11 +90,11 @@ class WheelsModel:
     def _table(self, run: Run, base: Values, active: Mapping[str, Values]) -> dict[str, Array]:
         t_s = run.inputs["t_s"]
         rover, wheels = self._rover, self._wheels(run, base, active)
-        acceleration = np.gradient(rolling_motion(rover, wheels), t_s, axis=0)
+        rolling = rolling_motion(rover, wheels)
+        acceleration = np.gradient(rolling, t_s, axis=0)
         weight = self._weight(run.inputs[HEADING], active["side_slope"])
-        twist = balanced_motion(
-            rover, wheels, self._contact(base, active), weight - acceleration @ rover.mass.T
-        )
+        load = weight - acceleration @ rover.mass.T
+        twist = balanced_motion(rover, wheels, self._contact(base, active), load, rolling)
         if "rotation_centre" in active:
             twist[:, 1] -= active["rotation_centre"]["ahead_m"] * twist[:, 2]
         age_s = base["pose_age_s"] + active["latency"]["time"]

@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.gap.drive_logs import write_log
+from rover_hil.config import load_config
 from rover_hil.gap.output.results import VERDICT_NAME
 from tests.nature.differential_drive import TrueDifferential, record
 from tests.rover_hil.command import Command
-from tests.rover_hil.gap.test_rover_of_wheels import DIFFERENTIAL, ROOT, write_log
+from tests.rover_hil.gap.test_rover_of_wheels import DIFFERENTIAL, ROOT
 
 SHARES = np.array([-1.3, 1.2, 0.6, -1.0, 1.1, -0.6])
 """Deviations of the drives, in standard deviations: their root mean square is 1."""
@@ -23,12 +25,12 @@ EXACT = TrueDifferential(pose_noise_m=0.00003, pose_noise_rad=0.0001, gyro_noise
 
 def write_drives(folder: Path, radii: Sequence[float], tracks: Sequence[float]) -> Path:
     """Write drives whose radius and track differ by these shares."""
-    rng = np.random.default_rng(0)
+    rng, config = np.random.default_rng(0), load_config(DIFFERENTIAL)
     for number, (radius, track) in enumerate(zip(radii, tracks, strict=True)):
         rover = replace(
             EXACT, radius_m=EXACT.radius_m * (1.0 + radius), track_m=EXACT.track_m * (1.0 + track)
         )
-        write_log(folder / f"{number}" / "run.mcap", record(rover, rng), "truth")
+        write_log(folder / f"{number}" / "run.mcap", config, record(rover, rng))
     return folder
 
 

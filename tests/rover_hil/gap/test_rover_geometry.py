@@ -4,13 +4,15 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks.gap.drive_logs import write_log
 from benchmarks.gap.measured_rovers import config_text
 from benchmarks.gap.measured_rovers import write_log as write_measured_log
+from benchmarks.gap.strangers_rovers import DRIVINGS, Hidden, configurations
+from benchmarks.gap.strangers_rovers import verdict_on as strangers_verdict
 from rover_hil.config import Config, load_config
 from rover_hil.gap.data.rover_logs import read_rover_runs
 from rover_hil.gap.verdict import Verdict
@@ -18,7 +20,10 @@ from rover_hil.gap.workflow import analyse
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from sim_backends.wheels_model.model import WheelsModel
 from tests.nature.differential_drive import Recorded, TrueDifferential, record
-from tests.rover_hil.gap.test_rover_of_wheels import DIFFERENTIAL, LOGS, ROOT, tricycle_run, write_log
+from tests.rover_hil.gap.test_rover_of_wheels import DIFFERENTIAL, LOGS, ROOT, tricycle_run
+
+pytestmark = pytest.mark.timeout(600)
+"""A search among pairs of effects takes half a minute of one free processor."""
 
 
 @pytest.fixture(autouse=True)
@@ -55,52 +60,24 @@ def test_a_steering_ratio_is_named_with_its_size(tmp_path: Path) -> None:
     assert high - low < 0.1
 
 
-def skidding_config() -> Config:
-    """Return the example of four wheels, with tyres in place of the rollers."""
-    table: dict[str, Any] = load_config("docs/examples/mecanum.toml").model_dump(by_alias=True)
-    for wheel in (*table["rover"]["wheels"], *table["simulation"]["plant"]["wheels"]):
-        wheel["roller_deg"] = None
-    table["mission"]["heading"] = "along_path"
-    return Config.model_validate(table)
-
-
-def skid(rng: np.random.Generator, ahead_m: float) -> Recorded:
-    """Return a drive on four tyres whose forces are proportional to their slip in every direction.
-
-    Their balance gives the turn; the centre of it lies on the line across the rover this far ahead. Drives
-    start in all directions: from one alone, what is lost in turns looks like a slope.
-    """
-    radius_m, ahead_wheel_m, aside_wheel_m, step_s = 0.05, 0.2, 0.15, 0.001
-    t_s = step_s * np.arange(20_000.0)
-    mean = 4.0 + 1.0 * np.sin(0.5 * t_s + rng.uniform(0.0, 6.0))
-    apart = 1.2 * np.sin(0.4 * t_s + rng.uniform(0.0, 6.0))
-    turn = radius_m * apart * aside_wheel_m / (ahead_wheel_m**2 + aside_wheel_m**2)
-    yaw = np.concatenate(([0.0], np.cumsum(0.5 * (turn[1:] + turn[:-1]) * step_s))) + rng.uniform(-3.0, 3.0)
-    speed = (radius_m * mean - 1j * ahead_m * turn) * np.exp(1j * yaw)
-    place = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * step_s)))
-    sides = np.stack((mean - apart, mean + apart), axis=1)
-    angles = np.cumsum(np.tile(sides, 2) * step_s, axis=0)
-    pose = np.stack((place.real, place.imag, yaw), axis=1)
-    rows = slice(None, None, 20)
-    noise = rng.standard_normal((t_s[rows].size, 4)) * (0.0003, 0.0003, 0.0005, 0.002)
-    return Recorded(
-        t_s=t_s[rows],
-        wheels_rad=angles[rows],
-        gyro_rad_s=turn[rows] + noise[:, 3],
-        pose=pose[rows] + noise[:, :3],
-    )
-
-
 @pytest.mark.slow
-def test_a_centre_of_rotation_ahead_of_the_wheels_is_named_with_its_size(tmp_path: Path) -> None:
-    rng, config = np.random.default_rng(11), skidding_config()
-    for number in range(LOGS):
-        write_log(tmp_path / "runs" / f"{number}" / "run.mcap", skid(rng, 0.08), "truth", config)
-    verdict = verdict_on(config, tmp_path / "runs")
-    assert verdict.confidence_set[0] == ["rotation_centre"], verdict.sentence
+def test_a_centre_of_rotation_ahead_of_the_wheels_is_named_with_its_size() -> None:
+    ahead = Hidden(name="rotation_centre", changes={"ahead_m": 0.08})
+    verdict = strangers_verdict(configurations()["four_fixed"], ahead, DRIVINGS["all headings"], seed=11)
+    assert verdict.confidence_set == [["rotation_centre"]], verdict.sentence
     low, high = interval(verdict, "rotation_centre")
     assert low < 0.08 < high, verdict.sentence
     assert high - low < 0.03
+
+
+@pytest.mark.slow
+def test_ground_without_resistance_is_not_named_a_slope_where_all_drives_head_one_way() -> None:
+    """A slope along the only heading explains as much as the resistance that is not there."""
+    smooth = Hidden(name="rolling_resistance", changes={"ahead_m": 0.08, "rolling": 0.0, "friction": 1e3})
+    verdict = strangers_verdict(configurations()["four_fixed"], smooth, DRIVINGS["one heading"], seed=11)
+    assert ["rolling_resistance", "rotation_centre"] in verdict.confidence_set, verdict.sentence
+    low, high = interval(verdict, "rolling_resistance")
+    assert low < -0.0118 < high, verdict.sentence
 
 
 def displaced(drive: Recorded, marker: Mapping[str, float]) -> Recorded:
@@ -116,11 +93,11 @@ def displaced(drive: Recorded, marker: Mapping[str, float]) -> Recorded:
 @pytest.mark.slow
 def test_a_displaced_marker_is_told_with_its_place_and_yaw(tmp_path: Path) -> None:
     marker = {"marker_x_m": 0.06, "marker_y_m": -0.04, "marker_yaw_rad": math.radians(6.0)}
-    rng = np.random.default_rng(5)
+    rng, config = np.random.default_rng(5), load_config(DIFFERENTIAL)
     for number in range(LOGS):
         drive = displaced(record(TrueDifferential(), rng), marker)
-        write_log(tmp_path / "runs" / f"{number}" / "run.mcap", drive, "truth")
-    verdict = verdict_on(load_config(DIFFERENTIAL), tmp_path / "runs")
+        write_log(tmp_path / "runs" / f"{number}" / "run.mcap", config, drive)
+    verdict = verdict_on(config, tmp_path / "runs")
     found = {one.name: one for one in verdict.base_parameters}
     assert not verdict.effects, verdict.sentence
     for name, value in marker.items():

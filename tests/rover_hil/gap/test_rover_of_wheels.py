@@ -4,42 +4,26 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import pytest
 
+from benchmarks.gap.drive_logs import Poses, write_log
 from benchmarks.gap.measured_rovers import config_text
 from benchmarks.gap.measured_rovers import write_log as write_measured_log
-from drivers.samples import PoseFixSample, RateSample, Sample, WheelSample
-from rover_hil.config import Config, load_config
+from rover_hil.config import load_config
 from rover_hil.gap.data.rover_logs import read_rover_runs
-from rover_hil.recording.data_files import collect_data_files
-from rover_hil.recording.schema import TRUTH
-from rover_hil.recording.writer import LogWriter
 from sim_backends.models.interface import Array, Run
 from sim_backends.plants.wheels.plant import WheelsPlant
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from sim_backends.wheels_model.model import WheelsModel
-from tests.nature.differential_drive import Recorded, TrueDifferential, record
+from tests.nature.differential_drive import TrueDifferential, record
 from tests.rover_hil.command import Command, assert_one_sentence
 
 ROOT = Path(__file__).parents[3]
 DIFFERENTIAL = "docs/examples/differential.toml"
-CAMERA = {
-    "type": "overhead_camera",
-    "source": "live_folder",
-    "path": "frames",
-    "frame_rate_hz": 20.0,
-    "max_age_s": 1.0,
-    "marker_id": 7,
-    "marker_size_m": 0.12,
-    "marker_height_m": 0.2,
-    "calibration": "simulated",
-}
-START_NS = 1_000_000_000
 LOGS = 6
-Poses = Literal["truth", "fixes", "none"]
 
 
 @pytest.fixture(autouse=True)
@@ -48,47 +32,10 @@ def _in_the_project(monkeypatch: pytest.MonkeyPatch, command: Command) -> None:
     monkeypatch.chdir(ROOT)
 
 
-def write_log(path: Path, drive: Recorded, poses: Poses, config: Config | None = None) -> None:
-    """Write a drive as a log, by default of the differential rover; fixes come 20 times in a second."""
-    config = config or load_config(DIFFERENTIAL)
-    if poses == "fixes":
-        table = config.model_dump(by_alias=True)
-        table["devices"]["overhead"], table["roles"]["fixes"] = CAMERA, ["overhead"]
-        config = Config.model_validate(table)
-    config_json = config.model_dump_json(by_alias=True).encode()
-    path.parent.mkdir(parents=True)
-    with LogWriter(path, START_NS, config_json, collect_data_files(config), "virtual") as log:
-        for index, t_s in enumerate(drive.t_s):
-            t_ns = START_NS + round(t_s * 1e9)
-            samples: list[Sample] = [
-                WheelSample(device="wheels", t_ns=t_ns, wheel=wheel, position_rad=float(angle))
-                for wheel, angle in enumerate(drive.wheels_rad[index])
-            ]
-            rate = float(drive.gyro_rad_s[index])
-            samples.append(RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=rate))
-            x_m, y_m, yaw_rad = drive.pose[index].tolist()
-            if poses == "truth":
-                log.write_json(TRUTH, t_ns, {"t_ns": t_ns, "x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad})
-            elif poses == "fixes" and index % 3 == 0:
-                samples.append(
-                    PoseFixSample(
-                        device="overhead",
-                        t_ns=t_ns,
-                        t_capture_ns=t_ns,
-                        x_m=x_m,
-                        y_m=y_m,
-                        yaw_rad=math.remainder(yaw_rad, math.tau),
-                        position_std_m=0.001,
-                        yaw_std_rad=0.001,
-                    )
-                )
-            log.samples(t_ns, samples)
-
-
 def write_logs(folder: Path, rover: TrueDifferential, poses: Poses = "truth", count: int = LOGS) -> Path:
-    rng = np.random.default_rng(0)
+    rng, config = np.random.default_rng(0), load_config(DIFFERENTIAL)
     for number in range(count):
-        write_log(folder / f"{number}" / "run.mcap", record(rover, rng), poses)
+        write_log(folder / f"{number}" / "run.mcap", config, record(rover, rng), poses)
     return folder
 
 
