@@ -137,14 +137,12 @@ def _reservations(findings: MachineFindings) -> list[str]:
     """Return why the names are not certain or not complete."""
     reasons: list[str] = []
     holdout = findings.holdout
-    if not findings.best.evidence.has_budget:
-        is_rest = findings.p_remaining <= MACHINES.tests.alpha and findings.share < MACHINES.verdict.whole
-        return [f"{1.0 - findings.share:.0%} of the gap remain unexplained"] if is_rest else []
     is_rest_small = all(one.is_good_enough for one in findings.budget_after)
     closure = None if holdout is None else holdout.closure
-    if closure is None:
+    is_on_locked = findings.best.evidence.has_budget
+    if closure is None and is_on_locked:
         reasons.append("the gap on the locked runs is too small to prove it")
-    elif closure < MACHINES.verdict.whole and not is_rest_small:
+    elif closure is not None and is_on_locked and closure < MACHINES.verdict.whole and not is_rest_small:
         reasons.append(f"it closes {closure:.0%} of the gap on locked runs only")
     elif findings.p_remaining <= MACHINES.tests.alpha and not is_rest_small:
         reasons.append("a model error remains")
