@@ -18,8 +18,8 @@ SATURATED = 20.0
 
 (
     ADD, SUBTRACT, MULTIPLY, DIVIDE, NEGATIVE, ABSOLUTE, MINIMUM, MAXIMUM, WHERE, LESS, LESS_EQUAL, EQUAL,
-    NOT_EQUAL, AND, OR, NOT, SIGN, SQRT, EXP, EXPM1, LOG, LOG1P, SIN, COS, TAN, TANH, SINH, COSH, ARCSIN,
-    ARCCOS, ARCTAN, ARCTAN2, HYPOT, POWER, FLOOR, CEIL, COPYSIGN, ISFINITE,
+    NOT_EQUAL, LOGICAL_AND, LOGICAL_OR, LOGICAL_NOT, SIGN, SQRT, EXP, EXPM1, LOG, LOG1P, SIN, COS, TAN, TANH,
+    SINH, COSH, ARCSIN, ARCCOS, ARCTAN, ARCTAN2, HYPOT, POWER, FLOOR, CEIL, COPYSIGN, ISFINITE,
 ) = (int(one) for one in Op)  # fmt: skip
 
 
@@ -98,13 +98,13 @@ def compute(values: Array, tape: Rows, lanes: int) -> None:  # noqa: C901 (one b
         elif code == NOT_EQUAL:
             for lane in range(lanes):
                 values[to, lane] = 1.0 if values[a, lane] != values[b, lane] else 0.0
-        elif code == AND:
+        elif code == LOGICAL_AND:
             for lane in range(lanes):
                 values[to, lane] = values[a, lane] * values[b, lane]
-        elif code == OR:
+        elif code == LOGICAL_OR:
             for lane in range(lanes):
                 values[to, lane] = -_least(-values[a, lane], -values[b, lane])
-        elif code == NOT:
+        elif code == LOGICAL_NOT:
             for lane in range(lanes):
                 values[to, lane] = 1.0 - values[a, lane]
         elif code == SIGN:

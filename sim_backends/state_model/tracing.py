@@ -14,7 +14,7 @@ import numpy as np
 
 
 class Op(IntEnum):
-    """An operation on up to three numbers; truth is 1 and 0."""
+    """An operation on up to three numbers, called as in numpy; truth is 1 and 0."""
 
     ADD = 0
     SUBTRACT = auto()
@@ -29,9 +29,9 @@ class Op(IntEnum):
     LESS_EQUAL = auto()
     EQUAL = auto()
     NOT_EQUAL = auto()
-    AND = auto()
-    OR = auto()
-    NOT = auto()
+    LOGICAL_AND = auto()
+    LOGICAL_OR = auto()
+    LOGICAL_NOT = auto()
     SIGN = auto()
     SQRT = auto()
     EXP = auto()
@@ -57,51 +57,16 @@ class Op(IntEnum):
 
 
 COMPARISONS = (Op.LESS, Op.LESS_EQUAL, Op.EQUAL, Op.NOT_EQUAL)
-LOGIC = (Op.AND, Op.OR, Op.NOT)
+LOGIC = (Op.LOGICAL_AND, Op.LOGICAL_OR, Op.LOGICAL_NOT)
 TRUTHS = (*COMPARISONS, *LOGIC, Op.ISFINITE)
 """Operations whose result is true or false."""
 
 UFUNCS: Mapping[np.ufunc, Op] = {
-    np.add: Op.ADD,
-    np.subtract: Op.SUBTRACT,
-    np.multiply: Op.MULTIPLY,
-    np.divide: Op.DIVIDE,
-    np.negative: Op.NEGATIVE,
-    np.absolute: Op.ABSOLUTE,
     np.fabs: Op.ABSOLUTE,
-    np.minimum: Op.MINIMUM,
-    np.maximum: Op.MAXIMUM,
-    np.less: Op.LESS,
-    np.less_equal: Op.LESS_EQUAL,
-    np.equal: Op.EQUAL,
-    np.not_equal: Op.NOT_EQUAL,
-    np.logical_and: Op.AND,
-    np.logical_or: Op.OR,
-    np.logical_not: Op.NOT,
-    np.sign: Op.SIGN,
-    np.sqrt: Op.SQRT,
-    np.exp: Op.EXP,
-    np.expm1: Op.EXPM1,
-    np.log: Op.LOG,
-    np.log1p: Op.LOG1P,
-    np.sin: Op.SIN,
-    np.cos: Op.COS,
-    np.tan: Op.TAN,
-    np.tanh: Op.TANH,
-    np.sinh: Op.SINH,
-    np.cosh: Op.COSH,
-    np.arcsin: Op.ARCSIN,
-    np.arccos: Op.ARCCOS,
-    np.arctan: Op.ARCTAN,
-    np.arctan2: Op.ARCTAN2,
-    np.hypot: Op.HYPOT,
-    np.floor: Op.FLOOR,
-    np.ceil: Op.CEIL,
-    np.copysign: Op.COPYSIGN,
-    np.isfinite: Op.ISFINITE,
+    **{getattr(np, op.name.lower()): op for op in Op if op is not Op.WHERE},
 }
 SWAPPED = {np.greater: Op.LESS, np.greater_equal: Op.LESS_EQUAL}
-BITWISE = {np.bitwise_and: Op.AND, np.bitwise_or: Op.OR, np.invert: Op.NOT}
+BITWISE = {np.bitwise_and: Op.LOGICAL_AND, np.bitwise_or: Op.LOGICAL_OR, np.invert: Op.LOGICAL_NOT}
 
 
 def _power(value: Any, exponent: Any) -> tuple[Op, tuple[Any, ...]]:

@@ -1,7 +1,7 @@
 """Parts that the cards of standard effects have in common."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import SimpleNamespace
 
 import numpy as np
@@ -40,22 +40,24 @@ def card(
     name: str,
     sentence: str,
     place: str,
-    parameters: tuple[Parameter, ...],
+    parameters: Callable[[Mapping[str, str]], tuple[Parameter, ...]],
     claims: tuple[str, ...],
     experiment: str,
     source: str,
     grid: Mapping[str, tuple[float, ...]] | None = None,
-) -> EffectCard:
-    """Return a card given as a row of a table; see `EffectCard`."""
-    return EffectCard(
+    releases: str | None = None,
+) -> Callable[[Mapping[str, str]], EffectCard]:
+    """Return what makes a card given as a row of a table, of the units of all signals; see `EffectCard`."""
+    return lambda units: EffectCard(
         name=name,
         sentence=sentence,
         place=place,
-        parameters=parameters,
+        parameters=parameters(units),
         claims=claims,
         experiment=experiment,
         source=source,
         shape_grid=grid or {},
+        releases=releases,
     )
 
 

@@ -1,11 +1,10 @@
 """Couplings between two bodies that the base model takes for one."""
 
-from collections.abc import Mapping
 from types import SimpleNamespace
 
 import numpy as np
 
-from sim_backends.models.interface import Array, EffectCard
+from sim_backends.models.interface import Array
 from sim_backends.models.ranges import require_positive
 from sim_backends.state_model.effects.cards import bounded, card, state, strength
 from sim_backends.state_model.port_effect import PortEffect
@@ -42,20 +41,6 @@ def two_body_backlash(
     require_positive(f"effect {name}", size=size, impact_s=impact_s)
     edge = EDGE * size
 
-    def build(units: Mapping[str, str]) -> EffectCard:
-        unit = units[load] if units[load] in ("rad", "m") else f"{units[load]} x {ratio:g}"
-        parameters = (strength("play", unit, size), bounded("load_share", "1", 0.45, 0.15, 0.1, 0.9))
-        return card(
-            name,
-            "Driven body and load are coupled with play and move apart at each reversal of the force.",
-            port,
-            parameters,
-            ("shows only after the force reverses", f"{load} and the driven body move apart"),
-            "reverse the force, with a sensor on both sides",
-            "Nordin and Gutman 2002: controlling mechanical systems with backlash",
-            {"load_share": LOAD_SHARES},
-        )
-
     def relative(value: Array, x: SimpleNamespace, v: SimpleNamespace, own: Array) -> Array:
         """Return the acceleration of the driven body relative to the load."""
         twist, rate = own
@@ -84,7 +69,21 @@ def two_body_backlash(
 
     return PortEffect(
         port=port,
-        build=build,
+        build=card(
+            name,
+            "Driven body and load are coupled with play and move apart at each reversal of the force.",
+            port,
+            lambda units: (
+                strength(
+                    "play", units[load] if units[load] in ("rad", "m") else f"{units[load]} x {ratio:g}", size
+                ),
+                bounded("load_share", "1", 0.45, 0.15, 0.1, 0.9),
+            ),
+            ("shows only after the force reverses", f"{load} and the driven body move apart"),
+            "reverse the force, with a sensor on both sides",
+            "Nordin and Gutman 2002: controlling mechanical systems with backlash",
+            {"load_share": LOAD_SHARES},
+        ),
         change=change,
         memory_rate=memory_rate,
         memories=2,

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from sim_backends.models.interface import Array, EffectCard
+from sim_backends.models.interface import Array, Parameter
 from sim_backends.models.ranges import require_positive
 from sim_backends.state_model.effects.cards import bounded, card, per, shape, smooth_sign, state, strength
 from sim_backends.state_model.port_effect import PortEffect
@@ -31,22 +31,20 @@ def coulomb_friction(
     """
     require_positive(f"effect {name}", size=size, slow=slow)
 
-    def build(units: Mapping[str, str]) -> EffectCard:
-        return card(
+    return PortEffect(
+        port=port,
+        build=card(
             name,
             "Dry friction opposes the motion with a force that does not depend on the speed.",
             port,
-            (strength("level", units[port], size),),
+            lambda units: (strength("level", units[port], size),),
             (f"changes its sign with {velocity}", "does not grow with speed"),
             "move slowly in both directions, and reverse",
             "Coulomb 1785; Armstrong-Helouvry, Dupont, Canudas de Wit 1994",
-        )
-
-    def change(value: Array, x: SimpleNamespace, v: SimpleNamespace, _: Array | None) -> Array:
-        reduced: Array = value - v.level * smooth_sign(state(x, velocity), slow)
-        return reduced
-
-    return PortEffect(port=port, build=build, change=change, states=(velocity,))
+        ),
+        change=lambda value, x, v, _: value - v.level * smooth_sign(state(x, velocity), slow),
+        states=(velocity,),
+    )
 
 
 def asymmetric_friction(
@@ -55,22 +53,20 @@ def asymmetric_friction(
     """Return the even part of dry friction, equal in both directions; see `coulomb_friction`."""
     require_positive(f"effect {name}", size=size, slow=slow)
 
-    def build(units: Mapping[str, str]) -> EffectCard:
-        return card(
+    return PortEffect(
+        port=port,
+        build=card(
             name,
             "Friction is stronger in one direction of motion than in the other.",
             port,
-            (strength("excess", units[port], size, is_signed=True),),
+            lambda units: (strength("excess", units[port], size, is_signed=True),),
             (f"does not change its sign with {velocity}", "zero at rest"),
             "the same speeds in both directions, and rest",
             "Armstrong-Helouvry 1991: friction differs between directions",
-        )
-
-    def change(value: Array, x: SimpleNamespace, v: SimpleNamespace, _: Array | None) -> Array:
-        reduced: Array = value - v.excess * smooth_sign(state(x, velocity), slow) ** 2
-        return reduced
-
-    return PortEffect(port=port, build=build, change=change, states=(velocity,))
+        ),
+        change=lambda value, x, v, _: value - v.excess * smooth_sign(state(x, velocity), slow) ** 2,
+        states=(velocity,),
+    )
 
 
 def stribeck_friction(
@@ -88,24 +84,26 @@ def stribeck_friction(
     """
     require_positive(f"effect {name}", size=size, speed=speed, slow=slow)
 
-    def build(units: Mapping[str, str]) -> EffectCard:
-        return card(
-            name,
-            "Friction is greatest just above rest and falls as a lubricant film forms.",
-            port,
-            (strength("excess", units[port], size), shape("speed", units[velocity], speed)),
-            ("gone at high speed", f"changes its sign with {velocity}"),
-            "steady speeds from just above rest",
-            "Stribeck 1902; Armstrong-Helouvry, Dupont, Canudas de Wit 1994",
-            {"speed": tuple(speed * share for share in SPEED_GRID)},
-        )
-
     def change(value: Array, x: SimpleNamespace, v: SimpleNamespace, _: Array | None) -> Array:
         rate = state(x, velocity)
         reduced: Array = value - v.excess * smooth_sign(rate, slow) * np.exp(-((rate / v.speed) ** 2))
         return reduced
 
-    return PortEffect(port=port, build=build, change=change, states=(velocity,))
+    return PortEffect(
+        port=port,
+        build=card(
+            name,
+            "Friction is greatest just above rest and falls as a lubricant film forms.",
+            port,
+            lambda units: (strength("excess", units[port], size), shape("speed", units[velocity], speed)),
+            ("gone at high speed", f"changes its sign with {velocity}"),
+            "steady speeds from just above rest",
+            "Stribeck 1902; Armstrong-Helouvry, Dupont, Canudas de Wit 1994",
+            {"speed": tuple(speed * share for share in SPEED_GRID)},
+        ),
+        change=change,
+        states=(velocity,),
+    )
 
 
 def presliding(
@@ -122,12 +120,18 @@ def presliding(
     """
     require_positive(f"effect {name}", size=size, distance=distance)
 
-    def build(units: Mapping[str, str]) -> EffectCard:
-        return card(
+    def memory_rate(_: Array, x: SimpleNamespace, v: SimpleNamespace, own: Array) -> Array:
+        rate = state(x, velocity)
+        found: Array = (rate - np.abs(rate) * own) / v.distance
+        return found
+
+    return PortEffect(
+        port=port,
+        build=card(
             name,
             "Before it slips, a dry contact deflects like a spring: friction builds up over a distance.",
             port,
-            (
+            lambda units: (
                 strength("level", units[port], size),
                 shape("distance", units[velocity].removesuffix("/s"), distance),
             ),
@@ -135,18 +139,11 @@ def presliding(
             "small reversals at several amplitudes",
             "Dahl 1968",
             {"distance": tuple(distance * share for share in SPEED_GRID)},
-        )
-
-    def change(value: Array, _: SimpleNamespace, v: SimpleNamespace, own: Array | None) -> Array:
-        reduced: Array = value - v.level * (0.0 if own is None else own)
-        return reduced
-
-    def memory_rate(_: Array, x: SimpleNamespace, v: SimpleNamespace, own: Array) -> Array:
-        rate = state(x, velocity)
-        found: Array = (rate - np.abs(rate) * own) / v.distance
-        return found
-
-    return PortEffect(port=port, build=build, change=change, memory_rate=memory_rate, states=(velocity,))
+        ),
+        change=lambda value, _, v, own: value - v.level * (0.0 if own is None else own),
+        memory_rate=memory_rate,
+        states=(velocity,),
+    )
 
 
 def viscous_friction(port: str, *, velocity: str, size: float, name: str = "viscous_friction") -> PortEffect:
@@ -224,16 +221,16 @@ def _power(
 ) -> PortEffect:
     require_positive(f"effect {name}", size=size)
 
-    def build(units: Mapping[str, str]) -> EffectCard:
+    def parameters(units: Mapping[str, str]) -> tuple[Parameter, ...]:
         unit = units[source] if order == 1 else f"({units[source]})^{order}"
-        coefficient = strength("coefficient", per(units[port], unit), size, is_signed=is_signed)
-        return card(name, sentence, port, (coefficient,), claims, experiment, reference)
+        return (strength("coefficient", per(units[port], unit), size, is_signed=is_signed),)
 
     def change(value: Array, x: SimpleNamespace, v: SimpleNamespace, _: Array | None) -> Array:
         from_state = state(x, source)
         reduced: Array = value - v.coefficient * from_state * np.abs(from_state) ** (order - 1)
         return reduced
 
+    build = card(name, sentence, port, parameters, claims, experiment, reference)
     return PortEffect(port=port, build=build, change=change, states=(source,))
 
 
@@ -248,31 +245,30 @@ def cogging(port: str, *, position: str, period: float, size: float, name: str =
         name: Of the card.
     """
     require_positive(f"effect {name}", period=period, size=size)
-    quarter = math.pi / 2.0
-    phases = tuple(quarter * step for step in range(4))
-
-    def build(units: Mapping[str, str]) -> EffectCard:
-        parameters = (
-            strength("amplitude", units[port], size),
-            bounded("phase", "rad", 0.0, 1.0, -2.0 * math.pi, 4.0 * math.pi),
-        )
-        return card(
-            name,
-            "Teeth, magnets or an eccentric disc push and pull as the position advances.",
-            port,
-            parameters,
-            (f"repeats every {period:g} of {position}", "independent of speed"),
-            "turn slowly over several periods",
-            "cogging of permanent-magnet motors",
-            {"phase": phases},
-        )
 
     def change(value: Array, x: SimpleNamespace, v: SimpleNamespace, _: Array | None) -> Array:
         angle = 2.0 * math.pi / period * state(x, position) + v.phase
         reduced: Array = value - v.amplitude * np.sin(angle)
         return reduced
 
-    return PortEffect(port=port, build=build, change=change, states=(position,))
+    return PortEffect(
+        port=port,
+        build=card(
+            name,
+            "Teeth, magnets or an eccentric disc push and pull as the position advances.",
+            port,
+            lambda units: (
+                strength("amplitude", units[port], size),
+                bounded("phase", "rad", 0.0, 1.0, -2.0 * math.pi, 4.0 * math.pi),
+            ),
+            (f"repeats every {period:g} of {position}", "independent of speed"),
+            "turn slowly over several periods",
+            "cogging of permanent-magnet motors",
+            {"phase": tuple(0.5 * math.pi * step for step in range(4))},
+        ),
+        change=change,
+        states=(position,),
+    )
 
 
 def end_stop(
@@ -289,28 +285,29 @@ def end_stop(
     """
     require_positive(f"effect {name}", size=size)
     side = 1.0 if places[0] > 0.0 else -1.0
-
-    def build(units: Mapping[str, str]) -> EffectCard:
-        lowest, highest = min(places), max(places)
-        margin = 0.5 * max(highest - lowest, 0.2 * abs(highest))
-        parameters = (
-            strength("stiffness", per(units[port], units[position]), size),
-            bounded("place", units[position], places[0], margin, lowest - margin, highest + margin),
-        )
-        return card(
-            name,
-            "A stop pushes back beyond a position.",
-            port,
-            parameters,
-            ("acts only beyond the place",),
-            "move slowly into the stop",
-            "mechanical end stop",
-            {"place": places},
-        )
+    lowest, highest = min(places), max(places)
+    margin = 0.5 * max(highest - lowest, 0.2 * abs(highest))
 
     def change(value: Array, x: SimpleNamespace, v: SimpleNamespace, _: Array | None) -> Array:
         beyond = np.maximum(side * (state(x, position) - v.place), 0.0)
         reduced: Array = value - side * v.stiffness * beyond
         return reduced
 
-    return PortEffect(port=port, build=build, change=change, states=(position,))
+    return PortEffect(
+        port=port,
+        build=card(
+            name,
+            "A stop pushes back beyond a position.",
+            port,
+            lambda units: (
+                strength("stiffness", per(units[port], units[position]), size),
+                bounded("place", units[position], places[0], margin, lowest - margin, highest + margin),
+            ),
+            ("acts only beyond the place",),
+            "move slowly into the stop",
+            "mechanical end stop",
+            {"place": places},
+        ),
+        change=change,
+        states=(position,),
+    )

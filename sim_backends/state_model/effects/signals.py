@@ -1,18 +1,18 @@
 """Changes of a signal: of an input, a channel, or a port inside the equations."""
 
-import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import SimpleNamespace
 
 import numpy as np
 
-from sim_backends.models.interface import Array, EffectCard, Parameter
+from sim_backends.models.interface import Array, EffectCard
 from sim_backends.models.ranges import require_not_negative, require_positive
-from sim_backends.state_model.effects.cards import card, state, strength
+from sim_backends.state_model.effects.cards import bounded, card, state, strength
 from sim_backends.state_model.port_effect import Action, Change, PortEffect
 
 MOST_SHARE = 2.0
 """Greatest share of an excess that a limit removes; 1 is a hard limit."""
+SHARE = "of the excess that is removed; 1 is a hard limit"
 EDGE_SHARE = 0.01
 """Height below the limit over which an overflow begins, as a share of it: a level stays at the limit."""
 
@@ -29,21 +29,20 @@ def _signal(
     """Return an effect with one strength: its name, unit with {unit} for that of the port, size, sign."""
     require_positive(f"effect {name}", size=strength_of[2])
     label, unit, size, is_signed = strength_of
-
-    def build(units: Mapping[str, str]) -> EffectCard:
-        one = strength(label, unit.replace("{unit}", units[port]), size, is_signed=is_signed)
-        return card(name, sentence, port, (one,), claims, experiment, "engineering practice")
-
+    build = card(
+        name,
+        sentence,
+        port,
+        lambda units: (strength(label, unit.replace("{unit}", units[port]), size, is_signed=is_signed),),
+        claims,
+        experiment,
+        "engineering practice",
+    )
     return PortEffect(port=port, build=build, change=change)
 
 
 def offset(port: str, *, size: float, name: str = "offset") -> PortEffect:
     """Return a constant added to a signal; `size` in its unit."""
-
-    def change(value: Array, _: SimpleNamespace, v: SimpleNamespace, __: Array | None) -> Array:
-        changed: Array = value + v.offset
-        return changed
-
     return _signal(
         port,
         name,
@@ -51,17 +50,12 @@ def offset(port: str, *, size: float, name: str = "offset") -> PortEffect:
         ("offset", "{unit}", size, True),
         ("the same at all times",),
         "log at rest",
-        change,
+        lambda value, _, v, __: value + v.offset,
     )
 
 
 def gain_error(port: str, *, size: float, name: str = "gain_error") -> PortEffect:
     """Return a wrong scale of a signal; `size` is a share."""
-
-    def change(value: Array, _: SimpleNamespace, v: SimpleNamespace, __: Array | None) -> Array:
-        changed: Array = value * (1.0 + v.share)
-        return changed
-
     return _signal(
         port,
         name,
@@ -69,17 +63,12 @@ def gain_error(port: str, *, size: float, name: str = "gain_error") -> PortEffec
         ("share", "1", size, True),
         ("in proportion to the signal",),
         "a known value of the signal",
-        change,
+        lambda value, _, v, __: value * (1.0 + v.share),
     )
 
 
 def supply_sag(port: str, *, size: float, name: str = "supply_sag") -> PortEffect:
     """Return a supply that falls under load; `size` is the relative loss per unit of the signal."""
-
-    def change(value: Array, _: SimpleNamespace, v: SimpleNamespace, __: Array | None) -> Array:
-        changed: Array = value * (1.0 - v.per_unit * np.abs(value))
-        return changed
-
     return _signal(
         port,
         name,
@@ -87,17 +76,12 @@ def supply_sag(port: str, *, size: float, name: str = "supply_sag") -> PortEffec
         ("per_unit", "1/({unit})", size, False),
         ("grows with the square of the signal",),
         "measure the supply under load",
-        change,
+        lambda value, _, v, __: value * (1.0 - v.per_unit * np.abs(value)),
     )
 
 
 def dead_zone(port: str, *, size: float, name: str = "dead_zone") -> PortEffect:
     """Return a zone around zero where the signal has no effect; `size` is its half width."""
-
-    def change(value: Array, _: SimpleNamespace, v: SimpleNamespace, __: Array | None) -> Array:
-        changed: Array = value - np.clip(value, -v.half_width, v.half_width)
-        return changed
-
     return _signal(
         port,
         name,
@@ -105,17 +89,12 @@ def dead_zone(port: str, *, size: float, name: str = "dead_zone") -> PortEffect:
         ("half_width", "{unit}", size, False),
         ("a constant loss outside the zone", "changes its sign with the signal"),
         "slow ramps through zero",
-        change,
+        lambda value, _, v, __: value - np.clip(value, -v.half_width, v.half_width),
     )
 
 
 def backlash(port: str, *, size: float, name: str = "backlash") -> PortEffect:
     """Return play in a coupling whose port is the twist between its sides; `size` is half of the play."""
-
-    def change(value: Array, _: SimpleNamespace, v: SimpleNamespace, __: Array | None) -> Array:
-        changed: Array = value - np.clip(value, -v.half_play, v.half_play)
-        return changed
-
     return _signal(
         port,
         name,
@@ -123,7 +102,7 @@ def backlash(port: str, *, size: float, name: str = "backlash") -> PortEffect:
         ("half_play", "{unit}", size, False),
         ("a jump of the twist at each reversal of the torque",),
         "reverse the torque slowly, with a sensor on both sides",
-        change,
+        lambda value, _, v, __: value - np.clip(value, -v.half_play, v.half_play),
     )
 
 
@@ -137,17 +116,15 @@ def play(port: str, *, size: float, name: str = "play") -> PortEffect:
     """
     require_positive(f"effect {name}", size=size)
 
-    def build(units: Mapping[str, str]) -> EffectCard:
-        return card(
-            name,
-            "A linkage with play follows only when its play is crossed.",
-            port,
-            (strength("half_play", units[port], size),),
-            ("stays where it is after each reversal", "lags by half of the play in both directions"),
-            "slow reversals",
-            "hysteresis of play: Krasnoselskii and Pokrovskii 1989",
-        )
-
+    build = card(
+        name,
+        "A linkage with play follows only when its play is crossed.",
+        port,
+        lambda units: (strength("half_play", units[port], size),),
+        ("stays where it is after each reversal", "lags by half of the play in both directions"),
+        "slow reversals",
+        "hysteresis of play: Krasnoselskii and Pokrovskii 1989",
+    )
     return PortEffect(port=port, build=build, action=Action.PLAY)
 
 
@@ -165,16 +142,11 @@ def saturation(port: str, *, limits: tuple[float, ...], name: str = "saturation"
     """
     require_positive(f"effect {name}", **_numbered("limits", limits))
 
-    def build(units: Mapping[str, str]) -> EffectCard:
-        return _threshold_card(
-            name, "The signal cannot exceed a limit.", port, units[port], "limit", limits, "large signals"
-        )
-
-    def change(value: Array, _: SimpleNamespace, v: SimpleNamespace, __: Array | None) -> Array:
-        changed: Array = value - v.share * (value - np.clip(value, -v.limit, v.limit))
-        return changed
-
-    return PortEffect(port=port, build=build, change=change)
+    return PortEffect(
+        port=port,
+        build=_limit_card(name, "The signal cannot exceed a limit.", port, port, limits, "large signals"),
+        change=lambda value, _, v, __: value - v.share * (value - np.clip(value, -v.limit, v.limit)),
+    )
 
 
 def overflow(
@@ -193,16 +165,8 @@ def overflow(
     require_positive(f"effect {name}", **_numbered("limits", limits))
     require_not_negative(f"effect {name}", weir=weir)
 
-    def build(units: Mapping[str, str]) -> EffectCard:
-        return _threshold_card(
-            name,
-            "Above an edge the inflow runs off.",
-            port,
-            units[level],
-            "limit",
-            limits,
-            "fill slowly to the edge",
-        )
+    sentence = "Above an edge the inflow runs off."
+    build = _limit_card(name, sentence, port, level, limits, "fill slowly to the edge")
 
     def change(value: Array, x: SimpleNamespace, v: SimpleNamespace, _: Array | None) -> Array:
         above = state(x, level) - v.limit
@@ -214,42 +178,29 @@ def overflow(
     return PortEffect(port=port, build=build, change=change, states=(level,))
 
 
-def _threshold_card(
-    name: str,
-    sentence: str,
-    port: str,
-    unit: str,
-    label: str,
-    limits: tuple[float, ...],
-    experiment: str,
-) -> EffectCard:
-    middle = sorted(limits)[len(limits) // 2]
-    share = Parameter(
-        name="share",
-        unit="1",
-        nominal=0.0,
-        prior_sd=1.0,
-        lower=0.0,
-        upper=MOST_SHARE,
-        meaning="of the excess that is removed; 1 is a hard limit",
-    )
-    place = Parameter(
-        name=label,
-        unit=unit,
-        nominal=middle,
-        prior_sd=max(limits),
-        lower=0.5 * min(limits),
-        upper=2.0 * max(limits),
-    )
+def _limit_card(
+    name: str, sentence: str, port: str, limited: str, limits: tuple[float, ...], experiment: str
+) -> Callable[[Mapping[str, str]], EffectCard]:
+    """Return what makes a card with a share and a limit, in the unit of the limited signal."""
     return card(
         name,
         sentence,
         port,
-        (share, place),
+        lambda units: (
+            strength("share", "1", 1.0, upper=MOST_SHARE, meaning=SHARE),
+            bounded(
+                "limit",
+                units[limited],
+                sorted(limits)[len(limits) // 2],
+                max(limits),
+                0.5 * min(limits),
+                2.0 * max(limits),
+            ),
+        ),
         ("acts only beyond the limit",),
         experiment,
         "engineering practice",
-        {label: limits},
+        {"limit": limits},
     )
 
 
@@ -257,23 +208,20 @@ def quantisation(port: str, *, step: float, name: str = "quantisation") -> PortE
     """Return a signal rounded to steps; the strength is the share of the rounding, 1 for whole steps."""
     require_positive(f"effect {name}", step=step)
 
-    def build(_: Mapping[str, str]) -> EffectCard:
-        one = strength("share", "1", 1.0, upper=MOST_SHARE)
-        return card(
-            name,
-            f"The signal is rounded to steps of {step:g}.",
-            port,
-            (one,),
-            ("jumps by a step",),
-            "slow ramps",
-            "converters",
-        )
-
-    def change(value: Array, _: SimpleNamespace, v: SimpleNamespace, __: Array | None) -> Array:
-        changed: Array = value + v.share * (step * np.round(value / step) - value)
-        return changed
-
-    return PortEffect(port=port, build=build, change=change)
+    build = card(
+        name,
+        f"The signal is rounded to steps of {step:g}.",
+        port,
+        lambda _: (strength("share", "1", 1.0, upper=MOST_SHARE),),
+        ("jumps by a step",),
+        "slow ramps",
+        "converters",
+    )
+    return PortEffect(
+        port=port,
+        build=build,
+        change=lambda value, _, v, __: value + v.share * (step * np.round(value / step) - value),
+    )
 
 
 def delay(port: str, *, size: float, longest: float, name: str = "delay") -> PortEffect:
@@ -296,18 +244,15 @@ def lag(port: str, *, size: float, longest: float, name: str = "lag") -> PortEff
 def _time(port: str, name: str, sentence: str, action: Action, size: float, longest: float) -> PortEffect:
     require_positive(f"effect {name}", size=size, longest=longest)
 
-    def build(_: Mapping[str, str]) -> EffectCard:
-        one = strength("time", "s", size, upper=longest)
-        return card(
-            name,
-            sentence,
-            port,
-            (one,),
-            ("shows only where the signal changes",),
-            "steps and fast signals",
-            "engineering practice",
-        )
-
+    build = card(
+        name,
+        sentence,
+        port,
+        lambda _: (strength("time", "s", size, upper=longest),),
+        ("shows only where the signal changes",),
+        "steps and fast signals",
+        "engineering practice",
+    )
     return PortEffect(port=port, build=build, action=action)
 
 
@@ -319,21 +264,17 @@ def wrong_parameter(parameter: str, *, size: float, name: str = "") -> PortEffec
         size: Natural size of the error, in its unit.
         name: Of the card; by default `wrong_` and the parameter.
     """
-    require_positive(f"effect {name or f'wrong_{parameter}'}", size=size)
+    name = name or f"wrong_{parameter}"
+    require_positive(f"effect {name}", size=size)
 
-    def build(units: Mapping[str, str]) -> EffectCard:
-        one = Parameter(
-            name="error", unit=units[parameter], nominal=0.0, prior_sd=size, lower=-math.inf, upper=math.inf
-        )
-        return EffectCard(
-            name=name or f"wrong_{parameter}",
-            sentence=f"{parameter} is not what it was taken for.",
-            place=parameter,
-            parameters=(one,),
-            claims=(f"what a change of {parameter} does",),
-            experiment=f"measure {parameter} by other means",
-            source="tolerance",
-            releases=parameter,
-        )
-
+    build = card(
+        name,
+        f"{parameter} is not what it was taken for.",
+        parameter,
+        lambda units: (strength("error", units[parameter], size, is_signed=True),),
+        (f"what a change of {parameter} does",),
+        f"measure {parameter} by other means",
+        "tolerance",
+        releases=parameter,
+    )
     return PortEffect(port=parameter, build=build, action=Action.RELEASE)

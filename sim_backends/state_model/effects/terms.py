@@ -46,43 +46,41 @@ def term(port: str, *, source: str, form: str, size: float, scale: float, name: 
     """
     require_positive(f"effect {name or 'term'}", size=size, scale=scale)
     text, order, function = FORMS[form]
+    formula = text.format(x=_text(source)).replace("|(", "|").replace(")|", "|")
 
-    def build(units: Mapping[str, str]) -> EffectCard:
+    def below(units: Mapping[str, str]) -> str:
         unit = _unit(units, source)
-        below = "1" if order == 0 else unit if order == 1 else f"({unit})^{order:g}"
-        formula = text.format(x=_text(source)).replace("|(", "|").replace(")|", "|")
-        return card(
-            name or f"{port} += c {formula}",
-            f"A term {formula} is missing in {port}.",
-            port,
-            (strength("coefficient", per(units[port], below), size, is_signed=True),),
-            (),
-            "",
-            "residual of the runs",
-        )
+        return "1" if order == 0 else unit if order == 1 else f"({unit})^{order:g}"
 
-    def change(value: Array, x: SimpleNamespace, v: SimpleNamespace, _: Array | None) -> Array:
-        changed: Array = value + v.coefficient * function(_value(x, source), scale)
-        return changed
+    return PortEffect(
+        port=port,
+        build=_term_card(port, formula, below, size, name),
+        change=lambda value, x, v, _: value + v.coefficient * function(_value(x, source), scale),
+        states=_names(source),
+    )
 
-    return PortEffect(port=port, build=build, change=change, states=_names(source))
+
+def _term_card(
+    port: str, formula: str, below: Callable[[Mapping[str, str]], str], size: float, name: str
+) -> Callable[[Mapping[str, str]], EffectCard]:
+    """Return what makes the card of a term; `below` is the unit of the formula."""
+    return card(
+        name or f"{port} += c {formula}",
+        f"A term {formula} is missing in {port}.",
+        port,
+        lambda units: (strength("coefficient", per(units[port], below(units)), size, is_signed=True),),
+        (),
+        "",
+        "residual of the runs",
+    )
 
 
 def threshold(port: str, *, source: str, place: float, size: float, name: str = "") -> PortEffect:
     """Return a term that grows beyond a value of its source; see `term`."""
     require_positive(f"effect {name or 'threshold'}", size=size)
 
-    def build(units: Mapping[str, str]) -> EffectCard:
-        above = ">" if place > 0.0 else "<"
-        return card(
-            name or f"{port} += c max({_text(source)} {above} {place:.3g})",
-            f"A term beyond {_text(source)} {above} {place:.3g} {_unit(units, source)} is missing in {port}.",
-            port,
-            (strength("coefficient", per(units[port], _unit(units, source)), size, is_signed=True),),
-            (),
-            "",
-            "residual of the runs",
-        )
+    formula = f"max({_text(source)} {'>' if place > 0.0 else '<'} {place:.3g})"
+    build = _term_card(port, formula, lambda units: _unit(units, source), size, name)
 
     def change(value: Array, x: SimpleNamespace, v: SimpleNamespace, _: Array | None) -> Array:
         source_value = _value(x, source) - place
@@ -99,19 +97,10 @@ def product(port: str, *, sources: tuple[str, ...], size: float, name: str = "")
     powers = Counter(sources)
     text = " ".join(_power(_text(one), power) for one, power in powers.items())
 
-    def build(units: Mapping[str, str]) -> EffectCard:
-        below = " ".join(
+    def below(units: Mapping[str, str]) -> str:
+        return " ".join(
             _power(_unit(units, one) if power == 1 else f"({_unit(units, one)})", power)
             for one, power in powers.items()
-        )
-        return card(
-            name or f"{port} += c {text}",
-            f"A term {text} is missing in {port}.",
-            port,
-            (strength("coefficient", per(units[port], below), size, is_signed=True),),
-            (),
-            "",
-            "residual of the runs",
         )
 
     def change(value: Array, x: SimpleNamespace, v: SimpleNamespace, _: Array | None) -> Array:
@@ -120,9 +109,9 @@ def product(port: str, *, sources: tuple[str, ...], size: float, name: str = "")
             changed = changed * _value(x, one)
         return value + changed
 
-    return PortEffect(
-        port=port, build=build, change=change, states=tuple(name for one in powers for name in _names(one))
-    )
+    build = _term_card(port, text, below, size, name)
+    read = tuple(name for one in powers for name in _names(one))
+    return PortEffect(port=port, build=build, change=change, states=read)
 
 
 def _names(source: str) -> tuple[str, ...]:

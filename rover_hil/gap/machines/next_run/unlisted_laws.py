@@ -6,7 +6,6 @@ of the best explanation and is fitted to the measured runs, which gives its size
 """
 
 from collections.abc import Mapping
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from rover_hil.gap.machines.evidence.evidence import MachineFit
 from rover_hil.gap.machines.fits.machine_fit import MachineFits
 from rover_hil.gap.machines.missing_terms.free_terms import usual_sources
 from rover_hil.gap.machines.parameters import MACHINES
-from sim_backends.models.interface import Array, EffectCard, Machine
+from sim_backends.models.interface import Array, Machine
 from sim_backends.state_model.effects.cards import card, state, strength
 from sim_backends.state_model.model import StateModel
 from sim_backends.state_model.port_effect import PortEffect
@@ -75,16 +74,14 @@ def _drawn(
         size: Array = (np.abs(x) / scale) ** exponent
         return np.sign(x) * size if is_odd else size
 
-    def build(_: Mapping[str, str]) -> EffectCard:
-        size = strength(
-            "coefficient", port.unit, port.force_sd / max(rms(value(values)), 1e-9), is_signed=True
-        )
-        return card(
-            name, f"A law of {source} is missing in {port.name}.", port.name, (size,), (), "", "drawn"
-        )
-
-    def change(before: Array, x: SimpleNamespace, v: SimpleNamespace, _: Array | None) -> Array:
-        changed: Array = before + v.coefficient * value(state(x, source))
-        return changed
-
-    return PortEffect(port=port.name, build=build, change=change, states=(source,))
+    sentence, size = (
+        f"A law of {source} is missing in {port.name}.",
+        port.force_sd / max(rms(value(values)), 1e-9),
+    )
+    coefficient = strength("coefficient", port.unit, size, is_signed=True)
+    return PortEffect(
+        port=port.name,
+        build=card(name, sentence, port.name, lambda _: (coefficient,), (), "", "drawn"),
+        change=lambda before, x, v, _: before + v.coefficient * value(state(x, source)),
+        states=(source,),
+    )
