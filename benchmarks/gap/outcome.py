@@ -114,9 +114,9 @@ def keep(case: Case, nature: Nature, analysis: Analysis) -> Outcome:
             name: Channel(
                 before=one.before,
                 after=one.after,
-                floor=one.floor,
+                floor=one.noise_floor,
                 closure=one.closure,
-                is_worse=one.after > HARM * max(one.before, one.floor),
+                is_worse=one.after > HARM * max(one.before, one.noise_floor),
             )
             for name, one in holdout.channels.items()
         },

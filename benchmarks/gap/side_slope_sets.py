@@ -9,8 +9,8 @@ from pathlib import Path
 
 from rover_hil.gap.data.readers.side_slope import read_side_slope
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.output.machines.machine_file import describe_machine
 from rover_hil.gap.output.model_file import ExtendedModel, Provenance
+from rover_hil.gap.output.results import model_file_of
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.side_slope.model import SideSlope, make_model
 
@@ -19,7 +19,7 @@ def _extended(model: SideSlope, analysis: Analysis) -> ExtendedModel | None:
     if analysis.machine is None or not analysis.verdict.verdict.is_name:
         return None
     provenance = Provenance(date="", verdict="NAMED", data_sha256="", plan_sha256="", seed=0)
-    return ExtendedModel(model, describe_machine(analysis.machine, model, model.name, provenance))
+    return ExtendedModel(model, model_file_of(analysis, model.name, provenance))
 
 
 def _show(folder: Path, seed: int) -> None:

@@ -85,7 +85,7 @@ def _by_output_error(
 def _forces(
     findings: MachineFindings, machine: StateModel, tracked: Tracked, terms: Sequence[FreeTerm]
 ) -> list[RunForce]:
-    basis, point, free = tracked.noise.basis, tracked.fit.point, tracked.fit.free
+    basis, point, free = tracked.noise.basis, tracked.point, tracked.free
     moving = tracked.problem.model
     if not isinstance(moving, StateModel):
         raise AssertionError("a forced machine is a machine")

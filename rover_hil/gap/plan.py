@@ -5,15 +5,26 @@ import fnmatch
 import hashlib
 import json
 import math
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from drivers.errors import ConfigError
+from rover_hil.gap.data.derivatives import Mask
 from rover_hil.gap.data.parameters import DATA
 from rover_hil.gap.data.problem import condition_key, is_steady
-from sim_backends.models.interface import Model, Run
+from sim_backends.models.interface import Array, Model, Run
+
+COMPARISONS: Mapping[type[ast.cmpop], Callable[[float, float], bool]] = {
+    ast.Eq: lambda one, other: math.isclose(one, other, abs_tol=1e-9),
+    ast.NotEq: lambda one, other: not math.isclose(one, other, abs_tol=1e-9),
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+}
 
 
 class TooFewRunsError(ConfigError):
@@ -93,13 +104,6 @@ def make_plan(
 ) -> Plan:
     """Split `runs`, independent of measured values.
 
-    Args:
-        model: Defines the conditions.
-        runs: All runs.
-        seed: Of the split.
-        confirm: Expression that is true for runs to lock; empty for a random choice.
-        alphas: Probabilities of error, recorded.
-
     Raises:
         ConfigError: The expression is wrong.
         TooFewRunsError: Too few runs on one side.
@@ -159,23 +163,18 @@ def _single_runs(groups: Mapping[tuple[float, ...], Sequence[str]], rng: np.rand
     return locked
 
 
-def _levels(conditions: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[set[float]]:
+def _levels(conditions: Array) -> list[set[float]]:
     levels = [set(column) for column in conditions.T]
     return [one if len(one) <= DATA.plan.few_levels else set() for one in levels]
 
 
-def _levels_kept(
-    conditions: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
-    kept: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
-    index: int,
-    needed: Sequence[set[float]],
-) -> bool:
+def _levels_kept(conditions: Array, kept: Mask, index: int, needed: Sequence[set[float]]) -> bool:
     others = kept.copy()
     others[index] = False
     return all(level <= set(column) for level, column in zip(needed, conditions[others].T, strict=True))
 
 
-def _is_corner(conditions: np.ndarray[tuple[int, ...], np.dtype[np.float64]], index: int) -> bool:
+def _is_corner(conditions: Array, index: int) -> bool:
     low, high = conditions.min(axis=0), conditions.max(axis=0)
     varied = high > low
     here = conditions[index]
@@ -236,17 +235,6 @@ def _holds(op: ast.cmpop, one: float | str | bool, other: float | str | bool, te
         if isinstance(op, ast.Eq | ast.NotEq):
             return same == isinstance(op, ast.Eq)
         raise ConfigError(f"--confirm '{text}': names can only be compared with == and !=")
-    match op:
-        case ast.Eq():
-            return math.isclose(one, other, abs_tol=1e-9)
-        case ast.NotEq():
-            return not math.isclose(one, other, abs_tol=1e-9)
-        case ast.Lt():
-            return one < other
-        case ast.LtE():
-            return one <= other
-        case ast.Gt():
-            return one > other
-        case ast.GtE():
-            return one >= other
-    raise ConfigError(f"--confirm '{text}': compare with ==, !=, <, <=, > or >=")
+    if type(op) not in COMPARISONS:
+        raise ConfigError(f"--confirm '{text}': compare with ==, !=, <, <=, > or >=")
+    return COMPARISONS[type(op)](one, other)

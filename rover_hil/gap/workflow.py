@@ -6,13 +6,13 @@ from functools import partial
 
 from drivers.clock import SystemClock, seconds
 from drivers.errors import ModelError
-from rover_hil.gap.base_parameters import Trial, judged, with_base_parameters
 from rover_hil.gap.checks import missing_values, object_to
 from rover_hil.gap.data.observed_model import ObservedModel
 from rover_hil.gap.data.pieces import stable_pieces
 from rover_hil.gap.data.problem import is_steady
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.machines.analysis import analyse_machine
+from rover_hil.gap.machines.base_parameters import Trial, judged, with_base_parameters
 from rover_hil.gap.machines.base_trial import machine_bases, machine_trial
 from rover_hil.gap.machines.called.called_machine import CalledMachine, called_machine
 from rover_hil.gap.machines.called.steady import steady_machine

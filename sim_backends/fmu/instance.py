@@ -85,12 +85,7 @@ class _EndedError(Exception):
 
 
 class Instance(ABC):
-    """A unit for co-simulation, loaded into this process.
-
-    Args:
-        place: The unit.
-        layout: The variables that are used.
-    """
+    """A unit for co-simulation, loaded into this process."""
 
     def __init__(self, place: Place, layout: Layout) -> None:
         self._place = place

@@ -82,15 +82,7 @@ class UnitModel:
     def predict_points(
         self, runs: Sequence[Run], points: Sequence[tuple[Values, Mapping[str, Values]]]
     ) -> list[list[dict[str, Array]]]:
-        """Predict at several points at once.
-
-        Args:
-            runs: Conditions, inputs and lengths.
-            points: Base parameters and effects of each; `NAME@RUN` is a run parameter of one run.
-
-        Returns:
-            Point, then run: channel to values; NaN from where the unit fails.
-        """
+        """Predict at several points at once; NaN from where the unit fails. See `Machine.predict_points`."""
         results = self._simulate(runs, points)
         names = [one.name for one in self.channels]
         return [[self._table(result, names) for result in row] for row in results]
@@ -110,12 +102,7 @@ class UnitModel:
         return self._simulate([run], [({}, {})])[0][0].failure
 
     def with_active(self, parameters: tuple[Parameter, ...], active: Sequence[str]) -> "UnitModel":
-        """Return the same model with some effects as a part of it.
-
-        Args:
-            parameters: Base parameters with those of these effects, called `effect.parameter`.
-            active: Names of the effects.
-        """
+        """Return the same model with some effects as a part of it."""
         inactive = tuple(card for card in self.effects if card.name not in active)
         return replace(self, parameters=parameters, effects=inactive)
 
@@ -150,7 +137,7 @@ class UnitModel:
     def _at_given_step(self, runs: Sequence[Run]) -> "UnitModel":
         given = self.communication_step_s or 1.0
         for run in runs:
-            step_s = self._step_s(run)
+            step_s = even_step_s(run, self.step_s)
             if abs(step_s / given - round(step_s / given)) > 1e-6 or step_s < 0.5 * given:
                 raise ConfigError(
                     f"model {self.name}: communication_step_s = {given:g} does not divide the {step_s:g} s "
@@ -184,9 +171,6 @@ class UnitModel:
     def _table(self, result: Result, names: Sequence[str]) -> dict[str, Array]:
         return {name: result.outputs[self.outputs.index(name)] for name in names}
 
-    def _step_s(self, run: Run) -> float:
-        return even_step_s(run, self.step_s)
-
     def _simulate(
         self, runs: Sequence[Run], points: Sequence[tuple[Values, Mapping[str, Values]]]
     ) -> list[list[Result]]:
@@ -206,13 +190,12 @@ class UnitModel:
         return [results[first : first + len(runs)] for first in range(0, len(results), len(runs) or 1)]
 
     def _series(self, run: Run) -> Job:
-        count = max(values.size for values in (*run.inputs.values(), *run.measured.values()))
         inputs = [run.inputs[name] for name in self.inputs]
-        step_s = self._step_s(run)
+        step_s = even_step_s(run, self.step_s)
         return Job(
             settings=(),
-            inputs=np.array(inputs) if inputs else np.zeros((0, count)),
-            count=count,
+            inputs=np.array(inputs) if inputs else np.zeros((0, run.count)),
+            count=run.count,
             step_s=step_s,
             substeps=self._substeps_in(step_s),
             is_held=self.is_held,

@@ -45,13 +45,7 @@ def read_unit_model(path: Path) -> UnitModel:
 
 
 class _Assembly:
-    """Matches the entries of a file with the variables of a unit.
-
-    Args:
-        path: Of the file, for messages.
-        file: Its content.
-        unit: The unit that it names.
-    """
+    """Matches the entries of a file with the variables of a unit."""
 
     def __init__(self, path: Path, file: UnitFile, unit: Unit) -> None:
         self._path = path

@@ -117,9 +117,6 @@ class Unit:
 def open_unit(path: Path) -> Unit:
     """Unpack a unit into a temporary folder and read its description; none of its code is run.
 
-    Args:
-        path: The FMU.
-
     Raises:
         ConfigError: FMPy is missing, or the file is no unit for co-simulation on this kind of machine.
     """

@@ -25,12 +25,7 @@ _loaded: list[Instance] = []
 
 
 class Workers:
-    """One process for each core, each with the unit; they end with the program.
-
-    Args:
-        unit: The unpacked unit; closed with the processes.
-        layout: The variables that are used.
-    """
+    """One process for each core, each with the unit; they end with the program."""
 
     def __init__(self, unit: Unit, layout: Layout) -> None:
         self.unit = unit

@@ -214,6 +214,11 @@ class Run:
     overlap: tuple[int, int] = (0, 0)
     missing: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
+    @property
+    def count(self) -> int:
+        """Number of samples."""
+        return max((values.size for values in (*self.inputs.values(), *self.measured.values())), default=0)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EffectCard:
@@ -355,7 +360,10 @@ class Machine(Model, Protocol):
     def predict_points(
         self, runs: Sequence[Run], points: Sequence[tuple[Values, Mapping[str, Values]]]
     ) -> list[list[dict[str, Array]]]:
-        """Predict at several points at once; those of single runs by `ParameterKey.text`."""
+        """Predict at several points at once: point, then run, to channel and values.
+
+        A point is base parameters and effects; those of single runs are called by `ParameterKey.text`.
+        """
         ...
 
     def trajectories(
@@ -366,28 +374,4 @@ class Machine(Model, Protocol):
 
     def refined(self, runs: Sequence[Run]) -> "Machine":
         """Return the same model with steps that are small enough for these runs."""
-        ...
-
-
-@runtime_checkable
-class MachineModel(Machine, Protocol):
-    """A machine made of equations with named ports."""
-
-    @property
-    def ports(self) -> tuple[Port, ...]:
-        """Where effects and unknown forces may act."""
-
-    def force_responses(
-        self,
-        runs: Sequence[Run],
-        parameters: Values,
-        effects: Mapping[str, Values],
-        port: Port,
-        shapes: Array,
-    ) -> list[list[dict[str, Array]]]:
-        """Return the change of every channel of every run per unit of a force at a port, for each shape."""
-        ...
-
-    def forced(self, forces: Mapping[str, Mapping[str, Array]]) -> "MachineModel":
-        """Return the same model with forces by run and port that act besides its equations."""
         ...

@@ -6,12 +6,7 @@ from sim_backends.models.interface import EffectCard, Parameter, Values
 
 
 class NominalValues:
-    """Fills in nominal values of base parameters and effects.
-
-    Args:
-        parameters: Base parameters of a model.
-        effects: Its effects.
-    """
+    """Fills in nominal values of base parameters and effects."""
 
     def __init__(self, parameters: Sequence[Parameter], effects: Sequence[EffectCard]) -> None:
         self._base = {item.name: item.nominal for item in parameters}

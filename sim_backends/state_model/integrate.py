@@ -56,12 +56,7 @@ class Point:
 
 
 class Simulation:
-    """One integration of points x runs.
-
-    Args:
-        model: The machine.
-        runs: Each with its own times and length.
-        points: Parameters, effects and forces.
+    """One integration of points x runs, each run with its own times and length.
 
     Raises:
         ConfigError: The times of a run do not increase.

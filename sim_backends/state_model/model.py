@@ -3,11 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeGuard
 
 import numpy as np
 
 from drivers.errors import ConfigError
-from sim_backends.models.interface import Array, Channel, Parameter, Port, Run, Values
+from sim_backends.models.interface import Array, Channel, Model, Parameter, Port, Run, Values
 from sim_backends.state_model.equations import Equations
 from sim_backends.state_model.integrate import Point, Simulation, is_recordable
 from sim_backends.state_model.port_effect import PortEffect
@@ -33,15 +34,7 @@ class StateModel(Equations):
     def predict_points(
         self, runs: Sequence[Run], points: Sequence[tuple[Values, Mapping[str, Values]]]
     ) -> list[list[dict[str, Array]]]:
-        """Predict at several points at once.
-
-        Args:
-            runs: Conditions, inputs and lengths.
-            points: Base parameters and effects of each; `NAME@RUN` is a run parameter of one run.
-
-        Returns:
-            Point, then run: channel to values; NaN where the integration has no solution.
-        """
+        """Predict at several points at once; NaN without a solution. See `Machine.predict_points`."""
         return self.simulate_points(runs, [Point(values, effects) for values, effects in points])
 
     def force_responses(
@@ -227,3 +220,8 @@ class StateModel(Equations):
     @cached_property
     def _is_recordable(self) -> bool:
         return is_recordable(self)
+
+
+def has_ports(model: Model) -> TypeGuard[StateModel]:
+    """Return True where forces and free-form terms can act inside a model."""
+    return isinstance(model, StateModel) and bool(model.ports)

@@ -30,8 +30,7 @@ def sample_times_s(run: Run, step_s: float | None) -> Array:
         if float(np.abs(steps - step_s).max()) > EVEN_SHARE * step_s:
             uneven: Array = times_s - times_s[0]
             return uneven
-    series = [*run.inputs.values(), *run.measured.values()]
-    even: Array = (step_s or 1.0) * np.arange(series[0].size, dtype=np.float64)
+    even: Array = (step_s or 1.0) * np.arange(run.count, dtype=np.float64)
     return even
 
 

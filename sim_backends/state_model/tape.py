@@ -35,13 +35,7 @@ class Tape:
 
 
 def make_tape(graph: Graph, given: Sequence[Traced], rates: Sequence[object]) -> Tape:
-    """Return the operations that recorded equations need.
-
-    Args:
-        graph: All recorded numbers.
-        given: Parameters, inputs and states, in this order.
-        rates: Rate of each state.
-    """
+    """Return the operations that recorded equations need."""
     results = [graph.node(rate) for rate in rates]
     needed = _needed(graph.nodes, results)
     constants = [place for place in needed if graph.nodes[place].constant is not None]

@@ -223,24 +223,11 @@ def integrate(
     first_lane: int,
     last_lane: int,
 ) -> None:
-    """Integrate some lanes.
+    """Integrate the lanes from the first to before the last; see `Tape` for the equations.
 
-    Args:
-        constants: See `Tape`.
-        once: See `Tape`.
-        step: See `Tape`.
-        stage: See `Tape`.
-        rates: See `Tape`.
-        registers: See `Tape`.
-        parameters: Parameters x lanes.
-        series: Inputs and forces: rows x steps.
-        sources: Row of each input and force in each lane: inputs x lanes.
-        stored: States x lanes x samples; its first sample is the start, the others are found.
-        substeps: Integration steps per sample.
-        widths_s: Duration of the integration steps: rows x samples.
-        widths: Row of each lane.
-        first_lane: Where to begin.
-        last_lane: Where to end; not included.
+    `parameters` are parameters x lanes; `series` are inputs and forces, rows x steps, and `sources` the row
+    of each in each lane; `widths_s` are durations of integration steps, rows x samples, and `widths` the row
+    of each lane. `stored` are states x lanes x samples, of which the first sample is given.
     """
     inputs_at = constants.size + parameters.shape[0]
     states_at = inputs_at + sources.shape[0]

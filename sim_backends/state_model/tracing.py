@@ -157,13 +157,7 @@ class Graph:
 
 
 class Traced(np.lib.mixins.NDArrayOperatorsMixin):
-    """A number that writes down what is done with it.
-
-    Args:
-        graph: Where.
-        place: Its own place there.
-        is_truth: It is true or false.
-    """
+    """A number that writes down what is done with it."""
 
     __slots__ = ("graph", "is_truth", "place")
 
@@ -234,11 +228,7 @@ class Traced(np.lib.mixins.NDArrayOperatorsMixin):
 
 
 class TracedStack:
-    """Several recorded numbers: a stack that can only be taken apart.
-
-    Args:
-        parts: Its numbers.
-    """
+    """Several recorded numbers: a stack that can only be taken apart."""
 
     __array_ufunc__ = None
 

@@ -9,7 +9,7 @@ from drivers.clock import wall_time_text
 from drivers.errors import ConfigError, LogError
 from rover_hil.config import load_config
 from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
-from rover_hil.console.json_text import print_json, print_json_text
+from rover_hil.console.json_text import print_json_text
 from rover_hil.console.options import check_inputs
 from rover_hil.console.steps import show_steps
 from rover_hil.gap.checks import object_to, slower_channels
@@ -82,12 +82,7 @@ class Subject:
 
 
 def named_model(name: str, data: Path) -> Subject:
-    """Return a model by its name.
-
-    Args:
-        name: A shipped model, `file.py:factory`, or the TOML file of a functional mock-up unit.
-        data: File or folder of measured runs.
-    """
+    """Return a model by its name."""
     return Subject(
         name=name, data=[data], make=partial(load_model, name), read=lambda model: read_runs(model, data)
     )
@@ -135,17 +130,6 @@ def find_gap(
 ) -> int:
     """Analyse data against a model and write the results, unless the data is bad; returns the exit code.
 
-    Args:
-        subject: The model and its runs.
-        out: Folder for the results.
-        extended: Model file of an earlier analysis, or None.
-        confirm: Expression that selects the runs to lock; empty to draw them.
-        seed: Of all random numbers.
-        as_json: Print the verdict as JSON.
-        force: Replace earlier results.
-        shortening: How records become runs.
-        allowed: File of the runs that may be made next, of a machine; None for those made before.
-
     Raises:
         ConfigError: No such model or data, a model with an error, a wrong expression, or a folder that
             cannot be written to or holds results.
@@ -171,12 +155,6 @@ def find_gap(
 
 def check_effects(model_name: str, data: Path, *, as_json: bool, shortening: Shortening | None = None) -> int:
     """Print what the inputs of the runs can show of each effect; returns the exit code.
-
-    Args:
-        model_name: `file.py:factory` of a machine, or the TOML file of a functional mock-up unit.
-        data: File or folder of measured runs.
-        as_json: Print the report as JSON.
-        shortening: How records become runs.
 
     Raises:
         ConfigError: No such model or data, no machine, or a model with an error.
@@ -212,7 +190,7 @@ def _lint(model: Machine, data: Path, shortening: Shortening) -> LintReport:
 
 def _print_report(report: LintReport, *, as_json: bool) -> None:
     if as_json:
-        print_json(report.as_json())
+        print_json_text(report.as_json())
         return
     console = Terminal(soft_wrap=True)
     for line in report.lines():

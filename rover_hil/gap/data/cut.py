@@ -21,11 +21,6 @@ def cut_runs(model: Model, runs: Sequence[Run], length_s: float) -> list[Run]:
     it. Parts without a compared value are left out. Times in an input `t_s` begin at 0 in every part.
     Shorter records stay as they are. Missing values of the record are counted with its first part.
 
-    Args:
-        model: The machine.
-        runs: Whole records.
-        length_s: Length of a part, s.
-
     Raises:
         ConfigError: The model is no machine, cannot begin in the middle of a record, or a part is too short.
     """
@@ -45,11 +40,6 @@ def without_warm_up(model: Model, runs: Sequence[Run], duration_s: float) -> lis
 
     The first value of a channel that a run parameter starts from is kept.
 
-    Args:
-        model: The machine.
-        runs: Whole records.
-        duration_s: Length of the beginning, s.
-
     Raises:
         ConfigError: The model is no machine, or too little of a record is left.
     """
@@ -65,13 +55,9 @@ def _count(model: Machine, run: Run, duration_s: float) -> int:
     return round(duration_s / mean_step_s(run, model.step_s))
 
 
-def _size(run: Run) -> int:
-    return max((values.size for values in (*run.inputs.values(), *run.measured.values())), default=0)
-
-
 def parts_of(model: StateModel, run: Run, length_s: float) -> list[Run]:
     """Return the parts of a run; see `cut_runs`."""
-    size, length = _size(run), _count(model, run, length_s)
+    size, length = run.count, _count(model, run, length_s)
     if length < DATA.runs.least_samples:
         least_s = DATA.runs.least_samples * mean_step_s(run, model.step_s)
         raise ConfigError(
@@ -83,7 +69,7 @@ def parts_of(model: StateModel, run: Run, length_s: float) -> list[Run]:
         return [run]
     edges = [number * length for number in range(count)] + [size]
     parts = [_part(model, run, number, edges[number], edges[number + 1]) for number in range(count)]
-    return [part for part in parts if sum(part.overlap) < _size(part)]
+    return [part for part in parts if sum(part.overlap) < part.count]
 
 
 def _part(model: StateModel, run: Run, number: int, first: int, last: int) -> Run:
@@ -91,7 +77,7 @@ def _part(model: StateModel, run: Run, number: int, first: int, last: int) -> Ru
     if "t_s" in inputs:
         times_s = sample_times_s(run, model.step_s)[first:last]
         inputs["t_s"] = times_s - times_s[0]
-    size, before, after = last - first, run.overlap[0] - first, run.overlap[1] - (_size(run) - last)
+    size, before, after = last - first, run.overlap[0] - first, run.overlap[1] - (run.count - last)
     return replace(
         run,
         name=f"{run.name} part {number + 1}",
@@ -103,7 +89,7 @@ def _part(model: StateModel, run: Run, number: int, first: int, last: int) -> Ru
 
 
 def _without_beginning(run: Run, count: int, starts: set[str]) -> Run:
-    left = _size(run) - count
+    left = run.count - count
     if left < DATA.runs.least_samples:
         raise ConfigError(
             f"--warm-up: {max(left, 0)} samples of run {run.name} are left; at least "

@@ -80,9 +80,6 @@ def _load_file(path: Path) -> object:
 def name_model_errors(path: Path) -> Iterator[None]:
     """Give an exception that comes from a model of a user's own the file and line where it was raised.
 
-    Args:
-        path: The file of the model.
-
     Raises:
         ConfigError: In place of such an exception.
     """

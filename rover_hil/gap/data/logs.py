@@ -26,10 +26,6 @@ def find_logs(path: Path) -> list[Path]:
 def read_logs(runs_of_log: Callable[[DriveLog], list[Run]], path: Path) -> list[Run]:
     """Return the runs in the logs of a file or folder.
 
-    Args:
-        runs_of_log: Returns the runs in one log.
-        path: A log, or a folder of logs.
-
     Raises:
         ConfigError: A log lacks what the model needs.
         LogError: A log cannot be read.

@@ -18,12 +18,7 @@ from sim_backends.models.interface import (
 
 
 class ObservedModel:
-    """A model without the optional channels and the alternative inputs that its runs lack.
-
-    Args:
-        model: The model.
-        runs: Its measured runs.
-    """
+    """A model without the optional channels and the alternative inputs that its runs lack."""
 
     input_units: Mapping[str, str]
 

@@ -232,12 +232,7 @@ class Problem:
         return column
 
     def base_free(self, leave_out: Sequence[str] = (), names: Sequence[str] = ()) -> list[Free]:
-        """Return the uncertain base parameters and those of each run.
-
-        Args:
-            leave_out: Base parameters that are not free.
-            names: Active effects, whose strengths may scatter between runs.
-        """
+        """Return the uncertain base parameters but some, and the unknowns of each run; see `run_free`."""
         found = [
             Free(
                 key=ParameterKey(name=item.name),
@@ -257,11 +252,7 @@ class Problem:
         return [*found, *self.run_free(names)]
 
     def run_free(self, names: Sequence[str] = ()) -> list[Free]:
-        """Return the unknowns of each run, and its deviations from parameters that scatter.
-
-        Args:
-            names: Active effects, whose strengths may scatter too.
-        """
+        """Return the unknowns of each run, and its deviations: strengths of these effects may scatter too."""
         if not isinstance(self.model, Machine):
             return []
         strengths = [(card.name, card.parameters[0]) for card in self.model.effects if card.name in names]
@@ -277,13 +268,7 @@ class Problem:
         ]
 
     def deviations(self, parameter: Parameter, sd: float, effect: str = "") -> list[Free]:
-        """Return the deviation of each run, or each unit under test, from a parameter.
-
-        Args:
-            parameter: Of the model, or the strength of an effect.
-            sd: Their standard deviation.
-            effect: The effect; empty for a base parameter.
-        """
+        """Return the deviation of each run, or unit under test, from a parameter or one of an effect."""
         keys = [parameter.deviation_in(site, effect) for site in self.sites]
         found = []
         for key in dict.fromkeys(keys):
@@ -328,15 +313,7 @@ class Problem:
 
 
 class DerivativeRequest:
-    """The points that derivatives need, and the derivatives from the predictions there.
-
-    Args:
-        problem: Model and observations.
-        point: Where the derivatives are taken.
-        free: The parameters.
-        known: Derivatives that are known already, by parameter.
-        predicted: Prediction at the point, if it is known.
-    """
+    """The points that derivatives need, but for the known ones, and the derivatives from predictions."""
 
     def __init__(
         self,

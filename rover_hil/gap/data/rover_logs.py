@@ -23,11 +23,6 @@ from sim_backends.wheels_model.stretches import STRETCH_S, over_stretches, windo
 def read_rover_runs(model: WheelsModel, paths: Sequence[Path], calls: Calls = HERE) -> list[Run]:
     """Return one run per log, or their stretches where there are too few logs to split.
 
-    Args:
-        model: Of the rover.
-        paths: Logs and folders of logs.
-        calls: Reads them.
-
     Raises:
         ConfigError: There is no log, or a log is of another rover, or of too short a drive.
         LogError: A log cannot be read, or contains neither the true pose nor enough pose fixes.

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeGuard
 
 import numpy as np
 
@@ -33,7 +32,7 @@ from rover_hil.gap.machines.search import (
 from rover_hil.gap.statistics.score import Score
 from sim_backends.models.interface import Machine, Run
 from sim_backends.models.parameter_key import ParameterKey
-from sim_backends.state_model.model import StateModel
+from sim_backends.state_model.model import StateModel, has_ports
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,13 +108,7 @@ def analyse_machine(
 ) -> MachineFindings:
     """Find where a machine and its runs disagree, and which effects are missing.
 
-    Args:
-        machine: The model, with integration steps that are small enough.
-        runs: Runs of the search.
-        locked: Runs for the validation; read only once an explanation is chosen.
-        seed: Of all random numbers.
-        advance: Called with the current step.
-        announce: Called with a first answer, before the search.
+    The locked runs are read only once an explanation is chosen.
     """
     rng = np.random.default_rng(seed)
     problem = Problem(machine, observe(machine, runs))
@@ -269,11 +262,6 @@ def _with_terms(machine: StateModel, terms: Sequence[FittedTerm]) -> tuple[tuple
     return tuple((machine.with_effects([*machine.port_effects, one.term.effect]), one.fit) for one in terms)
 
 
-def has_ports(machine: Machine) -> TypeGuard[StateModel]:
-    """Return True where forces and free-form terms can act inside."""
-    return isinstance(machine, StateModel) and bool(machine.ports)
-
-
 def likeness(one: MachineFit, other: MachineFit, base: MachineFit) -> float:
     """Return the cosine of what two explanations change in the predictions of the base model."""
     first, second = base.errors - one.errors, base.errors - other.errors
@@ -292,7 +280,7 @@ def _followed(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
         return findings
     moved = {
         item.key: item.mean + item.sd * float(pull)
-        for item, pull in zip(tracked.fit.free, tracked.pulls, strict=True)
+        for item, pull in zip(tracked.free, tracked.pulls, strict=True)
         if item.key.is_of_effect
     }
     return replace(findings, tracked=tracked, other_weighting=moved)

@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 
-from rover_hil.gap.base_parameters import FAR_SD, Trial, far
 from rover_hil.gap.data.problem import Problem
-from rover_hil.gap.machines.analysis import MachineFindings, has_ports, likeness
+from rover_hil.gap.machines.analysis import MachineFindings, likeness
+from rover_hil.gap.machines.base_parameters import FAR_SD, Trial, far
 from rover_hil.gap.machines.evidence.evidence import MachineFit
 from rover_hil.gap.machines.evidence.sizes import size_of
 from rover_hil.gap.machines.fits.holdout import hold_out
@@ -16,12 +16,12 @@ from rover_hil.gap.machines.fits.machine_fit import MachineFits
 from rover_hil.gap.machines.fits.released_fit import released_fit
 from rover_hil.gap.machines.missing_terms.free_terms import free_terms, search_terms, strength_of
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.machines.search import best_shapes, score_effects
+from rover_hil.gap.machines.search import ranked_scores, score_effects
 from rover_hil.gap.statistics.score import one_sided_z
 from rover_hil.gap.verdict import FittedBase
 from sim_backends.models.interface import Machine, Run
 from sim_backends.models.parameter_key import ParameterKey
-from sim_backends.state_model.model import StateModel
+from sim_backends.state_model.model import StateModel, has_ports
 
 
 def machine_bases(findings: MachineFindings, found: MachineFit) -> list[FittedBase]:
@@ -89,7 +89,7 @@ def machine_trial(
     if not is_as_good(part):
         # An effect that sets one of the others free is the same explanation.
         fits.cards = {card.name: card for card in cards if card.releases not in others}
-        ranked = sorted(best_shapes(score_effects(fits, part)), key=one_sided_z, reverse=True)
+        ranked = ranked_scores(score_effects(fits, part))
         chosen = [one.direction for one in ranked[: MACHINES.terms.most_fitted] if one_sided_z(one) > 0.0]
         options = [((*found.names, one.name), {one.name: one.shapes}, part.fit.point) for one in chosen]
         rivals = fits.fit_all(options)

@@ -4,22 +4,16 @@ from collections.abc import Sequence
 
 from rover_hil.gap.machines.misfit.error_budget import ChannelError
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.machines.search import best_shapes
+from rover_hil.gap.machines.search import ranked_scores
 from rover_hil.gap.statistics.score import Score, one_sided_z
 
 
 def first_answer(p_gap: float, budget: Sequence[ChannelError], scores: Sequence[Score]) -> str:
-    """Return the first answer in words.
-
-    Args:
-        p_gap: Probability of the misfit of the base model if only the sensors err.
-        budget: Its error in each channel.
-        scores: First-order score of each effect at each of its shapes.
-    """
+    """Return the first answer in words."""
     largest = max(budget, key=lambda one: one.model_error / one.sensor_noise)
     if p_gap > MACHINES.tests.alpha:
         return f"First answer: no gap found (p = {p_gap:.2g}). {largest.sentence()}"
-    ranked = sorted(best_shapes(scores), key=one_sided_z, reverse=True)
+    ranked = ranked_scores(scores)
     candidates = [
         one for one in ranked[: MACHINES.first.candidates] if one_sided_z(one) >= MACHINES.first.least_z
     ]

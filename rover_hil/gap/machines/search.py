@@ -55,12 +55,7 @@ class Found:
 
 
 class MachineSearch:
-    """Finds the effects that explain the runs.
-
-    Args:
-        fits: Fits of the machine.
-        advance: Called with the current step.
-    """
+    """Finds the effects that explain the runs."""
 
     def __init__(self, fits: MachineFits, advance: Callable[[str], None]) -> None:
         self._fits = fits
@@ -129,16 +124,14 @@ class MachineSearch:
         """Return the explanations with one effect more."""
         if len(best.names) >= MACHINES.search.most_effects:
             return []
-        ranked = sorted(best_shapes(self.scores(best)), key=one_sided_z, reverse=True)
+        ranked = ranked_scores(self.scores(best))
         return [_extended(best, (one,)) for one in ranked[: MACHINES.search.singles]]
 
     def _pairs(self, best: MachineFit) -> list[tuple[Names, Shapes, MachineFit]]:
         """Return the explanations with two effects more that gain most, to first order."""
         if len(best.names) + 2 > MACHINES.search.most_effects:
             return []
-        ranked = sorted(best_shapes(self.scores(best)), key=one_sided_z, reverse=True)[
-            : MACHINES.search.pair_top
-        ]
+        ranked = ranked_scores(self.scores(best))[: MACHINES.search.pair_top]
         pairs = [
             pair for pair in itertools.combinations(ranked, 2) if abs(cosine(*pair)) < MACHINES.search.same
         ]
@@ -150,13 +143,8 @@ class MachineSearch:
         options: list[tuple[Names, Shapes, MachineFit]] = []
         for name in best.names:
             part = self._part(best, name)
-            scores = [one for one in best_shapes(self.scores(part)) if one.direction.name != name]
-            ranked = sorted(scores, key=lambda score: -one_sided_z(score))
-            options += [
-                ((*part.names, one.direction.name), {one.direction.name: one.direction.shapes}, part)
-                for one in ranked[:2]
-                if one_sided_z(one) > 0.0
-            ]
+            ranked = [one for one in ranked_scores(self.scores(part)) if one.direction.name != name]
+            options += [_extended(part, (score,)) for score in ranked[:2] if one_sided_z(score) > 0.0]
         return options
 
     def _part(self, found: MachineFit, name: str) -> MachineFit:
@@ -269,6 +257,11 @@ def best_shapes(scores: Sequence[Score]) -> list[Score]:
         ):
             best[name] = score
     return list(best.values())
+
+
+def ranked_scores(scores: Sequence[Score]) -> list[Score]:
+    """Return each effect at its best shape, the best supported first."""
+    return sorted(best_shapes(scores), key=one_sided_z, reverse=True)
 
 
 def _at_bound(found: MachineFit, card: EffectCard) -> str:

@@ -1,20 +1,21 @@
 """The verdict on a machine and its sentence."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 
 from rover_hil.gap.machines.analysis import MachineFindings
 from rover_hil.gap.machines.misfit.error_budget import ChannelError
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.machines.search import best_shapes
+from rover_hil.gap.machines.search import best_shapes, ranked_scores
 from rover_hil.gap.statistics.score import Score, one_sided_z
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
-from sim_backends.state_model.model import StateModel
+from sim_backends.state_model.model import has_ports
 
 
 def decide_machine(findings: MachineFindings) -> Verdict:
     """Return the verdict on the findings."""
     answer, reasons = _answer(findings)
-    is_named = answer in (Answer.NAMED, Answer.NAMED_SET, Answer.PARTLY_NAMED)
+    is_named = answer.is_name
     found = findings.found
     members = [findings.best.names] if is_named else []
     if is_named and found is not None:
@@ -251,7 +252,6 @@ def _unscored(score: Score | None) -> str:
 
 
 def _detectable(findings: MachineFindings) -> list[dict[str, str | float]]:
-    scores = best_shapes(findings.scores)
     power_z = MACHINES.verdict.power_z * findings.base.evidence.widening
     return [
         {
@@ -259,23 +259,14 @@ def _detectable(findings: MachineFindings) -> list[dict[str, str | float]]:
             "size": power_z * one.standard_error,
             "unit": one.direction.unit,
         }
-        for one in sorted(scores, key=one_sided_z, reverse=True)
+        for one in ranked_scores(findings.scores)
     ]
 
 
 def _gap(findings: MachineFindings) -> dict[str, Mapping[str, float | Sequence[float] | None]]:
     if findings.holdout is None:
         return {}
-    return {
-        name: {
-            "before": one.before,
-            "after": one.after,
-            "noise_floor": one.floor,
-            "closure": one.closure,
-            "ci95": one.ci95,
-        }
-        for name, one in findings.holdout.channels.items()
-    }
+    return {name: asdict(one) for name, one in findings.holdout.channels.items()}
 
 
 def _budget(findings: MachineFindings) -> dict[str, dict[str, float | str | None]]:
@@ -304,8 +295,7 @@ def _weightings(findings: MachineFindings) -> dict[str, dict[str, float]]:
 
 def _warnings(findings: MachineFindings) -> list[str]:
     warnings = []
-    machine = findings.machine
-    if findings.tracked is None and isinstance(machine, StateModel) and machine.ports:
+    if findings.tracked is None and has_ports(findings.machine):
         warnings.append(
             "no random force keeps the machine on its runs: sizes are not compared with a second weighting"
         )

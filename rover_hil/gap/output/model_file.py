@@ -12,8 +12,8 @@ from pydantic import ValidationError
 from drivers.errors import ConfigError
 from drivers.files import parse_toml, read_text
 from drivers.settings import Settings
-from rover_hil.gap.base_parameters import HALF_WIDTHS
-from rover_hil.gap.statistics.fit import Fit
+from rover_hil.gap.machines.base_parameters import HALF_WIDTHS
+from rover_hil.gap.machines.evidence.sizes import Size
 from rover_hil.gap.verdict import FittedBase
 from sim_backends.models.interface import (
     Array,
@@ -63,10 +63,6 @@ class ModelFile(Settings):
 
 class ExtendedModel:
     """A model with effects named before; their parameters are now base parameters.
-
-    Args:
-        base: The model without them.
-        file: Content of a model file.
 
     Raises:
         ConfigError: The file names parameters or effects that the model does not have.
@@ -179,40 +175,28 @@ def read_model_file(path: Path) -> ModelFile:
 
 
 def describe_model(
-    model: Model,
-    base: str,
-    provenance: Provenance,
-    fitted: Fit | None,
-    intervals: Mapping[ParameterKey, tuple[float, float]],
-    deviations: Mapping[ParameterKey, float],
+    model: Model, base: str, provenance: Provenance, sizes: Mapping[ParameterKey, Size]
 ) -> ModelFile:
-    """Return the model file after a fit; unchanged without one.
+    """Return the model file after a fit.
 
-    Args:
-        model: The model that was analysed; may be an extended one.
-        base: Name on the command line.
-        provenance: Origin of the numbers.
-        fitted: Parameters and effects; None changes nothing.
-        intervals: 95 % interval of each fitted parameter, as in the verdict.
-        deviations: Standard deviation of each fitted parameter.
+    The standard deviation of each number is that of a normal with the interval of the verdict, so that it
+    covers the scatter between runs.
     """
     parameters: dict[str, Number] = {}
     effects: dict[str, dict[str, Number]] = {}
     for item in model.parameters:
         key = read_key(item.name)
-        number = _number(item, ParameterKey(name=item.name), fitted, intervals, deviations)
+        number = _number(item, ParameterKey(name=item.name), sizes)
         if key.effect:
             effects.setdefault(key.effect, {})[key.name] = number
         else:
             parameters[item.name] = number.model_copy(update={"ci95": None})
-    found = {key.effect for key in fitted.point if key.effect} if fitted is not None else set()
-    for one in model.effects:
-        if one.name in found:
-            effects[one.name] = {
-                item.name: _number(
-                    item, ParameterKey(effect=one.name, name=item.name), fitted, intervals, deviations
-                )
-                for item in one.parameters
+    found = {key.effect for key in sizes if key.effect}
+    for card in model.effects:
+        if card.name in found:
+            effects[card.name] = {
+                item.name: _number(item, ParameterKey(effect=card.name, name=item.name), sizes)
+                for item in card.parameters
             }
     return ModelFile(base=base, provenance=provenance, parameters=parameters, effects=effects)
 
@@ -229,16 +213,12 @@ def with_found(file: ModelFile, bases: Sequence[FittedBase]) -> ModelFile:
     return file.model_copy(update={"parameters": parameters, "effects": effects})
 
 
-def _number(
-    item: Parameter,
-    key: ParameterKey,
-    fitted: Fit | None,
-    intervals: Mapping[ParameterKey, tuple[float, float]],
-    deviations: Mapping[ParameterKey, float],
-) -> Number:
-    if fitted is None or key not in {free.key for free in fitted.free}:
+def _number(item: Parameter, key: ParameterKey, sizes: Mapping[ParameterKey, Size]) -> Number:
+    if key not in sizes:
         return Number(value=item.nominal, unit=item.unit, sd=item.prior_sd)
-    return Number(value=fitted.point[key], unit=item.unit, sd=deviations[key], ci95=intervals[key])
+    size = sizes[key]
+    sd = max(size.high - size.value, size.value - size.low) / HALF_WIDTHS
+    return Number(value=size.value, unit=item.unit, sd=sd, ci95=(size.low, size.high))
 
 
 def model_file_text(file: ModelFile) -> str:

@@ -6,11 +6,17 @@ from pathlib import Path
 from pydantic_core import to_json
 
 from rover_hil.gap.findings import Analysis
+from rover_hil.gap.machines.evidence.sizes import size_of
 from rover_hil.gap.output.machines.draft_file import DRAFT_NAME, draft_text
-from rover_hil.gap.output.machines.machine_file import describe_machine
 from rover_hil.gap.output.machines.next_run_file import NEXT_RUN_NAME, next_run_text
 from rover_hil.gap.output.machines.report import report_text
-from rover_hil.gap.output.model_file import Provenance, describe_model, model_file_text, with_found
+from rover_hil.gap.output.model_file import (
+    ModelFile,
+    Provenance,
+    describe_model,
+    model_file_text,
+    with_found,
+)
 from rover_hil.gap.plan import Plan
 from rover_hil.pages.atomic_write import write_files
 
@@ -38,12 +44,6 @@ def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> Non
     run to `next_run.csv`; without them a file of an earlier analysis is removed.
 
     The plan itself is written before the analysis.
-
-    Args:
-        folder: Target folder.
-        analysis: Result of the workflow.
-        base: Name of the model on the command line.
-        date: For the model's provenance.
 
     Raises:
         ConfigError: The folder cannot be written to. No half-written file is left behind.
@@ -77,9 +77,14 @@ def _model_text(analysis: Analysis, base: str, date: str) -> str:
         if verdict.verdict.is_name
         else (),
     )
-    if verdict.effects and analysis.machine is not None:
-        file = describe_machine(analysis.machine, analysis.model, base, provenance)
-    else:
-        file = describe_model(analysis.model, base, provenance, None, {}, {})
-        file = with_found(file, verdict.base_parameters)
-    return model_file_text(file)
+    return model_file_text(model_file_of(analysis, base, provenance))
+
+
+def model_file_of(analysis: Analysis, base: str, provenance: Provenance) -> ModelFile:
+    """Return the model file with what was named; the unknowns of single runs are left out."""
+    sizes = {}
+    if analysis.verdict.effects and analysis.machine is not None:
+        best = analysis.machine.best
+        sizes = {item.key: size_of(best, item.key) for item in best.fit.free if not item.key.run}
+    file = describe_model(analysis.model, base, provenance, sizes)
+    return file if sizes else with_found(file, analysis.verdict.base_parameters)

@@ -7,7 +7,7 @@ import numpy as np
 
 from rover_hil.gap.data.derivatives import Derivatives, in_full
 from rover_hil.gap.data.problem import DerivativeRequest, Free, Point, Problem
-from rover_hil.gap.statistics.noise import Noise
+from rover_hil.gap.statistics.sensor_noise import SensorNoise
 from sim_backends.models.interface import Array
 from sim_backends.models.parameter_key import ParameterKey
 
@@ -48,7 +48,9 @@ class Fit:
         return float(np.linalg.slogdet(normal)[1] - np.linalg.slogdet(normal[np.ix_(others, others)])[1])
 
 
-def whitened_jacobian(problem: Problem, noise: Noise, free: Sequence[Free], point: Point) -> Derivatives:
+def whitened_jacobian(
+    problem: Problem, noise: SensorNoise, free: Sequence[Free], point: Point
+) -> Derivatives:
     """Return the change of the whitened prediction per prior deviation of each parameter."""
     if not free:
         return in_full(np.zeros((noise.site.size, 0)))

@@ -11,12 +11,12 @@ import numpy as np
 from scipy import special
 
 from rover_hil.gap.data.problem import Indices
-from rover_hil.gap.statistics.noise import Noise
 from rover_hil.gap.statistics.parameters import STATISTICS
+from rover_hil.gap.statistics.sensor_noise import SensorNoise
 from sim_backends.models.interface import Array
 
 
-def clusters(noise: Noise) -> Indices:
+def clusters(noise: SensorNoise) -> Indices:
     """Return the cluster of each whitened row: its run, or its stretch where runs are few."""
     found = noise.site if np.unique(noise.site).size >= STATISTICS.jackknife.least_runs else noise.block
     numbered: Indices = np.unique(found, return_inverse=True)[1].astype(np.intp)

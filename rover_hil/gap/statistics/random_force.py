@@ -17,8 +17,8 @@ import numpy as np
 
 from rover_hil.gap.data.problem import Indices, Observations, Point, Problem, split_point
 from rover_hil.gap.statistics.parameters import STATISTICS
-from rover_hil.gap.statistics.sensor_noise import blocks
-from sim_backends.models.interface import Array, MachineModel, Run
+from sim_backends.models.interface import Array
+from sim_backends.state_model.model import StateModel
 
 SIZES = tuple(float(one) for one in np.geomspace(1e-3, 1e2, 16))
 """Sizes of the force to choose from, in units of the port's natural size."""
@@ -45,7 +45,7 @@ class ForceBasis:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RandomForceNoise:
-    """Errors of a machine's runs; a `Noise`.
+    """Errors of a machine's runs.
 
     Attributes:
         basis: Responses, linearised at a fitted point.
@@ -55,6 +55,7 @@ class RandomForceNoise:
         scale: One over the deviation of the sensor, of each kept row.
         directions: By run: orthonormal directions of the errors.
         shrink: By run: share of each direction that whitening removes.
+        site: Run of each kept row.
     """
 
     basis: ForceBasis
@@ -64,11 +65,7 @@ class RandomForceNoise:
     scale: Array
     directions: tuple[Array, ...]
     shrink: tuple[Array, ...]
-    row_sd: Array
     site: Indices
-    channel: Indices
-    block: Indices
-    freedom: float = math.inf
 
     def whiten(self, rows: Array) -> Array:
         """Return independent standard errors of the rows with a measured value."""
@@ -114,12 +111,29 @@ def random_force_noise(observations: Observations, residual: Array, basis: Force
     keep = np.flatnonzero(np.isfinite(residual)).astype(np.intp)
     scale = 1.0 / np.array([one.noise_sd for one in observations.channels])[observations.channel[keep]]
     errors = [(residual[keep] * scale)[observations.site[keep] == run] for run in range(len(basis.responses))]
-    return _noise(observations, basis, _Likelihood(basis, errors).best(), keep, scale)
+    sizes, excess = _Likelihood(basis, errors).best()
+    root = force_factor(basis, sizes)
+    directions, shrink = [], []
+    for matrix in basis.responses:
+        left, singular, _ = np.linalg.svd(matrix @ root / excess, full_matrices=False)
+        used = singular > STATISTICS.force.flat
+        directions.append(left[:, used])
+        shrink.append(1.0 - 1.0 / np.sqrt(1.0 + singular[used] ** 2))
+    return RandomForceNoise(
+        basis=basis,
+        sizes=sizes,
+        excess=excess,
+        keep=keep,
+        scale=scale / excess,
+        directions=tuple(directions),
+        shrink=tuple(shrink),
+        site=observations.site[keep],
+    )
 
 
 def force_basis(
     problem: Problem,
-    machine: MachineModel,
+    machine: StateModel,
     point: Point,
     keep: Indices,
     scale: Array,
@@ -135,7 +149,7 @@ def force_basis(
         scale: One over the deviation of the sensor, of each kept row.
         spacing: Distance of knots in samples; by default by the longest run.
     """
-    samples = max(_sample_count(site) for site in problem.sites)
+    samples = max(site.count for site in problem.sites)
     if spacing is None:
         spacing = max((samples - 1) / STATISTICS.force.knots, float(STATISTICS.force.samples_per_knot))
     knots = math.ceil((samples - 1) / spacing) + 1
@@ -200,9 +214,7 @@ class _Likelihood:
         total = self._square / excess**2 + 2.0 * self._count * math.log(excess)
         if all(size == 0.0 for size, _ in sizes):
             return total
-        root = np.linalg.cholesky(
-            prior_covariance(self._basis, sizes) + 1e-12 * np.eye(self._grams[0].shape[0])
-        )
+        root = force_factor(self._basis, sizes)
         for gram, moment in zip(self._grams, self._moments, strict=True):
             inner = np.eye(root.shape[0]) + root.T @ (gram / excess**2) @ root
             lower = np.linalg.cholesky(inner)
@@ -211,38 +223,10 @@ class _Likelihood:
         return total
 
 
-def _noise(
-    observations: Observations,
-    basis: ForceBasis,
-    found: tuple[tuple[tuple[float, float], ...], float],
-    keep: Indices,
-    scale: Array,
-) -> RandomForceNoise:
-    sizes, excess = found
-    root = np.linalg.cholesky(prior_covariance(basis, sizes) + 1e-12 * np.eye(basis.knots * len(basis.ports)))
-    row_sd = np.array([one.noise_sd for one in observations.channels])[observations.channel] * excess
-    directions, shrink = [], []
-    for run, matrix in enumerate(basis.responses):
-        shaped = matrix @ root / excess
-        left, singular, _ = np.linalg.svd(shaped, full_matrices=False)
-        used = singular > STATISTICS.force.flat
-        directions.append(left[:, used])
-        shrink.append(1.0 - 1.0 / np.sqrt(1.0 + singular[used] ** 2))
-        rows = keep[observations.site[keep] == run]
-        row_sd[rows] *= np.sqrt(1.0 + (shaped**2).sum(axis=1))
-    return RandomForceNoise(
-        basis=basis,
-        sizes=sizes,
-        excess=excess,
-        keep=keep,
-        scale=scale / excess,
-        directions=tuple(directions),
-        shrink=tuple(shrink),
-        row_sd=row_sd,
-        site=observations.site[keep],
-        channel=observations.channel[keep],
-        block=blocks(observations, keep),
-    )
+def force_factor(basis: ForceBasis, sizes: Sequence[tuple[float, float]]) -> Array:
+    """Return the factor of the covariance of the forces at all knots: knots of all ports x directions."""
+    covariance = prior_covariance(basis, sizes)
+    return np.asarray(np.linalg.cholesky(covariance + 1e-12 * np.eye(covariance.shape[0])))
 
 
 def _rows(problem: Problem, tables: Sequence[dict[str, Array]]) -> Array:
@@ -254,8 +238,3 @@ def _rows(problem: Problem, tables: Sequence[dict[str, Array]]) -> Array:
             if channel.name in site.measured
         ]
     )
-
-
-def _sample_count(run: Run) -> int:
-    series = [*run.inputs.values(), *run.measured.values()]
-    return int(series[0].size)

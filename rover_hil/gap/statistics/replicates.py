@@ -32,12 +32,10 @@ class Scatter:
     Attributes:
         covariance: Of the channels of one run, for each group: groups x channels x channels.
         freedom: Degrees of freedom behind each channel's variance; infinite where the sensor's is given.
-        setting_sd: Standard deviation of each condition between replicates; 0 where it is not visible.
     """
 
     covariance: Array
     freedom: Array
-    setting_sd: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,22 +73,17 @@ def estimate_scatter(groups: Sequence[Group], channels: Sequence[Channel], gradi
     """
     evidence = _gather(groups, channels)
     freedom = pooled_freedom(groups, channels)
-    known = np.array([_known_sd(item) for item in channels])
+    known = np.array([item.noise_sd for item in channels])
     learned = freedom >= STATISTICS.replicates.least_freedom
     floors = np.array([max(item.quantum**2 / 12.0, 0.0) for item in channels])
     covariance = np.zeros((len(groups), len(channels), len(channels)))
-    setting = np.zeros(gradient.shape[2])
     if learned.any():
         chosen = np.flatnonzero(learned)
-        part, setting = _fit(_select(evidence, chosen), gradient[:, chosen], floors[chosen])
+        part = _fit(_select(evidence, chosen), gradient[:, chosen], floors[chosen])
         covariance[np.ix_(np.arange(len(groups)), chosen, chosen)] = part
     for index in np.flatnonzero(~learned):
         covariance[:, index, index] = known[index] ** 2
-    return Scatter(
-        covariance=covariance,
-        freedom=np.where(learned, freedom, np.inf),
-        setting_sd=setting,
-    )
+    return Scatter(covariance=covariance, freedom=np.where(learned, freedom, np.inf))
 
 
 def winsorise(groups: Sequence[Group], channels: Sequence[Channel], scatter: Scatter) -> list[Run]:
@@ -143,10 +136,6 @@ def _shared_variance(channel: Channel, variance: float) -> float:
     return channel.tolerance**2 + channel.quantum**2 / 12.0 * alike
 
 
-def _known_sd(channel: Channel) -> float:
-    return math.hypot(channel.sigma or 0.0, channel.quantum / math.sqrt(12.0))
-
-
 def _gather(groups: Sequence[Group], channels: Sequence[Channel]) -> _Evidence:
     table = [
         [
@@ -172,8 +161,8 @@ def _select(evidence: _Evidence, channels: Indices) -> _Evidence:
     return replace(evidence, deviations=evidence.deviations[:, channels], means=evidence.means[:, channels])
 
 
-def _fit(evidence: _Evidence, gradient: Array, floors: Array) -> tuple[Array, Array]:
-    """Return the covariance of each group and the deviation of each condition's setting."""
+def _fit(evidence: _Evidence, gradient: Array, floors: Array) -> Array:
+    """Return the covariance of each group."""
     complete = bool(np.isfinite(evidence.deviations).all())
     scale = np.sqrt(np.maximum(_pooled(evidence), np.maximum(floors, 1e-300)))
     unit = _Unit(evidence, gradient, scale, floors)
@@ -181,8 +170,7 @@ def _fit(evidence: _Evidence, gradient: Array, floors: Array) -> tuple[Array, Ar
     if pooled_count(evidence) < STATISTICS.replicates.many * (gradient.shape[1] + len(sensible)):
         sensible = []
     plain, relative = unit.fit(False, sensible), unit.fit(True, sensible)
-    best = relative if relative[0] < plain[0] else plain
-    return best[1], best[2]
+    return relative[1] if relative[0] < plain[0] else plain[1]
 
 
 def pooled_count(evidence: _Evidence) -> float:
@@ -220,8 +208,8 @@ class _Unit:
         np.add.at(self._scatter, evidence.group, deviations[:, :, None] * deviations[:, None, :])
         self._freedom = np.maximum(evidence.counts - 1.0, 0.0)
 
-    def fit(self, with_relative: bool, settings: Sequence[int]) -> tuple[float, Array, Array]:
-        """Return AICc, covariances in the units of the channels, and the settings' deviations."""
+    def fit(self, with_relative: bool, settings: Sequence[int]) -> tuple[float, Array]:
+        """Return AICc, and covariances in the units of the channels."""
         channels = self._scale.size
         steep = [max(float(np.sqrt((self._gradient[:, :, k] ** 2).mean())), 1e-12) for k in settings]
         start = np.concatenate(
@@ -236,18 +224,14 @@ class _Unit:
         result = minimize(
             self._cost, start, args=(with_relative, settings), jac=True, method="L-BFGS-B", bounds=bounds
         )
-        covariance, setting = self._covariance(result.x, with_relative, settings)
+        covariance = self._covariance(result.x, with_relative, settings)
         free, count = start.size, float(self._freedom.sum()) * channels
         penalty = 2.0 * free * count / max(count - free - 1.0, 1.0)
-        return (
-            float(result.fun) + penalty,
-            covariance * self._scale[:, None] * self._scale[None, :],
-            setting,
-        )
+        return float(result.fun) + penalty, covariance * self._scale[:, None] * self._scale[None, :]
 
     def _cost(self, logs: Array, with_relative: bool, settings: Sequence[int]) -> tuple[float, Array]:
         """Return minus two log-likelihood and its slope."""
-        covariance, _ = self._covariance(logs, with_relative, settings)
+        covariance = self._covariance(logs, with_relative, settings)
         inverse = np.linalg.inv(covariance)
         explained = inverse @ self._scatter
         fit = np.trace(explained, axis1=1, axis2=2).sum()
@@ -264,16 +248,15 @@ class _Unit:
         parts.append(squares[logs.size - len(settings) :] * along)
         return cost, 2.0 * np.concatenate(parts)
 
-    def _covariance(self, logs: Array, with_relative: bool, settings: Sequence[int]) -> tuple[Array, Array]:
+    def _covariance(self, logs: Array, with_relative: bool, settings: Sequence[int]) -> Array:
         channels = self._scale.size
         variance = np.maximum(np.exp(2.0 * logs[:channels]), self._floors) * np.ones_like(self._means)
         if with_relative:
             variance = variance + np.exp(2.0 * logs[channels : 2 * channels]) * self._means**2
         covariance = variance[:, :, None] * np.eye(channels)
         spread = np.exp(logs[logs.size - len(settings) :])
-        setting = np.zeros(self._gradient.shape[2])
         for place, k in enumerate(settings):
             steep = self._gradient[:, :, k] * spread[place]
             covariance = covariance + steep[:, :, None] * steep[:, None, :]
-            setting[k] = spread[place]
-        return covariance + FLOOR_SHARE * np.eye(channels), setting
+        regular: Array = covariance + FLOOR_SHARE * np.eye(channels)
+        return regular

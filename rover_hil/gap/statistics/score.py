@@ -17,8 +17,8 @@ from scipy.optimize import lsq_linear
 from rover_hil.gap.data.problem import Indices
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.jackknife import as_normal, clusters, scatter_of_runs
-from rover_hil.gap.statistics.noise import Noise
 from rover_hil.gap.statistics.parameters import STATISTICS
+from rover_hil.gap.statistics.sensor_noise import SensorNoise
 from sim_backends.models.interface import Array
 
 MOST_DENSE = 4_000_000
@@ -57,7 +57,6 @@ class Score:
         z_by_samples: The former alone.
         strength: Estimate to first order, in the direction's unit.
         standard_error: Of the strength.
-        remaining_share: Share of the direction that base parameters do not absorb.
         projected: The direction after projection, of unit length.
     """
 
@@ -66,7 +65,6 @@ class Score:
     z_by_samples: float
     strength: float
     standard_error: float
-    remaining_share: float
     projected: Array
 
 
@@ -101,7 +99,9 @@ class Projection:
         return vector
 
 
-def score_all(fit: Fit, noise: Noise, directions: Sequence[Direction], *, is_steady: bool) -> list[Score]:
+def score_all(
+    fit: Fit, noise: SensorNoise, directions: Sequence[Direction], *, is_steady: bool
+) -> list[Score]:
     """Return one score per direction; directions that change nothing are omitted."""
     projection = Projection(fit)
     blocks = None if is_steady else clusters(noise)
@@ -126,7 +126,6 @@ def score_all(fit: Fit, noise: Noise, directions: Sequence[Direction], *, is_ste
                 z_by_samples=by_samples,
                 strength=by_samples / length,
                 standard_error=1.0 / length,
-                remaining_share=length**2 / full,
                 projected=unit,
             )
         )

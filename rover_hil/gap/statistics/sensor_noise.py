@@ -17,11 +17,15 @@ from sim_backends.models.interface import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorNoise:
-    """Independent errors of equal size in each channel; a `Noise`.
+    """Independent errors of equal size in each channel.
 
     Attributes:
         channel_sd: Size of the errors by channel.
         keep: Rows with a measured value.
+        row_sd: Size of the error of each row.
+        site: Run of each kept row.
+        channel: Channel of each kept row.
+        block: Stretch of each kept row: whole runs, or parts of them where runs are few.
     """
 
     channel_sd: Array
@@ -30,7 +34,6 @@ class SensorNoise:
     site: Indices
     channel: Indices
     block: Indices
-    freedom: float = math.inf
 
     def whiten(self, rows: Array) -> Array:
         """Return the rows with a measured value, in units of their errors."""

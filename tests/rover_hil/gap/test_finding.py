@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rover_hil.gap.base_parameters import Trial, headline, judged, with_base_parameters
+from rover_hil.gap.machines.base_parameters import Trial, headline, judged, with_base_parameters
 from rover_hil.gap.output.model_file import read_model_file
 from rover_hil.gap.output.results import MODEL_NAME, REPORT_NAME, VERDICT_NAME, write_results
 from rover_hil.gap.verdict import Answer, FittedBase, FoundEffect, Verdict

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rover_hil.gap.data.readers.side_slope import read_side_slope
-from rover_hil.gap.output.machines.machine_file import describe_machine
 from rover_hil.gap.output.model_file import ExtendedModel, Provenance
+from rover_hil.gap.output.results import model_file_of
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.side_slope.model import make_model
@@ -42,7 +42,7 @@ def test_flowing_soil_is_named_and_gone_once_it_is_in_the_model(tmp_path: Path) 
     assert found.verdict.confidence_set == [["slope_failure"]]
     assert found.machine is not None
     provenance = Provenance(date="", verdict="NAMED", data_sha256="", plan_sha256="", seed=0)
-    file = describe_machine(found.machine, model, "side-slope", provenance)
+    file = model_file_of(found, "side-slope", provenance)
     again = analyse(ExtendedModel(model, file), runs).verdict
     assert again.verdict is Answer.NO_GAP, again.sentence
 

@@ -1,43 +1,28 @@
 """What runs say of a fitted number, beside what samples say."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rover_hil.gap.data.problem import Indices
 from rover_hil.gap.statistics.jackknife import as_normal, clusters, scatter_of_runs
 from rover_hil.gap.statistics.parameters import STATISTICS
+from rover_hil.gap.statistics.sensor_noise import SensorNoise
 from sim_backends.models.interface import Array
 
 SAMPLES = 200
 
 
-@dataclass(frozen=True)
-class Flat:
-    """Errors that are independent and of unit size already."""
-
-    site: Indices
-    block: Indices
-    freedom: float = np.inf
-
-    @property
-    def row_sd(self) -> Array:
-        return np.ones(self.site.size)
-
-    @property
-    def channel(self) -> Indices:
-        return np.zeros(self.site.size, dtype=np.intp)
-
-    def whiten(self, rows: Array) -> Array:
-        return rows
-
-
-def noise_of(runs: int) -> Flat:
+def noise_of(runs: int) -> SensorNoise:
     site = np.repeat(np.arange(runs), SAMPLES).astype(np.intp)
-    return Flat(site=site, block=np.arange(site.size, dtype=np.intp) // (SAMPLES // 4))
+    return SensorNoise(
+        channel_sd=np.ones(1),
+        keep=np.arange(site.size, dtype=np.intp),
+        row_sd=np.ones(site.size),
+        site=site,
+        channel=np.zeros(site.size, dtype=np.intp),
+        block=np.arange(site.size, dtype=np.intp) // (SAMPLES // 4),
+    )
 
 
 def z_of(strengths: Array) -> float:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.gap.data.problem import Indices
+from rover_hil.gap.data.derivatives import Indices, Mask
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.fit import RIDGE, Fit
 from rover_hil.gap.statistics.sensor_noise import SensorNoise
@@ -80,7 +80,7 @@ def shared_parameters(found: Fit) -> list[int]:
     return [index for index, item in enumerate(found.free) if not item.key.run]
 
 
-def held_parameters(found: Fit) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
+def held_parameters(found: Fit) -> Mask:
     """Return which parameters of all runs a bound keeps from a better value."""
     return np.array([_is_held(found, index) for index in shared_parameters(found)], dtype=np.bool_)
 
@@ -109,9 +109,7 @@ def _is_held(found: Fit, index: int) -> bool:
     )
 
 
-def _without_own(
-    found: Fit, here: "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]", shared: Sequence[int]
-) -> tuple[Array, Array, int]:
+def _without_own(found: Fit, here: Mask, shared: Sequence[int]) -> tuple[Array, Array, int]:
     """Return error and derivatives of one run without what its own unknowns can absorb, and its rows."""
     values, places = found.jacobian.rows(here)
     column = {place: index for index, place in enumerate(places)}

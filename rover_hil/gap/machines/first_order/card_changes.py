@@ -15,18 +15,19 @@ def card_changes(problem: Problem, point: Point, cards: Sequence[EffectCard]) ->
     """Return the changes by each effect at each of its shapes, before whitening."""
     pairs = [(card, shapes) for card in cards for shapes in shape_points(card)]
     problem.prepare_derivatives(
-        [(_with_shapes(point, card, shapes), effect_free(card, shapes)[0]) for card, shapes in pairs]
+        [(with_shapes(point, card, shapes), effect_free(card, shapes)[0]) for card, shapes in pairs]
     )
     return [_change(problem, point, card, shapes) for card, shapes in pairs]
 
 
-def _with_shapes(point: Point, card: EffectCard, shapes: Mapping[str, float]) -> Point:
+def with_shapes(point: Point, card: EffectCard, shapes: Mapping[str, float]) -> Point:
+    """Return a point with the shapes of an effect."""
     return {**point, **{ParameterKey(effect=card.name, name=name): value for name, value in shapes.items()}}
 
 
 def _change(problem: Problem, point: Point, card: EffectCard, shapes: Mapping[str, float]) -> Direction:
     strength = card.parameters[0]
-    here = _with_shapes(point, card, shapes)
+    here = with_shapes(point, card, shapes)
     return Direction(
         name=card.name,
         change=problem.derivative(here, effect_free(card, shapes)[0]),

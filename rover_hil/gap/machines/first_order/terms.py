@@ -8,8 +8,8 @@ import numpy as np
 
 from rover_hil.gap.data.problem import Observations, cells
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.statistics.noise import Noise
 from rover_hil.gap.statistics.score import Direction
+from rover_hil.gap.statistics.sensor_noise import SensorNoise
 from sim_backends.models.interface import Array
 
 ONE = "1"
@@ -30,18 +30,11 @@ class Term:
     values: Array
 
 
-@dataclass(frozen=True, slots=True)
-class _Source:
-    text: str
-    unit: str
-    values: Array
-
-
 def steady_terms(observations: Observations, units: Mapping[str, str]) -> list[Term]:
     """Return polynomials up to second order, and differences of conditions of one unit."""
     sources = _condition_sources(observations, units)
     terms = [Term(text=ONE, unit=ONE, values=np.ones(observations.values.size))]
-    terms += [Term(text=one.text, unit=one.unit, values=one.values) for one in sources]
+    terms += sources
     for one in sources:
         terms.append(Term(text=f"{one.text}^2", unit=power(one.unit, 2), values=one.values**2))
     for one, other in itertools.combinations(sources, 2):
@@ -64,15 +57,12 @@ def series_terms(
     """Return shapes of inputs and predicted channels (odd, even, dry, rate, sum), and of time."""
     sources = _series_sources(observations, predicted, input_units)
     terms = [Term(text=ONE, unit=ONE, values=np.ones(observations.values.size))]
-    terms += [
-        Term(text=one.text, unit=one.unit, values=one.values)
-        for one in _condition_sources(observations, units)
-    ]
+    terms += _condition_sources(observations, units)
     for one in sources:
         x = one.values
         level = float(np.sqrt(np.mean(x**2)))
         terms += [
-            Term(text=one.text, unit=one.unit, values=x),
+            one,
             Term(text=f"{one.text}^2", unit=power(one.unit, 2), values=x**2),
             Term(text=f"{one.text} |{one.text}|", unit=power(one.unit, 2), values=x * np.abs(x)),
             Term(text=f"sign({one.text})", unit=ONE, values=np.tanh(x / max(0.05 * level, 1e-300))),
@@ -94,7 +84,7 @@ def series_terms(
     ]
 
 
-def directions(observations: Observations, noise: Noise, terms: Sequence[Term]) -> list[Direction]:
+def directions(observations: Observations, noise: SensorNoise, terms: Sequence[Term]) -> list[Direction]:
     """Return one direction per term and channel, in units of the channel per unit of the term."""
     return [replace(one, change=noise.whiten(one.change)) for one in term_changes(observations, terms)]
 
@@ -151,18 +141,18 @@ def _is_compound(unit: str) -> bool:
     return "/" in unit or " " in unit
 
 
-def _condition_sources(observations: Observations, units: Mapping[str, str]) -> list[_Source]:
+def _condition_sources(observations: Observations, units: Mapping[str, str]) -> list[Term]:
     sources = []
     for name, unit in units.items():
         by_site = np.array([group.site.conditions[name] for group in observations.groups])
         if np.ptp(by_site) > 0.0:
-            sources.append(_Source(name, unit, by_site[observations.site]))
+            sources.append(Term(text=name, unit=unit, values=by_site[observations.site]))
     return sources
 
 
 def _series_sources(
     observations: Observations, predicted: Array, input_units: Mapping[str, str]
-) -> list[_Source]:
+) -> list[Term]:
     sources = []
     for name, unit in input_units.items():
         if name == "t_s":
@@ -173,7 +163,7 @@ def _series_sources(
         ]
         values = np.concatenate(parts)
         if values.size == observations.values.size:
-            sources.append(_Source(name, unit, values))
+            sources.append(Term(text=name, unit=unit, values=values))
     for index, channel in enumerate(observations.channels):
         values = np.zeros(observations.values.size)
         for site in range(len(observations.groups)):
@@ -181,7 +171,7 @@ def _series_sources(
             in_channel = predicted[here & (observations.channel == index)]
             if in_channel.size and here.sum() % in_channel.size == 0:
                 values[here] = np.tile(np.nan_to_num(in_channel), here.sum() // in_channel.size)
-        sources.append(_Source(channel.name, channel.unit, values))
+        sources.append(Term(text=channel.name, unit=channel.unit, values=values))
     return sources[: MACHINES.equations.most_sources]
 
 

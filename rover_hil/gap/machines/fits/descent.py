@@ -127,13 +127,7 @@ def descend(
 
 
 class _Slopes:
-    """Derivatives of a fit, of which some are known already.
-
-    Args:
-        problem: Model and observations.
-        free: Fitted parameters.
-        known: Derivatives by key, per unit.
-    """
+    """Derivatives of a fit, of which some are known already."""
 
     def __init__(self, problem: Problem, free: Sequence[Free], known: Mapping[ParameterKey, Array]) -> None:
         self._problem = problem

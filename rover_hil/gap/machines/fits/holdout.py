@@ -22,14 +22,14 @@ class HoldoutChannel:
     Attributes:
         before: Root mean square error of the base model, fitted to the other runs.
         after: The same with the effects.
-        floor: Noise of the sensor.
+        noise_floor: Noise of the sensor.
         closure: Share of the error energy above the floor that is closed; None where there is none.
         ci95: Its interval over locked runs; None where there are too few.
     """
 
     before: float
     after: float
-    floor: float
+    noise_floor: float
     closure: float | None
     ci95: tuple[float, float] | None
 
@@ -67,13 +67,7 @@ def hold_out(
 ) -> Holdout:
     """Validate an explanation on the locked runs; only the unknowns of each run are fitted there.
 
-    Args:
-        model: The machine.
-        runs: The locked runs.
-        base: Fit without effects to the other runs.
-        best: Fit with the effects to the other runs.
-        rng: For intervals.
-        is_nominal: The error before is that of the nominal base parameters, not of the fitted ones.
+    With `is_nominal` the error before is that of the nominal base parameters, not of the fitted ones.
     """
     problem = Problem(model, observe(model, runs))
     observations = problem.observations
@@ -157,7 +151,7 @@ def _channel(
     return HoldoutChannel(
         before=math.sqrt(before),
         after=math.sqrt(after),
-        floor=floor,
+        noise_floor=floor,
         closure=closure,
         ci95=interval,
     )

@@ -33,12 +33,7 @@ FAR = 1e9
 
 
 class MachineFits:
-    """Fits of sets of effects, cached.
-
-    Args:
-        problem: Model and observations.
-        cards: Effects to choose from.
-    """
+    """Fits of sets of effects, cached."""
 
     def __init__(self, problem: Problem, cards: Sequence[EffectCard]) -> None:
         self.problem = problem
@@ -121,13 +116,7 @@ class MachineFits:
         return found
 
     def best(self, names: Sequence[str], shapes: Shapes, begin: Point) -> MachineFit:
-        """Return the fit of a set of effects.
-
-        Args:
-            names: The effects.
-            shapes: Their shapes to start from; the nominal ones where left out.
-            begin: Parameters to start from.
-        """
+        """Return the fit of a set of effects."""
         return self.fit_all([(tuple(names), shapes, begin)])[0]
 
     def free(self, names: Names, shapes: Shapes) -> list[Free]:

@@ -6,8 +6,8 @@ the same cause, and the interval of each is as narrow as the priors make it, aro
 
 import numpy as np
 
-from rover_hil.gap.base_parameters import FAR_SD
 from rover_hil.gap.data.problem import Problem, split_point
+from rover_hil.gap.machines.base_parameters import FAR_SD
 from rover_hil.gap.machines.evidence.evidence import MachineFit
 from rover_hil.gap.machines.fits.machine_fit import MachineFits
 from sim_backends.models.parameter_key import ParameterKey

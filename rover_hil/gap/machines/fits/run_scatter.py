@@ -36,11 +36,7 @@ class RunScatter:
     parameter_sd: Mapping[str, float]
 
     def sentence(self, units: Mapping[str, str]) -> str:
-        """Return the parameters that differ between runs, and by how much.
-
-        Args:
-            units: Of the base parameters.
-        """
+        """Return the parameters that differ between runs, and by how much."""
         parts = [
             f"{name} by {sd:.2g}{'' if units[name] == '1' else f' {units[name]}'}"
             for name, sd in self.parameter_sd.items()

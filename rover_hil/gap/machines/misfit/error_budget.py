@@ -18,7 +18,6 @@ class ChannelError:
     Attributes:
         channel: Its name.
         unit: Its unit.
-        misfit: Root mean square of measured minus simulated.
         sensor_noise: Standard deviation that the channel declares, with its steps.
         model_error: Root mean square of what is left without the sensor's variance.
         run_scatter: The part of it that base parameters of each run's own explain, to first order; None
@@ -29,7 +28,6 @@ class ChannelError:
 
     channel: str
     unit: str
-    misfit: float
     sensor_noise: float
     model_error: float
     run_scatter: float | None
@@ -74,8 +72,7 @@ def error_budget(
                 if np.any(in_channel & (observations.site == site))
             ]
         )
-        values = residual[in_channel]
-        sampling = noise**2 * math.sqrt(2.0 / max(values.size, 1))
+        sampling = noise**2 * math.sqrt(2.0 / max(int(in_channel.sum()), 1))
         error = max(_standard_error(squares), sampling)
         freedom = max(squares.size - 1, 1)
         upper = float(squares.mean()) + float(stats.t.ppf(MACHINES.budget.level, freedom)) * error
@@ -83,7 +80,6 @@ def error_budget(
             ChannelError(
                 channel=channel.name,
                 unit=channel.unit,
-                misfit=math.sqrt(float(np.mean(values**2))),
                 sensor_noise=noise,
                 model_error=math.sqrt(max(float(squares.mean()), 0.0)),
                 run_scatter=None if run_scatter is None else float(run_scatter[index]),

@@ -15,7 +15,8 @@ from rover_hil.gap.statistics.parameters import STATISTICS
 from rover_hil.gap.statistics.random_force import force_basis
 from rover_hil.gap.statistics.score import Score, family_draws, family_p, one_sided_z
 from rover_hil.gap.statistics.sensor_noise import declared_noise
-from sim_backends.models.interface import Array, MachineModel
+from sim_backends.models.interface import Array
+from sim_backends.state_model.model import has_ports
 
 
 def gap_p(
@@ -64,7 +65,7 @@ def _structure_p(problem: Problem, found: MachineFit, residual: Array, knots: in
     is_coarse = any(
         one.quantum > MACHINES.tests.coarse * (one.sigma or 0.0) for one in problem.observations.channels
     )
-    if not isinstance(machine, MachineModel) or not machine.ports or is_coarse:
+    if not has_ports(machine) or is_coarse:
         return 1.0
     noise = declared_noise(problem.observations)
     size = np.ones(residual.size)

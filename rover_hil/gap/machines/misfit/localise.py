@@ -6,15 +6,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
+from rover_hil.gap.data.derivatives import Mask
 from rover_hil.gap.data.problem import Observations, Point, Problem
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.statistics.noise import Noise
+from rover_hil.gap.statistics.sensor_noise import SensorNoise
 from sim_backends.models.interface import Array
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,16 +44,9 @@ class ResidualLocation:
 
 
 def localise_residuals(
-    problem: Problem, noise: Noise, point: Point, input_units: Mapping[str, str]
+    problem: Problem, noise: SensorNoise, point: Point, input_units: Mapping[str, str]
 ) -> list[ResidualLocation]:
-    """Return for each channel the part of the data with the most significant difference, the highest first.
-
-    Args:
-        problem: Model and observations.
-        noise: Of the observations.
-        point: Parameters of the simulation.
-        input_units: Inputs to split series by.
-    """
+    """Return, by channel, the part of the data with the most significant difference, the highest first."""
     observations = problem.observations
     residual = observations.values - problem.predict(point)
     parts = list(_parts(observations, problem.model.condition_units, input_units))
@@ -86,7 +77,9 @@ def localise_residuals(
     return [place for _, place in sorted(found, key=lambda item: -item[0])]
 
 
-def _mean(observations: Observations, noise: Noise, residual: Array, here: Mask) -> tuple[float, float, int]:
+def _mean(
+    observations: Observations, noise: SensorNoise, residual: Array, here: Mask
+) -> tuple[float, float, int]:
     count = int(here.sum())
     if count == 0:
         return 0.0, 0.0, 0

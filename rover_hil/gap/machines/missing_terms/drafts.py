@@ -7,7 +7,6 @@ the machine needs to follow them falls by the share that the rules require; such
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from rover_hil.gap.machines.missing_terms.free_terms import FittedTerm, free_ter
 from rover_hil.gap.machines.missing_terms.tracking import basis_of
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.random_force import random_force_noise
-from sim_backends.models.interface import Model, Run
+from sim_backends.models.interface import Run
 from sim_backends.models.parameter_key import ParameterKey
 from sim_backends.state_model.model import StateModel
 
@@ -67,14 +66,7 @@ class DraftTerm:
 def find_drafts(
     machine: StateModel, problem: Problem, locked: Sequence[Run], at: MachineFit
 ) -> list[tuple[DraftTerm, FittedTerm]]:
-    """Return the terms that explain most of what is left, the best first and unconfirmed ones last.
-
-    Args:
-        machine: The model with the effects that are taken as known.
-        problem: Its runs of the search.
-        locked: Locked runs; nothing is fitted to them but their own unknowns.
-        at: The explanation so far.
-    """
+    """Return the terms that explain most of what is left, the best first and unconfirmed ones last."""
     terms = free_terms(machine, problem, at, is_wide=True)
     fitted = [one for one in search_terms(machine, problem, terms, at) if not one.objection]
     if not fitted:
@@ -91,7 +83,7 @@ def find_drafts(
 
 def _force_rms(machine: StateModel, locked: Sequence[Run], point: Point) -> dict[str, float]:
     """Return the size of the random force that keeps the machine on the locked runs, by port."""
-    problem = Problem(cast("Model", machine), observe(machine, locked))
+    problem = Problem(machine, observe(machine, locked))
     own = with_own_unknowns(problem, point)
     residual = residual_of(problem.observations, problem.predict(own))
     basis = basis_of(problem, machine, own)

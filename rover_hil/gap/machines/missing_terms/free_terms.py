@@ -11,8 +11,8 @@ from rover_hil.gap.data.problem import Point, Problem, split_point
 from rover_hil.gap.machines.evidence.evidence import MachineFit
 from rover_hil.gap.machines.fits.machine_fit import MachineFits
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.machines.search import MachineSearch, best_shapes, score_effects
-from rover_hil.gap.statistics.score import Score, cosine, one_sided_z
+from rover_hil.gap.machines.search import MachineSearch, ranked_scores, score_effects
+from rover_hil.gap.statistics.score import Score, cosine
 from sim_backends.models.interface import Array, Parameter
 from sim_backends.state_model.effects.terms import FORMS, MINUS, product, term, threshold
 from sim_backends.state_model.model import StateModel
@@ -54,11 +54,7 @@ def free_terms(
 ) -> list[FreeTerm]:
     """Return the candidates: every form of every state and input at every port, and products of two.
 
-    Args:
-        machine: The model.
-        problem: Its runs.
-        at: Fit whose trajectories give the usual size of each source.
-        is_wide: Also differences of two in the same unit, and products with a square or a cube.
+    With `is_wide` also differences of two in the same unit, and products with a square or a cube.
     """
     sources = usual_sources(machine, problem, at)
     products: list[tuple[str, ...]] = list(itertools.combinations(sources, 2))
@@ -136,14 +132,7 @@ def _of_source(port: str, force_sd: float, name: str, values: Array) -> list[Fre
 def search_terms(
     machine: StateModel, problem: Problem, terms: Sequence[FreeTerm], at: MachineFit
 ) -> list[FittedTerm]:
-    """Return the terms that explain most, the best first.
-
-    Args:
-        machine: The model with the effects that are taken as known.
-        problem: Its runs.
-        terms: Candidates.
-        at: Where the terms are ranked.
-    """
+    """Return the terms that explain most, the best first."""
     known = {card.name for card in machine.effects}
     terms = [one for one in terms if strength_of(machine, one)[0] not in known]
     effects = [*machine.port_effects, *(one.effect for one in terms)]
@@ -154,9 +143,7 @@ def search_terms(
     names = [strength_of(machine, one)[0] for one in terms]
     fits = MachineFits(own, [*kept, *(cards[name] for name in names)])
     search = MachineSearch(fits, lambda _: None)
-    ranked = sorted(best_shapes(search.scores(at)), key=one_sided_z, reverse=True)[
-        : MACHINES.terms.most_fitted
-    ]
+    ranked = ranked_scores(search.scores(at))[: MACHINES.terms.most_fitted]
     chosen: list[Score] = [score for score in ranked if score.direction.name in names]
     starts = [_with_strength(at.fit.point, wider, one) for one in chosen]
     fitted = fits.fit_all(

@@ -36,20 +36,11 @@ def equal_terms(
     problem: Problem,
     part: MachineFit,
     best: MachineFit,
-    *,
-    is_alike_counted: bool = True,
 ) -> list[str]:
     """Return the terms that explain what an explanation explains, the best first.
 
     A term with nearly the same change is the effect as an equation; it is another law only where it explains
     more.
-
-    Args:
-        machine: The model.
-        problem: Its runs.
-        part: The fit without what the term would replace.
-        best: The fit with it.
-        is_alike_counted: A term of the same shape counts where it explains more; else never.
     """
     change = part.noise.whiten(_finite(problem.predict(best.fit.point) - problem.predict(part.fit.point)))
     projection = Projection(part.fit)
@@ -62,7 +53,7 @@ def equal_terms(
     for score in score_all(part.fit, part.noise, terms, is_steady=True):
         is_alike = abs(float(score.projected @ effect)) >= MACHINES.terms.alike
         explained = score.z_by_samples**2
-        if is_alike and (not is_alike_counted or explained <= gain / MACHINES.search.set_share):
+        if is_alike and explained <= gain / MACHINES.search.set_share:
             continue
         if explained >= MACHINES.search.set_share * gain:
             found[score.direction.name] = explained

@@ -10,8 +10,8 @@ from rover_hil.gap.data.problem import Observations
 from rover_hil.gap.machines.first_order.terms import Term, directions
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.fit import Fit
-from rover_hil.gap.statistics.noise import Noise
 from rover_hil.gap.statistics.score import Projection, Score, linear_gain, of_terms, one_sided_z, score_all
+from rover_hil.gap.statistics.sensor_noise import SensorNoise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,22 +44,13 @@ class Equation:
 
 def find_equations(
     observations: Observations,
-    noise: Noise,
+    noise: SensorNoise,
     fitted: Fit,
     terms: Sequence[Term],
     effects: Sequence[Score],
     threshold: float,
 ) -> list[Equation]:
-    """Return an equation for each channel with significant terms, the greatest gain first.
-
-    Args:
-        observations: The observations.
-        noise: Of the observations.
-        fitted: The model with the named effects.
-        terms: To choose from.
-        effects: Scores of the effects at the same fit, for the closest one.
-        threshold: Least significant score, over all terms and channels.
-    """
+    """Return an equation for each channel with significant terms, the greatest gain first."""
     scores = of_terms(
         score_all(fitted, noise, directions(observations, noise, terms), is_steady=observations.is_steady)
     )

@@ -8,13 +8,11 @@ force has to do is nearly linear in the missing effects. This is weak-constraint
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 
 from rover_hil.gap.data.problem import DerivativeRequest, Free, Point, Problem
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.random_force import (
     ForceBasis,
     RandomForceNoise,
@@ -23,94 +21,75 @@ from rover_hil.gap.statistics.random_force import (
     random_force_noise,
 )
 from rover_hil.gap.statistics.sensor_noise import declared_noise
-from sim_backends.models.interface import Array, MachineModel, Model
+from sim_backends.models.interface import Array
+from sim_backends.state_model.model import StateModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tracked:
-    """A machine on its measured trajectory.
+    """A machine on its measured trajectory, linearised there, and where parameters and forces go next.
 
     Attributes:
         problem: The machine with the estimated forces.
-        noise: Random forces and noise of the sensors, linearised there.
-        fit: Base parameters there; its residual is that of the machine without forces, to first order.
+        noise: Random forces and noise of the sensors.
+        free: The parameters.
+        point: Their values.
+        pulls: Most probable parameters, in prior deviations.
         forces: By run: ports x knots, in natural sizes.
         covariances: By run, of the forces.
-        pulls: Most probable parameters, in prior deviations.
     """
 
     problem: Problem
     noise: RandomForceNoise
-    fit: Fit
-    pulls: Array
-    forces: tuple[Array, ...]
-    covariances: tuple[Array, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Step:
-    """One linearisation: the errors without force, and where the parameters and forces go next."""
-
-    noise: RandomForceNoise
-    fit: Fit
+    free: tuple[Free, ...]
     point: Point
     pulls: Array
     forces: tuple[Array, ...]
     covariances: tuple[Array, ...]
 
+    @property
+    def next_point(self) -> Point:
+        """The most probable parameters."""
+        moved = {item.key: item.at(pull) for item, pull in zip(self.free, self.pulls, strict=True)}
+        return {**self.point, **moved}
 
-def track(problem: Problem, machine: MachineModel, free: Sequence[Free], start: Point) -> Tracked | None:
+
+def track(problem: Problem, machine: StateModel, free: Sequence[Free], start: Point) -> Tracked | None:
     """Return the machine with the forces that keep it on its runs.
 
     None where a small change of the parameters moves the prediction so far that no step is a number.
-
-    Args:
-        problem: Machine and observations.
-        machine: The same machine.
-        free: Parameters to estimate.
-        start: Fitted parameters to begin from.
     """
     point: Point = start
     basis = basis_of(problem, machine, point)
     width = basis.knots * len(basis.ports)
     forces = tuple(np.zeros(width) for _ in problem.sites)
-    here, step = problem, None
+    step = None
     for turn in range(MACHINES.tracking.rounds):
-        forced = _forced(problem, machine, basis, forces)
-        found = _linearise(forced, free, point, forces)
+        found = _linearise(_forced(problem, machine, basis, forces), free, point, forces)
         if found is None:
             break
-        here, step = forced, found
+        step = found
         if turn == MACHINES.tracking.rounds - 1:
             break
         moved = _line_search(problem, machine, basis, free, (point, forces), step)
         if moved is None:
             break
         point, forces = moved
-    if step is None:
-        return None
-    return Tracked(
-        problem=here,
-        noise=step.noise,
-        fit=step.fit,
-        pulls=step.pulls,
-        forces=step.forces,
-        covariances=step.covariances,
-    )
+    return step
 
 
-def basis_of(problem: Problem, machine: MachineModel, point: Point) -> ForceBasis:
+def basis_of(problem: Problem, machine: StateModel, point: Point) -> ForceBasis:
     """Return the responses of the runs of a machine to forces at its ports, linearised at some parameters."""
     keep = np.flatnonzero(np.isfinite(problem.observations.values)).astype(np.intp)
     scale = 1.0 / declared_noise(problem.observations).row_sd[keep]
     return force_basis(problem, machine, point, keep, scale)
 
 
-def _forced(problem: Problem, machine: MachineModel, basis: ForceBasis, forces: Sequence[Array]) -> Problem:
+def _forced(problem: Problem, machine: StateModel, basis: ForceBasis, forces: Sequence[Array]) -> Problem:
     by_run = {
         site.name: force_series(basis, values) for site, values in zip(problem.sites, forces, strict=True)
     }
-    return Problem(cast("Model", machine.forced(by_run)), problem.observations)
+    return Problem(machine.forced(by_run), problem.observations)
 
 
 def force_series(basis: ForceBasis, values: Array) -> Mapping[str, Array]:
@@ -124,9 +103,9 @@ def force_series(basis: ForceBasis, values: Array) -> Mapping[str, Array]:
     }
 
 
-def _linearise(here: Problem, free: Sequence[Free], point: Point, forces: Sequence[Array]) -> _Step | None:
+def _linearise(here: Problem, free: Sequence[Free], point: Point, forces: Sequence[Array]) -> Tracked | None:
     machine = here.model
-    if not isinstance(machine, MachineModel):
+    if not isinstance(machine, StateModel):
         raise AssertionError("a forced machine is a machine")
     basis = basis_of(here, machine, point)
     observations = here.observations
@@ -155,20 +134,12 @@ def _linearise(here: Problem, free: Sequence[Free], point: Point, forces: Sequen
             return None
     if noise is None:
         raise AssertionError("estimated above")
-    fit = Fit(
+    smoothed = noise.smoothed_forces(np.nan_to_num(residual - columns.times(shift)))
+    return Tracked(
+        problem=here,
+        noise=noise,
         free=tuple(free),
         point=point,
-        residual=errors,
-        jacobian=jacobian,
-        pull=pull,
-        cost=float(errors @ errors + pull @ pull),
-    )
-    smoothed = noise.smoothed_forces(np.nan_to_num(residual - columns.times(shift)))
-    moved = {item.key: item.at(one + by) for item, one, by in zip(free, pull, shift, strict=True)}
-    return _Step(
-        noise=noise,
-        fit=fit,
-        point={**point, **moved},
         pulls=pull + shift,
         forces=tuple(mean for mean, _ in smoothed),
         covariances=tuple(covariance for _, covariance in smoothed),
@@ -177,11 +148,11 @@ def _linearise(here: Problem, free: Sequence[Free], point: Point, forces: Sequen
 
 def _line_search(
     problem: Problem,
-    machine: MachineModel,
+    machine: StateModel,
     basis: ForceBasis,
     free: Sequence[Free],
     begin: tuple[Point, tuple[Array, ...]],
-    step: _Step,
+    step: Tracked,
 ) -> tuple[Point, tuple[Array, ...]] | None:
     """Return parameters and forces a good part of the step further; None where no part is better."""
     before = _objective(problem, machine, basis, free, begin, step.noise)
@@ -189,7 +160,7 @@ def _line_search(
     for _ in range(MACHINES.tracking.halvings):
         point = {
             key: begin[0].get(key, value) + share * (value - begin[0].get(key, value))
-            for key, value in step.point.items()
+            for key, value in step.next_point.items()
         }
         forces = tuple(old + share * (new - old) for old, new in zip(begin[1], step.forces, strict=True))
         after = _objective(problem, machine, basis, free, (point, forces), step.noise)
@@ -201,7 +172,7 @@ def _line_search(
 
 def _objective(
     problem: Problem,
-    machine: MachineModel,
+    machine: StateModel,
     basis: ForceBasis,
     free: Sequence[Free],
     at: tuple[Point, tuple[Array, ...]],

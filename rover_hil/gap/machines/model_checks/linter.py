@@ -6,14 +6,20 @@ Of the measured values only those are used that run parameters start from.
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from pydantic_core import to_json
 
 from drivers.errors import ConfigError
 from rover_hil.gap.data.derivatives import in_full
 from rover_hil.gap.data.problem import Problem, observe
-from rover_hil.gap.machines.first_order.card_changes import card_changes, imitating_parameter, shape_points
+from rover_hil.gap.machines.first_order.card_changes import (
+    card_changes,
+    imitating_parameter,
+    shape_points,
+    with_shapes,
+)
 from rover_hil.gap.machines.model_checks.reach import Reach, signal_ranges, threshold_reaches
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.fit import Fit, whitened_jacobian
@@ -93,16 +99,9 @@ class LintReport:
     thresholds: tuple[str, ...] = ()
     run_unknowns: tuple[RunUnknown, ...] = ()
 
-    def as_json(self) -> dict[str, object]:
-        """Return it as a table for JSON; numbers without a value are None."""
-        cards = [
-            {
-                key: None if isinstance(one, float) and not math.isfinite(one) else one
-                for key, one in row.items()
-            }
-            for row in (asdict(card) for card in self.cards)
-        ]
-        return {**asdict(self), "cards": cards}
+    def as_json(self) -> str:
+        """Return it as JSON; numbers without a value are null."""
+        return to_json(self, indent=2, inf_nan_mode="null").decode()
 
     def lines(self) -> list[str]:
         """Return it as lines of text, problems first."""
@@ -139,12 +138,7 @@ def require_changes(model: Machine, runs: Sequence[Run]) -> None:
 
 
 def lint(model: Machine, runs: Sequence[Run]) -> LintReport:
-    """Return what the inputs and initial conditions of runs can show of each effect.
-
-    Args:
-        model: The machine, with integration steps that are small enough.
-        runs: Sound measured runs.
-    """
+    """Return what the inputs and initial conditions of runs can show of each effect."""
     bench = _Bench(model, runs)
     changes = {card.name: bench.greatest(card, shape_points(card)) for card in model.effects}
     scores = bench.scores([card for card in model.effects if math.isfinite(changes[card.name])])
@@ -197,15 +191,8 @@ class _Bench:
 
     def greatest(self, card: EffectCard, shapes: Sequence[Mapping[str, float]]) -> float:
         """Return the greatest change of a prediction, in sensor noises; infinite without a solution."""
-        strength = card.parameters[0]
-        points = [
-            {
-                **self._fit.point,
-                card.strength_key: strength.natural,
-                **{ParameterKey(effect=card.name, name=name): value for name, value in one.items()},
-            }
-            for one in shapes
-        ]
+        strong = {**self._fit.point, card.strength_key: card.parameters[0].natural}
+        points = [with_shapes(strong, card, one) for one in shapes]
         self.problem.prepare_points([self._fit.point, *points])
         before = self.problem.predict(self._fit.point)
         changes = [self._noise.whiten(self.problem.predict(point) - before) for point in points]

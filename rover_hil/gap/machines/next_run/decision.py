@@ -74,12 +74,6 @@ def simulate_runs(
     An explanation is drawn by its weight, its parameters from their posterior, the unknowns of the run from
     their prior; the machine is integrated with them; model error and noise are added. The errors of all runs
     under each explanation, fitted again by linearisation, decide by the rules of the search.
-
-    Args:
-        planning: The runs.
-        predictions: Of each run, by explanation.
-        laws: Laws that nobody listed, for "something else".
-        rng: For the draws.
     """
     tables: list[list[Array]] = [[] for _ in planning.planned]
     for index, hypothesis in enumerate(planning.hypotheses):

@@ -14,12 +14,9 @@ from rover_hil.gap.data.problem import Observations, Point, Problem, cells
 from rover_hil.gap.machines.fits.descent import residual_of
 from rover_hil.gap.machines.missing_terms.tracking import basis_of
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.statistics.random_force import (
-    ForceBasis,
-    prior_covariance,
-    random_force_noise,
-)
-from sim_backends.models.interface import Array, MachineModel
+from rover_hil.gap.statistics.random_force import ForceBasis, random_force_noise
+from sim_backends.models.interface import Array
+from sim_backends.state_model.model import has_ports
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,13 +42,7 @@ class Discrepancy:
 
 
 def learn_discrepancy(problem: Problem, point: Point, basis: ForceBasis | None) -> Discrepancy:
-    """Return the model error that an explanation leaves in the measured runs.
-
-    Args:
-        problem: Machine and measured runs.
-        point: Fitted parameters.
-        basis: Responses to forces at the ports; None without ports.
-    """
+    """Return the model error that an explanation leaves in the measured runs."""
     residual = residual_of(problem.observations, problem.predict(point))
     if basis is None or not basis.ports:
         return Discrepancy(sizes=(), channels=_channel_errors(problem.observations, residual), excess=1.0)
@@ -62,7 +53,7 @@ def learn_discrepancy(problem: Problem, point: Point, basis: ForceBasis | None) 
 def measured_basis(problem: Problem, point: Point) -> ForceBasis | None:
     """Return the responses of the measured runs to forces at the ports; None without ports."""
     machine = problem.model
-    if not isinstance(machine, MachineModel) or not machine.ports:
+    if not has_ports(machine):
         return None
     return basis_of(problem, machine, point)
 
@@ -91,9 +82,3 @@ def _correlation(series: Sequence[Array]) -> float:
         if product < square / math.e:
             return float(lag)
     return float(longest // 2)
-
-
-def force_factor(basis: ForceBasis, discrepancy: Discrepancy) -> Array:
-    """Return the factor of the covariance of the forces at all knots: knots of all ports x directions."""
-    covariance = prior_covariance(basis, discrepancy.sizes)
-    return np.asarray(np.linalg.cholesky(covariance + 1e-12 * np.eye(covariance.shape[0])))

@@ -15,10 +15,9 @@ from rover_hil.gap.machines.next_run.discrepancy import Discrepancy, learn_discr
 from rover_hil.gap.machines.next_run.refit import Refit
 from rover_hil.gap.machines.next_run.unlisted_laws import draw_laws
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.machines.search import best_shapes
+from rover_hil.gap.machines.search import ranked_scores
 from rover_hil.gap.statistics.jackknife import scatter_of_runs
 from rover_hil.gap.statistics.random_force import ForceBasis
-from rover_hil.gap.statistics.score import one_sided_z
 from rover_hil.gap.verdict import Answer
 from sim_backends.models.interface import Array, Machine
 from sim_backends.models.parameter_key import ParameterKey
@@ -68,10 +67,6 @@ def hypotheses_of(findings: MachineFindings, answer: Answer) -> tuple[list[Hypot
     """Return the explanations that are left, the best first and "something else" last.
 
     The weight of an explanation is its odds against the best. Each measured run has one vote.
-
-    Args:
-        findings: Of the machine.
-        answer: The verdict on them.
     """
     named = _named(findings, is_decided=answer in (Answer.NAMED, Answer.NAMED_SET))
     odds = np.array([odds_of(one, named[0][2]) for _, _, one in named])
@@ -99,11 +94,6 @@ def unlisted_of(
 
     The sum of their weights is the greatest odds of a law against the best explanation: where a law explains
     the runs as well, "something else" is a law, and not a force that follows no state.
-
-    Args:
-        findings: Of the machine.
-        basis: Of `hypotheses_of`.
-        rng: For the draws.
     """
     best = _named(findings, is_decided=True)[0][2]
     laws = draw_laws(findings, rng)
@@ -152,9 +142,7 @@ def _words(found: MachineFit) -> str:
 
 def _scored(findings: MachineFindings) -> list[MachineFit]:
     """Return the fits of the effects that explain most to first order."""
-    ranked = sorted(best_shapes(findings.scores), key=one_sided_z, reverse=True)[
-        : MACHINES.hypotheses.top_scores
-    ]
+    ranked = ranked_scores(findings.scores)[: MACHINES.hypotheses.top_scores]
     fits = MachineFits(findings.problem, findings.machine.effects)
     return fits.fit_all(
         [

@@ -51,28 +51,20 @@ class PlannedRun:
     @property
     def times_s(self) -> Array:
         """Times of its samples."""
-        samples: Array = self.step_s * np.arange(_samples(self.run), dtype=np.float64)
+        samples: Array = self.step_s * np.arange(self.run.count, dtype=np.float64)
         return samples
-
-
-@dataclass(frozen=True, slots=True)
-class _Inputs:
-    """Inputs over time, in words."""
-
-    words: str
-    series: Mapping[str, Array]
-    shape: str
-    is_repeat: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Kind:
-    """Inputs and length of planned runs; starts and conditions are still to be chosen."""
+    """Inputs over time, in words, of as many samples; starts and conditions are still to be chosen."""
 
     like: Run
-    inputs: _Inputs
+    words: str
+    series: Mapping[str, Array]
+    shape: str
     samples: int
-    is_repeat: bool
+    is_repeat: bool = False
 
 
 def planned_runs(
@@ -86,17 +78,12 @@ def planned_runs(
 ) -> list[PlannedRun]:
     """Return the runs that could be made next, repetitions of measured ones first.
 
-    Args:
-        machine: The model.
-        runs: Measured.
-        starts: Fitted run parameters by run.
-        allowed: What may be done.
-        most: Number of runs; of more, as many as possible of each shape and of repetitions are drawn.
-        seed: Of the draw.
+    Of more than `most`, as many as possible of each shape and of repetitions are drawn. `starts` are the
+    fitted run parameters by run.
     """
     groups: dict[tuple[bool, str], list[_Kind]] = {}
     for kind in _kinds(machine, runs, allowed):
-        groups.setdefault((not kind.is_repeat, kind.inputs.shape), []).append(kind)
+        groups.setdefault((not kind.is_repeat, kind.shape), []).append(kind)
     conditions, begins = _Levels(allowed.conditions), _Levels(allowed.starts)
     levels = conditions.count * begins.count
     shares = _shares({name: len(kinds) * levels for name, kinds in groups.items()}, most)
@@ -131,18 +118,16 @@ def require_durations(machine: Machine, runs: Sequence[Run], allowed: Allowed) -
 
 def _has_duration(step_s: float, run: Run, allowed: Allowed) -> bool:
     least, most = _limits_in_samples(allowed, step_s)
-    return least <= _samples(run) <= most or bool(_counts(allowed, step_s, 0))
+    return least <= run.count <= most or bool(_counts(allowed, step_s, 0))
 
 
 def _kinds(machine: Machine, runs: Sequence[Run], allowed: Allowed) -> Iterator[_Kind]:
     for run in runs:
-        if not allowed.may_repeat(run):
-            continue
-        for inputs in _repeats(machine, run, runs, allowed):
-            yield from _of_durations(run, inputs, allowed, step_of(machine, run))
+        if allowed.may_repeat(run):
+            for kind in _repeats(machine, run, runs, allowed):
+                yield from _of_durations(kind, allowed, step_of(machine, run))
     for carrier in _carriers(machine, runs, allowed):
-        for inputs, samples in _shapes(machine, carrier, allowed):
-            yield _Kind(like=carrier, inputs=inputs, samples=samples, is_repeat=False)
+        yield from _shapes(machine, carrier, allowed)
 
 
 def _shares(sizes: Mapping[tuple[bool, str], int], most: int) -> dict[tuple[bool, str], int]:
@@ -168,11 +153,6 @@ def step_of(machine: Machine, run: Run) -> float:
     return mean_step_s(run, machine.step_s)
 
 
-def _samples(run: Run) -> int:
-    series = [*run.inputs.values(), *run.measured.values()]
-    return int(series[0].size)
-
-
 def _limits(runs: Sequence[Run], allowed: Allowed, names: Sequence[str]) -> dict[str, InputRange]:
     """Return the limits of the inputs that may be changed: declared, or the range of all measured runs."""
     if allowed.inputs:
@@ -187,10 +167,10 @@ def _limits(runs: Sequence[Run], allowed: Allowed, names: Sequence[str]) -> dict
     }
 
 
-def _repeats(machine: Machine, run: Run, runs: Sequence[Run], allowed: Allowed) -> Iterator[_Inputs]:
+def _repeats(machine: Machine, run: Run, runs: Sequence[Run], allowed: Allowed) -> Iterator[_Kind]:
     limits = _limits(runs, allowed, list(machine.inputs))
     changed = [name for name, one in limits.items() if "repeat" in one.shapes and np.any(run.inputs[name])]
-    times_s = step_of(machine, run) * np.arange(_samples(run), dtype=np.float64)
+    times_s = step_of(machine, run) * np.arange(run.count, dtype=np.float64)
     for scale in MACHINES.planned.scales if changed else MACHINES.planned.scales[:1]:
         inputs = {name: (scale if name in changed else 1.0) * run.inputs[name] for name in machine.inputs}
         if not all(fits(one, inputs[name], times_s) for name, one in limits.items()):
@@ -198,46 +178,47 @@ def _repeats(machine: Machine, run: Run, runs: Sequence[Run], allowed: Allowed) 
         words = f"repeat run {run.name}"
         if scale != 1.0:
             words += f" with {' and '.join(changed)} times {scale:g}"
-        yield _Inputs(words, inputs, "repeat", scale == 1.0)
+        yield _Kind(
+            like=run,
+            words=words,
+            series=inputs,
+            shape="repeat",
+            samples=run.count,
+            is_repeat=scale == 1.0,
+        )
 
 
 def _carriers(machine: Machine, runs: Sequence[Run], allowed: Allowed) -> list[Run]:
     """Return the measured run that gives the inputs which are not chosen: that of median length."""
     if not any(set(one.shapes) - {"repeat"} for one in allowed.inputs.values()):
         return []
-    ranked = sorted(runs, key=lambda run: step_of(machine, run) * _samples(run))
+    ranked = sorted(runs, key=lambda run: step_of(machine, run) * run.count)
     return [ranked[len(ranked) // 2]]
 
 
-def _shapes(machine: Machine, carrier: Run, allowed: Allowed) -> Iterator[tuple[_Inputs, int]]:
+def _shapes(machine: Machine, carrier: Run, allowed: Allowed) -> Iterator[_Kind]:
     step_s = step_of(machine, carrier)
-    for samples in _counts(allowed, step_s, _samples(carrier)):
+    for samples in _counts(allowed, step_s, carrier.count):
         times_s = step_s * np.arange(samples, dtype=np.float64)
         options = {
             name: list(_options(name, machine.inputs[name], limits, times_s, step_s))
             for name, limits in allowed.inputs.items()
         }
         others = {name: _lengthened(carrier.inputs[name], samples) for name in machine.inputs}
+        plain = _Kind(like=carrier, words="", series=others, shape="", samples=samples)
+        duration = f"for {samples * step_s:g} s"
         for name, own in options.items():
             rest = [one for one in machine.inputs if one != name]
+            same = f", {' and '.join(rest)} as in {carrier.name}" if rest else ""
             for words, values, shape in own:
-                same = f", {' and '.join(rest)} as in {carrier.name}" if rest else ""
-                text = f"{words} for {samples * step_s:g} s{same}"
-                yield _Inputs(text, {**others, name: values}, shape, False), samples
-        for inputs in _together(options, others, samples * step_s):
-            yield inputs, samples
-
-
-def _together(
-    options: Mapping[str, Sequence[tuple[str, Array, str]]], others: Mapping[str, Array], duration_s: float
-) -> Iterator[_Inputs]:
-    """Return inputs that move together, each with its own shape of the same number in the list."""
-    if len(options) < 2:
-        return
-    for parts in zip(*options.values(), strict=False):
-        words = ", ".join(text for text, _, _ in parts)
-        series = {name: values for name, (_, values, _) in zip(options, parts, strict=True)}
-        yield _Inputs(f"{words} for {duration_s:g} s", {**others, **series}, parts[0][2], False)
+                series = {**others, name: values}
+                yield replace(plain, words=f"{words} {duration}{same}", series=series, shape=shape)
+        # Inputs that move together, each with its own shape of the same number in the list.
+        for parts in zip(*options.values(), strict=False) if len(options) > 1 else ():
+            words = ", ".join(text for text, _, _ in parts)
+            moved = {name: values for name, (_, values, _) in zip(options, parts, strict=True)}
+            series = {**others, **moved}
+            yield replace(plain, words=f"{words} {duration}", series=series, shape=parts[0][2])
 
 
 def _options(
@@ -311,40 +292,31 @@ def _planned(
     chosen = {**conditions, **starts}
     places = [f"{name} {value:.3g}{_unit(units[name])}" for name, value in chosen.items()]
     return PlannedRun(
-        words=", ".join([kind.inputs.words, *places]),
-        run=_run(
-            machine,
-            like,
-            kind.inputs.series,
-            {**like.conditions, **conditions},
-            {**fitted, **starts},
-            kind.samples,
-        ),
-        starts=_starts(machine, like, fitted, starts),
+        words=", ".join([kind.words, *places]),
+        run=_run(machine, kind, conditions, {**fitted, **starts}),
+        starts={
+            one.name: starts.get(one.name, fitted.get(one.name, one.nominal_in(like)))
+            for one in machine.run_parameters
+        },
         like=like.name,
-        shape=kind.inputs.shape,
+        shape=kind.shape,
         is_repeat=kind.is_repeat,
         step_s=step_of(machine, like),
     )
 
 
-def _of_durations(like: Run, inputs: _Inputs, allowed: Allowed, step_s: float) -> Iterator[_Kind]:
+def _of_durations(kind: _Kind, allowed: Allowed, step_s: float) -> Iterator[_Kind]:
     """Return the inputs of a measured run with each allowed duration."""
-    size = _samples(like)
-    is_repeat = inputs.is_repeat and not allowed.conditions and not allowed.starts
+    size = kind.samples
     least, most = _limits_in_samples(allowed, step_s) if allowed.duration_s else (size, size)
     if least <= size <= most:
-        yield _Kind(like=like, inputs=inputs, samples=size, is_repeat=is_repeat)
-    elif not inputs.series or size > most:
+        is_repeat = kind.is_repeat and not allowed.conditions and not allowed.starts
+        yield replace(kind, is_repeat=is_repeat)
+    elif not kind.series or size > most:
         for samples in _counts(allowed, step_s, size):
-            series = {name: _lengthened(values, samples) for name, values in inputs.series.items()}
-            words = f"{inputs.words} for {samples * step_s:g} s"
-            yield _Kind(
-                like=like,
-                inputs=replace(inputs, words=words, series=series),
-                samples=samples,
-                is_repeat=False,
-            )
+            series = {name: _lengthened(values, samples) for name, values in kind.series.items()}
+            words = f"{kind.words} for {samples * step_s:g} s"
+            yield replace(kind, words=words, series=series, samples=samples, is_repeat=False)
 
 
 class _Levels:
@@ -367,42 +339,24 @@ class _Levels:
         return found
 
 
-def _starts(
-    machine: Machine, like: Run, fitted: Mapping[str, float], chosen: Mapping[str, float]
-) -> dict[str, float]:
-    return {
-        one.name: chosen.get(one.name, fitted.get(one.name, one.nominal_in(like)))
-        for one in machine.run_parameters
-    }
-
-
-def _run(
-    machine: Machine,
-    like: Run,
-    inputs: Mapping[str, Array],
-    conditions: Mapping[str, float],
-    starts: Mapping[str, float],
-    samples: int,
-) -> Run:
-    series = dict(inputs)
+def _run(machine: Machine, kind: _Kind, conditions: Mapping[str, float], starts: Mapping[str, float]) -> Run:
+    like, series = kind.like, dict(kind.series)
     if machine.step_s is None:
-        series[TIME] = step_of(machine, like) * np.arange(samples, dtype=np.float64)
+        series[TIME] = step_of(machine, like) * np.arange(kind.samples, dtype=np.float64)
     first = {one.channel: starts.get(one.name) for one in machine.run_parameters if one.channel}
     measured = {}
     for channel in machine.channels:
-        if channel.name not in like.measured:
-            continue
-        has_value = np.isfinite(np.resize(like.measured[channel.name], samples))
-        begin = first.get(channel.name)
-        measured[channel.name] = np.where(has_value, 0.0 if begin is None else begin, np.nan)
-    return replace(
-        like, conditions=dict(conditions), inputs=series, measured=measured, overlap=(0, 0), missing={}
-    )
+        if channel.name in like.measured:
+            has_value = np.isfinite(np.resize(like.measured[channel.name], kind.samples))
+            begin = first.get(channel.name)
+            measured[channel.name] = np.where(has_value, 0.0 if begin is None else begin, np.nan)
+    chosen = {**like.conditions, **conditions}
+    return replace(like, conditions=chosen, inputs=series, measured=measured, overlap=(0, 0), missing={})
 
 
 def with_names(planned: Sequence[PlannedRun]) -> list[PlannedRun]:
     """Return runs with different names, by which their unknowns are told apart."""
-    width = len(str(math.ceil(len(planned))))
+    width = len(str(len(planned)))
     return [
         replace(one, run=replace(one.run, name=f"next {index:0{width}d}"))
         for index, one in enumerate(planned)

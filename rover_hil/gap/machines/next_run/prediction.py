@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rover_hil.gap.data.problem import Free, Indices, Observations, Point, Problem, observe
-from rover_hil.gap.machines.next_run.discrepancy import force_factor
 from rover_hil.gap.machines.next_run.hypotheses import Hypothesis
 from rover_hil.gap.machines.next_run.planned import PlannedRun
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.statistics.random_force import ForceBasis, force_basis
-from sim_backends.models.interface import Array, MachineModel
+from rover_hil.gap.statistics.random_force import ForceBasis, force_basis, force_factor
+from sim_backends.models.interface import Array
 from sim_backends.models.parameter_key import ParameterKey
+from sim_backends.state_model.model import StateModel
 
 FAR_NOISES = 1e6
 """Change of a prediction, in sensor noises, where a model runs away."""
@@ -83,13 +83,7 @@ class Prediction:
 
 
 class Planning:
-    """Predictions of planned runs by all explanations.
-
-    Args:
-        hypotheses: The explanations.
-        planned: Runs with different names.
-        basis: Responses of the measured runs to forces, for the places of its knots; None without ports.
-    """
+    """Predictions of planned runs by all explanations."""
 
     def __init__(
         self, hypotheses: Sequence[Hypothesis], planned: Sequence[PlannedRun], basis: ForceBasis | None
@@ -174,20 +168,16 @@ class Planning:
     def _forces(self, hypothesis: Hypothesis, point: Point) -> Array:
         """Return the responses of all rows to independent standard forces, in the unit of their channel."""
         machine = hypothesis.machine
-        if (
-            self._basis is None
-            or not isinstance(machine, MachineModel)
-            or hypothesis.discrepancy.is_negligible
-        ):
+        if self._basis is None or not isinstance(machine, StateModel) or hypothesis.discrepancy.is_negligible:
             return np.zeros((self.observations.values.size, 0))
         if self._responses is None:
             self._responses = self._force_responses(self._basis, machine, point)
         basis, responses = self._responses
-        found: Array = responses @ force_factor(basis, hypothesis.discrepancy)
+        found: Array = responses @ force_factor(basis, hypothesis.discrepancy.sizes)
         return found
 
     def _force_responses(
-        self, measured: ForceBasis, machine: MachineModel, point: Point
+        self, measured: ForceBasis, machine: StateModel, point: Point
     ) -> tuple[ForceBasis, Array]:
         """Return the responses to forces; those of one explanation serve for all."""
         keep = np.arange(self.observations.values.size, dtype=np.intp)

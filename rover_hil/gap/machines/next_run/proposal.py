@@ -96,13 +96,6 @@ def propose_run(
 ) -> Proposal | None:
     """Return the run that separates the explanations that are left best.
 
-    Args:
-        findings: Of the machine.
-        answer: The verdict on them.
-        allowed: Which runs may be made.
-        seed: Of all random numbers.
-        advance: Called with the current step.
-
     Returns:
         The proposal; None where nothing is open, or no run may be made.
     """

@@ -42,12 +42,7 @@ class NewRun:
 
 
 class Refit:
-    """The measured runs under one explanation, and their left-out errors once new runs are added.
-
-    Args:
-        found: The fit to the measured runs.
-        owner: Number of the run, or of the unit under test, of each row with a value.
-    """
+    """The measured runs under one explanation, and their left-out errors once new runs are added."""
 
     def __init__(self, found: MachineFit, owner: Indices) -> None:
         declared = (found.noise.channel_sd / found.declared_sd)[found.noise.channel]
@@ -68,11 +63,7 @@ class Refit:
         self._held = held_parameters(found.fit)
 
     def squares(self, new: Sequence[NewRun]) -> Array:
-        """Return the squared errors of all runs when they are left out, measured ones first: draws x runs.
-
-        Args:
-            new: The new runs under this explanation.
-        """
+        """Return the squared errors of all runs when they are left out, measured ones first: draws x runs."""
         count = self._held.size
         added = [self._without_own(run) for run in new]
         gram: Array = np.eye(count)

@@ -31,12 +31,10 @@ class Kept:
     """What the search would answer, for each simulated outcome.
 
     Attributes:
-        best: Index of the best named explanation.
         is_alone: By named explanation and outcome: only this one is left.
         is_whole: The best leaves the noise of the sensors, or closes the gap but for a tolerable rest.
     """
 
-    best: NDArray[np.intp]
     is_alone: Flags
     is_whole: Flags
 
@@ -68,7 +66,7 @@ def kept_by_search(hypotheses: Sequence[Hypothesis], table: Array, number: Array
     excess = np.maximum(table.sum(axis=2) - total, 1e-9)
     is_closed = 1.0 - excess[best, each] / excess[-1] >= MACHINES.verdict.whole
     is_whole = within[best, each] | (is_closed & _is_rest_small(table[best, each] / number - 1.0))
-    return Kept(best=best, is_alone=alone, is_whole=is_whole)
+    return Kept(is_alone=alone, is_whole=is_whole)
 
 
 def _is_rest_small(squares: Array) -> Flags:

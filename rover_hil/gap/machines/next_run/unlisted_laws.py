@@ -18,19 +18,14 @@ from rover_hil.gap.machines.missing_terms.free_terms import usual_sources
 from rover_hil.gap.machines.parameters import MACHINES
 from sim_backends.models.interface import Array, Machine
 from sim_backends.state_model.effects.cards import card, state, strength
-from sim_backends.state_model.model import StateModel
+from sim_backends.state_model.model import StateModel, has_ports
 from sim_backends.state_model.port_effect import PortEffect
 
 
 def draw_laws(findings: MachineFindings, rng: np.random.Generator) -> list[tuple[str, Machine, MachineFit]]:
-    """Return drawn laws, each with the model that has it and its fit to the measured runs.
-
-    Args:
-        findings: Of the machine.
-        rng: For the draws.
-    """
+    """Return drawn laws, each with the model that has it and its fit to the measured runs."""
     machine = findings.machine
-    if not isinstance(machine, StateModel) or not machine.ports:
+    if not has_ports(machine):
         return []
     best, point = findings.best, findings.best.fit.point
     sources = usual_sources(machine, findings.problem, findings.best)

@@ -55,12 +55,7 @@ class ErrorSource:
 
 
 def channel_sources(findings: MachineFindings, shown: Sequence[Trace]) -> list[str]:
-    """Return one sentence for each channel: what its error before follows.
-
-    Args:
-        findings: Of the machine.
-        shown: Traces of all runs.
-    """
+    """Return one sentence for each channel: what its error before follows."""
     states = dict(zip([site.name for site in findings.problem.sites], trajectories(findings), strict=True))
     sentences = []
     for channel in findings.problem.observations.channels:

@@ -73,10 +73,6 @@ def _renamed(name: str, effect: PortEffect) -> PortEffect:
 def extend_model(base: Model, file: ModelFile) -> Model:
     """Return a model with the effects of a model file in it; a machine stays a machine.
 
-    Args:
-        base: The model without them.
-        file: Content of a model file.
-
     Raises:
         ConfigError: The file names parameters or effects that the model does not have.
     """

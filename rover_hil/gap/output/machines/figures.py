@@ -149,12 +149,7 @@ def _line(axes: Axes, times_s: Array, values: Array, colour: str, label: str, wi
 
 
 def draw_map(shown: Sequence[Trace], *, is_after: bool) -> Figure | None:
-    """Draw the root mean square residual of one channel by run and time; None without values.
-
-    Args:
-        shown: Traces of one channel.
-        is_after: With the effects.
-    """
+    """Draw the root mean square residual of one channel by run and time; None without values."""
     sides = [one.before for one in shown], [one.after for one in shown if one.after is not None]
     if is_after and not sides[1]:
         return None

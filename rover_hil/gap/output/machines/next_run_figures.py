@@ -23,7 +23,7 @@ def draw_next_run(proposal: Proposal, channel: Channel) -> Figure:
     times_s = planned.times_s
     for index, one in reversed(list(enumerate(proposal.hypotheses))):
         colour = style.COMMANDED if one.is_else else COLOURS[index]
-        mean, half = predicted(proposal, 0, index, channel)
+        mean, half = predicted(proposal, index, channel)
         rows[0].fill_between(times_s, mean - half, mean + half, color=colour, alpha=0.25, linewidth=0)
         rows[0].plot(
             times_s, mean, color=colour, linewidth=1.3, label=one.name, rasterized=times_s.size > MANY

@@ -28,7 +28,7 @@ def next_run_text(proposal: Proposal) -> str:
     columns |= {f"{name} [{unit}]": best.planned.run.inputs[name] for name, unit in machine.inputs.items()}
     for channel in machine.channels:
         for index, one in enumerate(proposal.hypotheses):
-            mean, half = predicted(proposal, 0, index, channel)
+            mean, half = predicted(proposal, index, channel)
             label = f"{channel.name} by {one.name}"
             columns[f"{label} [{channel.unit}]"] = mean
             columns[f"{label} low [{channel.unit}]"] = mean - half
@@ -41,16 +41,9 @@ def next_run_text(proposal: Proposal) -> str:
     return stream.getvalue()
 
 
-def predicted(proposal: Proposal, option: int, index: int, channel: Channel) -> tuple[Array, Array]:
-    """Return the prediction of a channel by an explanation and half of its 95 % band; NaN without a channel.
-
-    Args:
-        proposal: The proposal.
-        option: Which of its runs.
-        index: Which of its explanations.
-        channel: The channel.
-    """
-    run = proposal.options[option]
+def predicted(proposal: Proposal, index: int, channel: Channel) -> tuple[Array, Array]:
+    """Return what an explanation predicts of a channel in the best run, and half of its 95 % band."""
+    run = proposal.options[0]
     sizes = {
         one.name: run.planned.run.measured.get(one.name) for one in proposal.hypotheses[0].machine.channels
     }

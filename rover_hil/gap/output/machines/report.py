@@ -7,9 +7,9 @@ from typing import NamedTuple
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from rover_hil.gap.base_parameters import headline
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.machines.analysis import MachineFindings
+from rover_hil.gap.machines.base_parameters import headline
 from rover_hil.gap.output.answer_style import GRADES, TAGS
 from rover_hil.gap.output.machines import figures, force_figures
 from rover_hil.gap.output.machines.draft_file import draft_lines

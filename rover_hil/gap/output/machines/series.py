@@ -104,7 +104,7 @@ def trajectories(findings: MachineFindings) -> list[dict[str, Array]]:
     machine, point = findings.machine, findings.base.fit.point
     tracked = findings.tracked
     if tracked is not None and isinstance(tracked.problem.model, StateModel):
-        machine, point = tracked.problem.model, tracked.fit.point
+        machine, point = tracked.problem.model, tracked.point
     return machine.trajectories(findings.problem.sites, *split_point(point))
 
 

@@ -9,16 +9,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 
+from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.verdict import Answer, FittedBase, Verdict
 
 FAR_SD = 3.0
 """Distance of a value from its nominal one, in prior deviations, that has to be told."""
-CLOSES = 0.5
-"""Least share of the gap on locked runs that the value closes; the rule for a name of an effect."""
-IMPROVES = 0.7
-"""Least share of the locked runs that it improves."""
-MOST_MEMBERS = 4
-"""Of a set of explanations."""
 HALF_WIDTHS = NormalDist().inv_cdf(0.975)
 """Half of a 95 % interval of a normal distribution, in standard deviations."""
 
@@ -43,16 +38,15 @@ class Trial:
 
     def is_proven(self) -> bool:
         """Return True where the locked runs show that the nominal value is wrong."""
-        return self.closure is not None and self.closure >= CLOSES and self.improved >= IMPROVES
+        return (
+            self.closure is not None
+            and self.closure >= MACHINES.verdict.half
+            and self.improved >= MACHINES.search.agreeing_share
+        )
 
 
 def judged(rows: Sequence[FittedBase], trial_of: Callable[[str], Trial]) -> list[FittedBase]:
-    """Return base parameters, those far from their nominal value with what the runs prove of them.
-
-    Args:
-        rows: All fitted base parameters.
-        trial_of: Makes the comparison with the nominal value; called for far ones only.
-    """
+    """Return base parameters, those far from their nominal value with what the runs prove of them."""
     return [_judged(one, trial_of) if abs(one.pull) > FAR_SD else one for one in rows]
 
 
@@ -73,7 +67,7 @@ def _judged(row: FittedBase, trial_of: Callable[[str], Trial]) -> FittedBase:
     if not trial.is_proven():
         weak = (
             f"closes {trial.closure:.0%} of the gap on the locked runs"
-            if trial.closure < CLOSES
+            if trial.closure < MACHINES.verdict.half
             else f"improves {trial.improved:.0%} of the locked runs"
         )
         return replace(row, why=f"it {weak} only")
@@ -86,12 +80,7 @@ def far(rows: Sequence[FittedBase]) -> list[FittedBase]:
 
 
 def with_base_parameters(verdict: Verdict, rows: Sequence[FittedBase]) -> Verdict:
-    """Return a verdict on effects with the base parameters in it.
-
-    Args:
-        verdict: On the effects alone; NAMED and NAMED_SET say nothing yet of base parameters.
-        rows: The base parameters, judged.
-    """
+    """Return a verdict on effects with the base parameters in it."""
     verdict = replace(verdict, base_parameters=list(rows))
     told = far(rows)
     if not told:
@@ -121,7 +110,7 @@ def _answer(
         known = {one.name for one in verdict.base_parameters} | {one["name"] for one in verdict.rejected}
         # A law outside the model keeps the gap without a name.
         is_told = is_agreement or bool(named) or all(known.issuperset(names) for names in rivals)
-        if 0 < len(rivals) < MOST_MEMBERS and is_told and not (is_agreement and len(open_) > 1):
+        if 0 < len(rivals) < MACHINES.verdict.most_members and is_told and not (is_agreement and len(open_) > 1):
             shared = [one.name for one in open_ if one.equals]
             answer = Answer.NAMED_SET if is_agreement else Answer.PARTLY_NAMED
             return answer, [[*own, *shared], *([*own, *names] for names in rivals)]
