@@ -110,7 +110,11 @@ def make_plan(
     """
     least = require_runs(runs)
     steady = is_steady(runs)
-    locked = _chosen(runs, confirm) if confirm else _drawn(model, runs, np.random.default_rng(seed), steady)
+    locked = (
+        {run.name for run in filter(_compile(confirm), runs)}
+        if confirm
+        else _drawn(model, runs, np.random.default_rng(seed), steady)
+    )
     discover = tuple(run.name for run in runs if run.name not in locked)
     if confirm and (not locked or len(discover) < least // 2 + 1):
         raise TooFewRunsError(
@@ -179,11 +183,6 @@ def _is_corner(conditions: Array, index: int) -> bool:
     varied = high > low
     here = conditions[index]
     return bool(np.all(((here == low) | (here == high))[varied]))
-
-
-def _chosen(runs: Sequence[Run], expression: str) -> set[str]:
-    rule = _compile(expression)
-    return {run.name for run in runs if rule(run)}
 
 
 def _compile(expression: str) -> Callable[[Run], bool]:

@@ -8,21 +8,10 @@ import numpy as np
 from drivers.errors import ConfigError
 from sim_backends.fmu.instance import Job, Result
 from sim_backends.fmu.workers import Workers
-from sim_backends.models.interface import (
-    Array,
-    Channel,
-    EffectCard,
-    Parameter,
-    Run,
-    RunParameter,
-    Values,
-)
+from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, RunParameter, Values
 from sim_backends.models.parameter_key import ParameterKey, joined_name
+from sim_backends.state_model.model import MOST_SUBSTEPS, SOLVED_SHARE
 from sim_backends.state_model.sample_times import even_step_s
-
-MOST_SUBSTEPS = 32
-SOLVED_SHARE = 0.1
-"""Greatest error of the coupling, as a share of the sensor noise."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -163,25 +163,21 @@ class _Assembly:
         return self._unit_of(entry.unit, quantity, key)
 
     def _setting(self, key: str, name: str, plain: str, variable: str) -> Variable:
-        """Return the variable that a setting sets.
-
-        Args:
-            key: Of the entry, for messages.
-            name: Of the setting.
-            plain: Of the variable where the entry gives none.
-            variable: That the entry gives.
-        """
+        """Return the variable that a setting sets."""
         quantity = self._number(key, variable or plain)
         if not quantity.is_settable:
             raise ConfigError(
                 f"{self._path}, {key}: '{quantity.name}' cannot be set: the unit computes it; use a "
                 "parameter or a start value"
             )
+        self._require_free(key, quantity)
+        self._settings[name] = quantity
+        return quantity
+
+    def _require_free(self, key: str, quantity: Variable) -> None:
         for other, one in self._settings.items():
             if one.reference == quantity.reference:
                 raise ConfigError(f"{self._path}, {key}: '{quantity.name}' is set by {other} already")
-        self._settings[name] = quantity
-        return quantity
 
     def _parameter(self, name: str, entry: ParameterEntry) -> Parameter:
         key = f"parameters.{name}"
@@ -330,9 +326,7 @@ class _Assembly:
         quantity = self._variable(key, name)
         if not quantity.is_settable:
             raise ConfigError(f"{self._path}, {key}: '{name}' cannot be set: the unit computes it")
-        for other, one in self._settings.items():
-            if one.reference == quantity.reference:
-                raise ConfigError(f"{self._path}, {key}: '{name}' is set by {other} already")
+        self._require_free(key, quantity)
         wanted = _kind(quantity.type)
         if wanted is None or not isinstance(value, wanted) or isinstance(value, bool) != (wanted is bool):
             raise ConfigError(f"{self._path}, {key}: {value!r} is no value of type {quantity.type}")

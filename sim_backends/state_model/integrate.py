@@ -8,13 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sim_backends.models.interface import (
-    Array,
-    Parameter,
-    Run,
-    RunParameter,
-    Values,
-)
+from sim_backends.models.interface import Array, Parameter, Run, RunParameter, Values
 from sim_backends.state_model.equations import Equations
 from sim_backends.state_model.held_input import delayed, lagged, lagged_samples, mean_over_steps, played
 from sim_backends.state_model.port_effect import Action, Change, PortEffect

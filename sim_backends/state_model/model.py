@@ -120,13 +120,7 @@ class StateModel(Equations):
     def _enough_steps(
         self, runs: Sequence[Run], points: Mapping[str, Point], least_share: float | None = None
     ) -> dict[str, int]:
-        """Return the steps per sample that each point needs; without those for which 32 are not enough.
-
-        Args:
-            runs: To integrate.
-            points: Parameters by name.
-            least_share: Share of the runs in which the steps must be enough; by default in all together.
-        """
+        """Return the steps per sample that each point needs; without those for which 32 are not enough."""
         points = dict(points)
         found: dict[str, int] = {}
         substeps = 1

@@ -91,11 +91,6 @@ def named_model(name: str, data: Path) -> Subject:
 def rover_of(config: str, logs: Sequence[Path], cluster: str | None = None) -> Subject:
     """Return the rover of a configuration with a list of wheels.
 
-    Args:
-        config: The configuration.
-        logs: Logs, or folders of them.
-        cluster: Address of the Dask scheduler that reads them; None for here.
-
     Raises:
         ConfigError: The configuration has no such rover.
     """
@@ -183,7 +178,7 @@ def _lint(model: Machine, data: Path, shortening: Shortening) -> LintReport:
     with show_steps("trying the model") as step:
         notes = (*slower_channels(model, runs), *try_model(model, runs))
         for note in notes:
-            _note(note)
+            _say(f"Note: {note}")
         step("checking the effects")
         return lint(model.refined(runs), runs)
 
@@ -209,11 +204,7 @@ def _print(analysis: Analysis, out: Path) -> None:
         console.print(str(out / REPORT_NAME))
 
 
-def _note(words: str) -> None:
-    Terminal(stderr=True, soft_wrap=True).print(f"Note: {words}.")
-
-
-def _announce(words: str) -> None:
+def _say(words: str) -> None:
     Terminal(stderr=True, soft_wrap=True).print(f"{words}.")
 
 
@@ -267,7 +258,7 @@ def _analyse(
             allowed=allowed,
             on_plan=on_plan,
             advance=advance,
-            announce=_announce,
+            announce=_say,
         )
 
 
@@ -282,6 +273,6 @@ def _check(model: Model, runs: Sequence[Run]) -> None:
     # The verdict names what is wrong with runs; a model cannot be tried on them.
     elif not _objection(model, runs):
         for note in (*slower_channels(model, runs), *try_model(model, runs)):
-            _note(note)
+            _say(f"Note: {note}")
         check_model(model, runs)
         require_changes(model, runs)

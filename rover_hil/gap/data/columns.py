@@ -121,11 +121,6 @@ def need(columns: Columns, names: Sequence[str], where: str, why: str) -> None:
 def missing_values(columns: Columns, names: Sequence[str], where: str) -> dict[str, tuple[int, int]]:
     """Return the number of missing values and of all values of each column that has gaps.
 
-    Args:
-        columns: Columns of a record.
-        names: Columns that have a value in every row of a sound record; absent ones are skipped.
-        where: Record and run, for the message.
-
     Raises:
         ConfigError: A column holds no value at all.
     """

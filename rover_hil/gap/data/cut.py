@@ -121,7 +121,9 @@ def _free_starts(model: StateModel) -> Mapping[str, bool]:
     inputs = dict.fromkeys(model.inputs, 0.0)
     parameters = {one.name: one.nominal for one in model.parameters}
     parameters |= dict.fromkeys(model.condition_units, 0.0)
-    parameters |= {one.name: _middle(one.nominal, one.lower, one.upper) for one in model.run_parameters}
+    parameters |= {
+        one.name: float(np.clip(one.nominal, one.lower, one.upper)) for one in model.run_parameters
+    }
     moved = [
         (parameters | {one.name: parameters[one.name] + sign * one.prior_sd}, inputs)
         for one in model.run_parameters
@@ -131,10 +133,6 @@ def _free_starts(model: StateModel) -> Mapping[str, bool]:
     before = _start(model, parameters, inputs)
     after = [_start(model, *one) for one in moved]
     return {name: any(one[name] != before[name] for one in after) for name in model.states}
-
-
-def _middle(nominal: float, lower: float, upper: float) -> float:
-    return min(max(nominal, lower), upper)
 
 
 def _start(

@@ -10,15 +10,7 @@ from numpy.typing import NDArray
 from rover_hil.gap.data.derivatives import Derivatives
 from rover_hil.gap.data.derivatives import Indices as Indices
 from rover_hil.gap.data.parameters import DATA
-from sim_backends.models.interface import (
-    Array,
-    Channel,
-    EffectCard,
-    Machine,
-    Model,
-    Parameter,
-    Run,
-)
+from sim_backends.models.interface import Array, Channel, EffectCard, Machine, Model, Parameter, Run
 from sim_backends.models.parameter_key import ParameterKey
 
 Point: TypeAlias = Mapping[ParameterKey, float]

@@ -63,6 +63,11 @@ def windows_over(first_s: float, last_s: float, where: str) -> Windows:
     return Windows(np.linspace(first_s, last_s, count + 1))
 
 
+def windows_between(first: Array, second: Array, where: str) -> Windows:
+    """Return windows over what two series of times have in common; see `windows_over`."""
+    return windows_over(float(max(first[0], second[0])), float(min(first[-1], second[-1])), where)
+
+
 def stretches(run: Run) -> list[Run]:
     """Return a run of windows cut into four or more of at least 64; itself where it is too short.
 

@@ -24,11 +24,7 @@ from rover_hil.gap.machines.missing_terms.output_terms import equal_terms, equat
 from rover_hil.gap.machines.missing_terms.residual_equations import Equation
 from rover_hil.gap.machines.missing_terms.tracking import Tracked, track
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.machines.search import (
-    Found,
-    MachineSearch,
-    score_effects,
-)
+from rover_hil.gap.machines.search import Found, MachineSearch, score_effects
 from rover_hil.gap.statistics.score import Score
 from sim_backends.models.interface import Machine, Run
 from sim_backends.models.parameter_key import ParameterKey

@@ -244,17 +244,7 @@ class PlannedParameters:
     """Runs that could be made next."""
 
     # Factors on the inputs of a measured run.
-    scales: tuple[float, ...] = (
-        1.0,
-        0.25,
-        0.5,
-        0.75,
-        1.5,
-        2.0,
-        3.0,
-        -1.0,
-        -0.5,
-    )
+    scales: tuple[float, ...] = (1.0, 0.25, 0.5, 0.75, 1.5, 2.0, 3.0, -1.0, -0.5)
     least_samples: int = 30  # of a planned run whose length is chosen
     most_samples: int = 4000  # the same
     step_at: float = 0.1  # share of the run before a step

@@ -97,7 +97,9 @@ class MachineSearch:
         """Return a better explanation that is accepted; with a pair only where no single effect suffices."""
         singles = self._fitted([*self._singles(best), *self._swapped(best)])
         better = self._best_of(singles, best)
-        if is_small(best) or (better is not None and (better.is_within_noise or better.explains_most(best))):
+        if is_small(best):
+            return better
+        if better is not None and (better.is_within_noise or better.evidence.explains_most(best, better)):
             return better
         pairs = self._fitted(self._pairs(best))
         return self._best_of([*singles, *pairs], best)

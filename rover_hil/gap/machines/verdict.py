@@ -11,6 +11,11 @@ from rover_hil.gap.statistics.score import Score, one_sided_z
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
 from sim_backends.state_model.model import has_ports
 
+DRAFT_KEYS = (
+    "coefficient", "low", "high", "unit", "code", "force_before", "force_after", "force_unit", "is_confirmed",
+)  # fmt: skip
+"""What `verdict.json` tells of a draft, besides its term."""
+
 
 def decide_machine(findings: MachineFindings) -> Verdict:
     """Return the verdict on the findings."""
@@ -33,18 +38,7 @@ def decide_machine(findings: MachineFindings) -> Verdict:
         gap=_gap(findings),
         error_budget=_budget(findings),
         draft=[
-            {
-                "term": one.equation,
-                "coefficient": one.coefficient,
-                "low": one.low,
-                "high": one.high,
-                "unit": one.unit,
-                "code": one.code,
-                "force_before": one.force_before,
-                "force_after": one.force_after,
-                "force_unit": one.force_unit,
-                "is_confirmed": one.is_confirmed,
-            }
+            {"term": one.equation, **{key: getattr(one, key) for key in DRAFT_KEYS}}
             for one in findings.drafts
         ],
         weightings=_weightings(findings) if is_named else {},

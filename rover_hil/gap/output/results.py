@@ -10,13 +10,7 @@ from rover_hil.gap.machines.evidence.sizes import size_of
 from rover_hil.gap.output.machines.draft_file import DRAFT_NAME, draft_text
 from rover_hil.gap.output.machines.next_run_file import NEXT_RUN_NAME, next_run_text
 from rover_hil.gap.output.machines.report import report_text
-from rover_hil.gap.output.model_file import (
-    ModelFile,
-    Provenance,
-    describe_model,
-    model_file_text,
-    with_found,
-)
+from rover_hil.gap.output.model_file import ModelFile, Provenance, describe_model, model_file_text, with_found
 from rover_hil.gap.plan import Plan
 from rover_hil.pages.atomic_write import write_files
 

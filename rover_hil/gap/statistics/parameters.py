@@ -37,17 +37,7 @@ class ForceParameters:
     # Correlation times to choose from, in distances of knots.
     lengths: tuple[float, float, float, float] = (1.0, 3.0, 10.0, 40.0)
     # Factors on the declared noise of all sensors to choose from.
-    excess: tuple[float, ...] = (
-        1.0,
-        1.2,
-        1.5,
-        2.0,
-        3.0,
-        5.0,
-        10.0,
-        30.0,
-        100.0,
-    )
+    excess: tuple[float, ...] = (1.0, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)
     sweeps: int = 3  # of the search
     flat: float = 1e-4  # least relative size of a direction that the force reaches
 

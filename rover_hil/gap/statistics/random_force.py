@@ -112,7 +112,7 @@ def random_force_noise(observations: Observations, residual: Array, basis: Force
     scale = 1.0 / np.array([one.noise_sd for one in observations.channels])[observations.channel[keep]]
     errors = [(residual[keep] * scale)[observations.site[keep] == run] for run in range(len(basis.responses))]
     sizes, excess = _Likelihood(basis, errors).best()
-    root = force_factor(basis, sizes)
+    root = root_of(prior_covariance(basis, sizes))
     directions, shrink = [], []
     for matrix in basis.responses:
         left, singular, _ = np.linalg.svd(matrix @ root / excess, full_matrices=False)
@@ -214,7 +214,7 @@ class _Likelihood:
         total = self._square / excess**2 + 2.0 * self._count * math.log(excess)
         if all(size == 0.0 for size, _ in sizes):
             return total
-        root = force_factor(self._basis, sizes)
+        root = root_of(prior_covariance(self._basis, sizes))
         for gram, moment in zip(self._grams, self._moments, strict=True):
             inner = np.eye(root.shape[0]) + root.T @ (gram / excess**2) @ root
             lower = np.linalg.cholesky(inner)
@@ -223,9 +223,8 @@ class _Likelihood:
         return total
 
 
-def force_factor(basis: ForceBasis, sizes: Sequence[tuple[float, float]]) -> Array:
-    """Return the factor of the covariance of the forces at all knots: knots of all ports x directions."""
-    covariance = prior_covariance(basis, sizes)
+def root_of(covariance: Array) -> Array:
+    """Return the factor of a covariance, also of one without full rank."""
     return np.asarray(np.linalg.cholesky(covariance + 1e-12 * np.eye(covariance.shape[0])))
 
 

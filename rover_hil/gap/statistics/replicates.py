@@ -111,13 +111,7 @@ def winsorise(groups: Sequence[Group], channels: Sequence[Channel], scatter: Sca
 
 
 def group_covariance(channels: Sequence[Channel], single: Array, counts: Array) -> Array:
-    """Return the covariance of the means of a group of replicates.
-
-    Args:
-        channels: Those that were measured.
-        single: Covariance of the channels of one run.
-        counts: Runs behind the mean of each channel.
-    """
+    """Return the covariance of the means of a group of replicates."""
     mean = single / np.sqrt(counts[:, None] * counts[None, :])
     shared = [_shared_variance(one, float(single[place, place])) for place, one in enumerate(channels)]
     covariance: Array = mean + np.diag(shared)

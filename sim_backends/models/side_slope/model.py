@@ -13,12 +13,7 @@ import numpy as np
 
 from sim_backends.models.interface import Array, Channel, EffectCard, Parameter, Run, Values
 from sim_backends.models.nominal_values import NominalValues
-from sim_backends.models.side_slope.effects import (
-    cog_shift_m,
-    drift_rate_deg_m,
-    dug_in,
-    flow_of_soil,
-)
+from sim_backends.models.side_slope.effects import cog_shift_m, drift_rate_deg_m, dug_in, flow_of_soil
 from sim_backends.models.side_slope.states import Build, Site, SlopeStates, State
 from sim_backends.models.tables import read_tables
 

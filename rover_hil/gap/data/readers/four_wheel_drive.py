@@ -27,7 +27,7 @@ from rover_hil.gap.data.columns import (
 )
 from rover_hil.gap.data.parameters import DATA
 from rover_hil.gap.data.reader import Reader
-from rover_hil.gap.data.windows import Windows, body_rates, stretches, windows_over
+from rover_hil.gap.data.windows import Windows, body_rates, stretches, windows_between
 from sim_backends.models.four_wheel_drive.model import WHEELS
 from sim_backends.models.interface import Array, Run
 
@@ -93,12 +93,7 @@ def four_wheel_run(name: str, columns: Columns, truth: Columns, facts: Mapping[s
     rows = whole_rows(columns, turned)
     recorded = {one: values[rows] for one, values in columns.items()}
     gaps = missing_values(recorded, (*turned, "gyro_z_deg_s", "pitch_deg", "roll_deg"), name)
-    valid = t_s[rows]
-    first, last = (
-        max(float(valid[0]), float(true_s[has_pose][0])),
-        min(float(valid[-1]), float(true_s[has_pose][-1])),
-    )
-    windows = windows_over(first, last, name)
+    windows = windows_between(t_s[rows], true_s[has_pose], name)
     x_m, y_m, psi_rad = (truth[one][has_pose] for one in POSE)
     heading = np.unwrap(psi_rad)
     forward, left, turn = body_rates(windows, true_s[has_pose], x_m, y_m, heading)

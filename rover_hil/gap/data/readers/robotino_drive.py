@@ -42,7 +42,7 @@ from rover_hil.gap.data.columns import (
 )
 from rover_hil.gap.data.parameters import DATA
 from rover_hil.gap.data.reader import Reader
-from rover_hil.gap.data.windows import Windows, body_rates, stretches, windows_over
+from rover_hil.gap.data.windows import Windows, body_rates, stretches, windows_between, windows_over
 from sim_backends.models.interface import Array, Run
 from sim_backends.models.robotino_drive.model import RADIUS_M, TO_BODY, WHEELS
 
@@ -130,12 +130,7 @@ def _posed(name: str, surface: float, columns: Columns, facts: Mapping[str, floa
     optional = (*(f"current{wheel}_a" for wheel in WHEELS), "gyro_z_deg_s")
     recorded = {one: values[rows] for one, values in columns.items()}
     gaps = missing_values(recorded, (*turned_names, *optional), name)
-    valid = t_s[rows]
-    first, last = (
-        max(float(valid[0]), float(t_s[has_pose][0])),
-        min(float(valid[-1]), float(t_s[has_pose][-1])),
-    )
-    windows = windows_over(first, last, name)
+    windows = windows_between(t_s[rows], t_s[has_pose], name)
     currents = [np.abs(columns.get(f"current{wheel}_a", np.zeros(t_s.size))) for wheel in WHEELS]
     wheels = _wheels(windows, t_s, [columns[one] for one in turned_names], currents)
     pose = body_rates(windows, t_s[has_pose], *(columns[one][has_pose] for one in ("x_m", "y_m", "psi_rad")))

@@ -32,12 +32,6 @@ class CalledMachine(ObservedModel):
     """A model that predicts series, as a machine without ports and without states of its own.
 
     What it is fed with was measured and cannot be chosen, so that its inputs count as signals inside.
-
-    Args:
-        model: The model.
-        runs: Its measured runs.
-        channels: The same as those of the model, each with the noise of its sensor.
-        evidence: How explanations are compared; by default as where the noise is declared.
     """
 
     def __init__(
@@ -128,11 +122,6 @@ def called_machine(model: Model, runs: Sequence[Run], at: Point | None = None) -
 
     It is what remains if base parameters, effects and free-form terms take away all that they can, to first
     order. Errors that are slower than noise may be errors of the model: then only their fast part counts.
-
-    Args:
-        model: The model.
-        runs: Runs to learn from.
-        at: Parameters where it is linearised; nominal where left out.
     """
     whole = CalledMachine(model, runs)
     if all(one.sigma for one in whole.channels):
@@ -167,7 +156,8 @@ def _remaining(problem: Problem, point: Point) -> Array:
     """Return measured minus predicted of an overfitted model, larger by the freedom that the fit took."""
     observations = problem.observations
     predicted = problem.predict(point)
-    terms = series_terms(observations, predicted, _units(problem), problem.model.condition_units)
+    units = problem.model.input_units if isinstance(problem.model, DrivenModel) else {}
+    terms = series_terms(observations, predicted, units, problem.model.condition_units)
     columns = list(problem.derivatives(point, problem.base_free()).T)
     columns += [one.change for one in card_changes(problem, point, problem.model.effects)]
     columns += [one.change for one in term_changes(observations, terms)]
@@ -179,7 +169,3 @@ def _remaining(problem: Problem, point: Point) -> Array:
     count = int(here.sum())
     remaining: Array = (residual - matrix @ shift) * np.sqrt(count / max(count - int(rank), 1))
     return remaining
-
-
-def _units(problem: Problem) -> Mapping[str, str]:
-    return problem.model.input_units if isinstance(problem.model, DrivenModel) else {}

@@ -55,12 +55,7 @@ class SteadyMachine(CalledMachine):
         ]
 
     def observed(self, groups: Sequence[Group], covariance: Array | None = None) -> list[Run]:
-        """Return groups of replicates as runs of this machine.
-
-        Args:
-            groups: Runs under equal conditions.
-            covariance: Of the channels of one run, for each group; the typical one by default.
-        """
+        """Return groups of replicates as runs of this machine."""
         for index, group in enumerate(groups):
             single = self._typical if covariance is None else covariance[index]
             self._roots[group.site.name] = self._root(group, single)

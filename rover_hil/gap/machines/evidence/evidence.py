@@ -8,10 +8,10 @@ from typing import TypeAlias
 import numpy as np
 from scipy import special, stats
 
-from rover_hil.gap.machines.evidence.left_out import LeftOut, jackknife_error
+from rover_hil.gap.machines.evidence.left_out import LeftOut
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.fit import Fit
-from rover_hil.gap.statistics.jackknife import as_normal, scatter_of_runs
+from rover_hil.gap.statistics.jackknife import as_normal
 from rover_hil.gap.statistics.sensor_noise import SensorNoise
 from sim_backends.models.interface import Array, EffectCard, Parameter
 from sim_backends.models.parameter_key import ParameterKey
@@ -137,11 +137,8 @@ class Evidence:
 
         By the noise of samples and what changes when a run is left out (jackknife, Student's t).
         """
-        left_out = found.left_out
-        by_samples = float(left_out.by_samples[index])
-        ratio = jackknife_error(left_out, index) / by_samples
-        spread, freedom = scatter_of_runs(ratio, left_out.informed[:, index])
-        return float(stats.t.ppf(0.975, freedom)) * spread * by_samples
+        spread, freedom = found.left_out.scatter(index)
+        return float(stats.t.ppf(0.975, freedom)) * spread * float(found.left_out.by_samples[index])
 
     def misfit_p(self, found: "MachineFit", structure: Callable[[], list[float]]) -> list[float]:
         """Return the probabilities of such a misfit by noise alone; `structure` tests what is slow in it.
@@ -276,8 +273,8 @@ class RowEvidence(Evidence):
 
     def is_equal(self, one: "MachineFit", other: "MachineFit") -> bool:
         """By the likelihood ratio."""
-        level, known = MACHINES.steady.set_level, math.isfinite(other.freedom)
-        reach = float(stats.f.ppf(level, 1, other.freedom) if known else stats.chi2.ppf(level, 1))
+        level, known = MACHINES.steady.set_level, math.isfinite(self.freedom)
+        reach = float(stats.f.ppf(level, 1, self.freedom) if known else stats.chi2.ppf(level, 1))
         return abs(one.merit - other.merit) <= other.inflation * reach
 
     def gains_alike(self, gain: float, best: float) -> bool:
@@ -294,8 +291,8 @@ class RowEvidence(Evidence):
 
     def half_width(self, found: "MachineFit", index: int) -> float:
         """By all values, wider where they are farther off than their errors."""
-        known = math.isfinite(found.freedom)
-        far = float(stats.t.ppf(0.975, found.freedom) if known else stats.norm.ppf(0.975))
+        known = math.isfinite(self.freedom)
+        far = float(stats.t.ppf(0.975, self.freedom) if known else stats.norm.ppf(0.975))
         return far * math.sqrt(found.inflation) * float(found.left_out.by_samples[index])
 
     def misfit_p(self, found: "MachineFit", structure: Callable[[], list[float]]) -> list[float]:
@@ -363,11 +360,6 @@ class MachineFit:
         return float(np.sum(self.fit.pull[np.array(base, dtype=np.bool_)] ** 2))
 
     @property
-    def freedom(self) -> float:
-        """Degrees of freedom behind the size of the errors."""
-        return self.evidence.freedom
-
-    @property
     def count(self) -> float:
         """Number of values."""
         return float(self.left_out.counts.sum())
@@ -411,10 +403,6 @@ class MachineFit:
         """Return the explained share of the excess error of a smaller fit, and that of better runs."""
         return self.evidence.explained(part, self)
 
-    def explains_most(self, part: "MachineFit") -> bool:
-        """Return True where the step from a smaller fit leaves no room for a pair of effects."""
-        return self.evidence.explains_most(part, self)
-
     def is_equal(self, other: "MachineFit") -> bool:
         """Return True where the runs find this neither clearly worse than the other nor better."""
         return self.evidence.is_equal(self, other)
@@ -422,13 +410,10 @@ class MachineFit:
 
 def strength_z(found: MachineFit, key: ParameterKey) -> float:
     """Return the distance of a strength from its null over the scatter of runs, as a standard normal."""
-    left_out = found.left_out
-    index = left_out.keys.index(key)
+    index = found.left_out.keys.index(key)
     pull = float(found.fit.pull[[item.key for item in found.fit.free].index(key)])
-    by_samples = float(left_out.by_samples[index])
-    ratio = jackknife_error(left_out, index) / by_samples
-    spread, freedom = scatter_of_runs(ratio, left_out.informed[:, index])
-    return math.copysign(as_normal(pull / by_samples, spread, freedom), pull)
+    z = pull / float(found.left_out.by_samples[index])
+    return math.copysign(as_normal(z, *found.left_out.scatter(index)), pull)
 
 
 def _cancellation(found: MachineFit) -> float:

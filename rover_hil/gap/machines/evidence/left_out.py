@@ -9,6 +9,7 @@ import numpy as np
 from rover_hil.gap.data.derivatives import Indices, Mask
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.fit import RIDGE, Fit
+from rover_hil.gap.statistics.jackknife import scatter_of_runs
 from rover_hil.gap.statistics.sensor_noise import SensorNoise
 from sim_backends.models.interface import Array
 from sim_backends.models.parameter_key import ParameterKey
@@ -34,6 +35,16 @@ class LeftOut:
     by_samples: Array
     informed: Array
     keys: tuple[ParameterKey, ...]
+
+    def scatter(self, index: int) -> tuple[float, float]:
+        """Return the scatter of a parameter over runs, over that of samples, and its degrees of freedom.
+
+        That over runs is the standard error by leaving them out (jackknife).
+        """
+        moved = self.moved[:, index]
+        count = moved.size
+        by_runs = math.sqrt((count - 1) / count * float(np.sum((moved - moved.mean()) ** 2)))
+        return scatter_of_runs(by_runs / float(self.by_samples[index]), self.informed[:, index])
 
 
 def leave_one_run_out(found: Fit, noise: SensorNoise, declared_sd: Array, owner: Indices) -> LeftOut:
@@ -88,10 +99,6 @@ def held_parameters(found: Fit) -> Mask:
 def parts_of_runs(found: Fit, owner: Indices) -> list[tuple[int, tuple[Array, Array, int]]]:
     """Return each run with its errors and derivatives, without what its own unknowns can absorb.
 
-    Args:
-        found: With derivatives at the fitted point.
-        owner: Number of the run, or of the unit under test, of each row with a value.
-
     Returns:
         Number; errors, derivatives by the parameters of all runs, and how many of their rows are samples.
     """
@@ -123,10 +130,3 @@ def _without_own(found: Fit, here: Mask, shared: Sequence[int]) -> tuple[Array, 
         error = error - basis @ (basis.T @ error)
         matrix = matrix - basis @ (basis.T @ matrix)
     return error, matrix, int(here.sum())
-
-
-def jackknife_error(left_out: LeftOut, index: int) -> float:
-    """Return the standard error of a parameter by leaving out runs, in prior deviations."""
-    moved = left_out.moved[:, index]
-    count = moved.size
-    return math.sqrt((count - 1) / count * float(np.sum((moved - moved.mean()) ** 2)))

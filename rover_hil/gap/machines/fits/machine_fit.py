@@ -10,12 +10,7 @@ from scipy import stats
 from rover_hil.gap.data.parameters import DATA
 from rover_hil.gap.data.problem import Free, Point, Problem, cells, effect_free
 from rover_hil.gap.machines.called.called_machine import CalledMachine
-from rover_hil.gap.machines.evidence.evidence import (
-    Evidence,
-    MachineFit,
-    Names,
-    in_declared_units,
-)
+from rover_hil.gap.machines.evidence.evidence import Evidence, MachineFit, Names, in_declared_units
 from rover_hil.gap.machines.evidence.left_out import leave_one_run_out
 from rover_hil.gap.machines.fits.descent import descend, descend_together
 from rover_hil.gap.machines.parameters import MACHINES
@@ -187,11 +182,8 @@ def _stronger(free: Sequence[Free], begin: Point, share: float) -> Point:
 def start_of_runs(problem: Problem, shared: Point | None = None) -> Point:
     """Return starting values of the unknowns of each run: of many draws those that fit its beginning best.
 
-    A fit from a wrong initial state may end in another period of an oscillation.
-
-    Args:
-        problem: Model and observations.
-        shared: Parameters of all runs; nominal where left out.
+    A fit from a wrong initial state may end in another period of an oscillation. Parameters of all runs that
+    are not in `shared` are nominal.
     """
     free = [item for item in problem.run_free() if not item.key.is_deviation]
     if not free:

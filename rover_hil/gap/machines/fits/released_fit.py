@@ -20,10 +20,6 @@ def released_fit(problem: Problem, found: MachineFit) -> tuple[MachineFit, Probl
     the cost most becomes as wide as that of an effect, one at a time. What it pushed into parameters that
     resemble it returns: the fit also starts from their nominal values, since the way back may be a curved
     valley.
-
-    Args:
-        problem: Of the fit.
-        found: With derivatives at the fitted point.
     """
     while name := _contradicted(problem, found):
         problem = Problem(problem.model, problem.observations, problem.held, (*problem.released, name))

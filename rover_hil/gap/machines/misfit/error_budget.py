@@ -73,7 +73,8 @@ def error_budget(
             ]
         )
         sampling = noise**2 * math.sqrt(2.0 / max(int(in_channel.sum()), 1))
-        error = max(_standard_error(squares), sampling)
+        error = float(np.std(squares, ddof=1)) / math.sqrt(squares.size) if squares.size > 1 else math.inf
+        error = max(error, sampling)
         freedom = max(squares.size - 1, 1)
         upper = float(squares.mean()) + float(stats.t.ppf(MACHINES.budget.level, freedom)) * error
         found.append(
@@ -88,7 +89,3 @@ def error_budget(
             )
         )
     return tuple(found)
-
-
-def _standard_error(values: Array) -> float:
-    return float(np.std(values, ddof=1)) / math.sqrt(values.size) if values.size > 1 else math.inf

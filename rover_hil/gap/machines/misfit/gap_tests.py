@@ -29,14 +29,8 @@ def gap_p(
     """Return the probability of such a misfit if only the sensors err.
 
     Several kinds of tests share it: the size of the misfit, its part that a force at a port can produce, the
-    scores of the effects, and those of free-form terms where there are no ports (weighted Bonferroni).
-
-    Args:
-        found: The fitted machine.
-        problem: Model and observations.
-        scores: Of the effects at this fit; none where it contains effects.
-        rng: For the calibration of the scores.
-        free: Of free-form terms at this fit.
+    scores of the effects, of a fit without any, and those of free-form terms where there are no ports
+    (weighted Bonferroni).
     """
     residual = found.errors
     parts = found.evidence.misfit_p(
@@ -46,9 +40,9 @@ def gap_p(
     weights = [1.0 for _ in parts]
     for family, weight in ((scores, MACHINES.tests.effects_weight if free else 1.0), (free, 1.0)):
         if family:
-            draws = family_draws(family, found.freedom, rng)
+            draws = family_draws(family, found.evidence.freedom, rng)
             greatest = max(one_sided_z(one) for one in family)
-            parts.append(family_p(family, greatest, draws, found.freedom))
+            parts.append(family_p(family, greatest, draws, found.evidence.freedom))
             weights.append(weight)
     shared = [sum(weights) / weight * p for weight, p in zip(weights, parts, strict=True)]
     return min(1.0, *shared)

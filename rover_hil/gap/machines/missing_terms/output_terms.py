@@ -74,7 +74,7 @@ def equations_of(
 ) -> tuple[Equation, ...]:
     """Return equations for what an explanation leaves."""
     scores = term_scores(machine, problem, best)
-    threshold = quantile(family_draws(scores, best.freedom, rng), MACHINES.tests.alpha)
+    threshold = quantile(family_draws(scores, best.evidence.freedom, rng), MACHINES.tests.alpha)
     terms = output_terms(machine, problem, best)
     effects: Sequence[Score] = score_effects(fits, best)
     return tuple(find_equations(problem.observations, best.noise, best.fit, terms, effects, threshold))

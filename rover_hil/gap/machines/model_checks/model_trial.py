@@ -25,11 +25,6 @@ MINUTE_S = 60.0
 def try_model(model: Machine, runs: Sequence[Run], clock: Clock | None = None) -> list[str]:
     """Check the equations of a machine, where they are known, and simulate its runs twice.
 
-    Args:
-        model: The machine.
-        runs: Sound measured runs; of the measured values only those are used that run parameters start from.
-        clock: Measures how long an integration takes.
-
     Returns:
         Sentences about long computations.
 

@@ -13,6 +13,7 @@ from rover_hil.gap.machines.next_run.prediction import Planning, Prediction, cli
 from rover_hil.gap.machines.next_run.refit import NewRun
 from rover_hil.gap.machines.next_run.rules import Flags, kept_by_search
 from rover_hil.gap.machines.parameters import MACHINES
+from rover_hil.gap.statistics.random_force import root_of
 from sim_backends.models.interface import Array
 from sim_backends.models.parameter_key import ParameterKey
 
@@ -146,7 +147,7 @@ def _drawn_rows(planning: Planning, index: int, draws: int, rng: np.random.Gener
     """Return predictions of all rows with parameters from their posterior."""
     hypothesis, problem = planning.hypotheses[index], planning.problems[index]
     own, begin = planning.own_free(index), planning.points()[index]
-    root = np.linalg.cholesky(hypothesis.covariance + 1e-12 * np.eye(len(hypothesis.shared)))
+    root = root_of(hypothesis.covariance)
     points: list[dict[ParameterKey, float]] = []
     for _ in range(draws):
         pulls = hypothesis.pulls + root @ rng.standard_normal(len(hypothesis.shared))
@@ -162,14 +163,7 @@ def _drawn_rows(planning: Planning, index: int, draws: int, rng: np.random.Gener
 def _outcome(
     hypotheses: Sequence[Hypothesis], tables: Sequence[Array], counts: Sequence[float], room: float = 1.0
 ) -> Outcome:
-    """Return the shares of right and wrong decisions.
-
-    Args:
-        hypotheses: The explanations.
-        tables: By true explanation: squared errors of all runs, explanation x draw x run.
-        counts: Values of each new run.
-        room: Right and wrong decisions to add: a share of few draws is never 0 or 1.
-    """
+    """Return the shares of right and wrong decisions."""
     number = np.concatenate((hypotheses[0].fit.left_out.counts, counts))
     is_listed = np.array([one.machine is hypotheses[-1].machine for one in hypotheses[:-1]])
     right, wrong, variance = [], 0.0, 0.0

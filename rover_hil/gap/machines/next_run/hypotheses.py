@@ -9,14 +9,12 @@ from scipy import stats
 from rover_hil.gap.data.problem import Free, Problem
 from rover_hil.gap.machines.analysis import MachineFindings
 from rover_hil.gap.machines.evidence.evidence import MachineFit
-from rover_hil.gap.machines.evidence.left_out import jackknife_error
 from rover_hil.gap.machines.fits.machine_fit import MachineFits
 from rover_hil.gap.machines.next_run.discrepancy import Discrepancy, learn_discrepancy, measured_basis
 from rover_hil.gap.machines.next_run.refit import Refit
 from rover_hil.gap.machines.next_run.unlisted_laws import draw_laws
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.machines.search import ranked_scores
-from rover_hil.gap.statistics.jackknife import scatter_of_runs
 from rover_hil.gap.statistics.random_force import ForceBasis
 from rover_hil.gap.verdict import Answer
 from sim_backends.models.interface import Array, Machine
@@ -204,11 +202,9 @@ def _posterior(found: MachineFit) -> tuple[tuple[Free, ...], Array, Array]:
     normal += 1e-12 * float(np.diag(normal).max(initial=1.0)) * np.eye(len(free))
     covariance = np.linalg.inv(normal)
     shared = [index for index, item in enumerate(free) if not item.key.run]
-    left_out = found.left_out
     factors: list[float] = []
     for index, _ in enumerate(shared):
-        ratio = jackknife_error(left_out, index) / float(left_out.by_samples[index])
-        spread, freedom = scatter_of_runs(ratio, left_out.informed[:, index])
+        spread, freedom = found.left_out.scatter(index)
         factors.append(spread * float(stats.t.ppf(0.975, freedom)) / CLEAR_T)
     part = covariance[np.ix_(shared, shared)]
     # Runs that scatter make a parameter no less certain than its prior.

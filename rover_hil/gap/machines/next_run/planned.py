@@ -9,13 +9,7 @@ import numpy as np
 
 from drivers.errors import ConfigError
 from rover_hil.gap.machines.next_run.allowed import Allowed, InputRange, Range
-from rover_hil.gap.machines.next_run.shapes import (
-    amplitudes_of,
-    fits,
-    has_period,
-    periods_of,
-    shaped,
-)
+from rover_hil.gap.machines.next_run.shapes import amplitudes_of, fits, has_period, periods_of, shaped
 from rover_hil.gap.machines.parameters import MACHINES
 from sim_backends.models.interface import Array, Machine, Run
 from sim_backends.state_model.sample_times import mean_step_s

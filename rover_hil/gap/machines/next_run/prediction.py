@@ -10,7 +10,7 @@ from rover_hil.gap.data.problem import Free, Indices, Observations, Point, Probl
 from rover_hil.gap.machines.next_run.hypotheses import Hypothesis
 from rover_hil.gap.machines.next_run.planned import PlannedRun
 from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.statistics.random_force import ForceBasis, force_basis, force_factor
+from rover_hil.gap.statistics.random_force import ForceBasis, force_basis, prior_covariance, root_of
 from sim_backends.models.interface import Array
 from sim_backends.models.parameter_key import ParameterKey
 from sim_backends.state_model.model import StateModel
@@ -134,7 +134,7 @@ class Planning:
         change = problem.derivatives(point, free) * np.array([item.sd for item in free])
         count = len(hypothesis.shared)
         slopes = change[:, :count]
-        known = slopes @ _root(hypothesis.covariance)
+        known = slopes @ root_of(hypothesis.covariance)
         forces = self._forces(hypothesis, point)
         found = []
         for site, blocks in enumerate(self.blocks):
@@ -173,7 +173,7 @@ class Planning:
         if self._responses is None:
             self._responses = self._force_responses(self._basis, machine, point)
         basis, responses = self._responses
-        found: Array = responses @ force_factor(basis, hypothesis.discrepancy.sizes)
+        found: Array = responses @ root_of(prior_covariance(basis, hypothesis.discrepancy.sizes))
         return found
 
     def _force_responses(
@@ -187,10 +187,6 @@ class Planning:
         for site, responses in enumerate(basis.responses):
             full[self.observations.site == site] = responses
         return basis, full
-
-
-def _root(covariance: Array) -> Array:
-    return np.asarray(np.linalg.cholesky(covariance + 1e-12 * np.eye(covariance.shape[0])))
 
 
 def clipped(factor: Array) -> Array:

@@ -66,22 +66,6 @@ def has_period(shape: str) -> bool:
     return shape in ("sine", "sweep", "multi_sine", "square")
 
 
-def _step(times_s: Array, duration_s: float, _: float) -> Array:
-    return np.where(times_s >= MACHINES.planned.step_at * duration_s, 1.0, 0.0)
-
-
-def _ramp(times_s: Array, duration_s: float, _: float) -> Array:
-    return 2.0 * times_s / duration_s - 1.0
-
-
-def _sine(times_s: Array, _: float, period_s: float) -> Array:
-    return np.sin(math.tau * times_s / period_s)
-
-
-def _square(times_s: Array, _: float, period_s: float) -> Array:
-    return np.where((times_s / period_s) % 1.0 < 0.5, 1.0, -1.0)
-
-
 def _sweep(times_s: Array, duration_s: float, period_s: float) -> Array:
     slow, fast = 1.0 / duration_s, 1.0 / period_s
     return np.sin(math.tau * (slow * times_s + 0.5 * (fast - slow) / duration_s * times_s**2))
@@ -97,10 +81,10 @@ def _multi_sine(times_s: Array, duration_s: float, period_s: float) -> Array:
 
 
 _SHAPES: Mapping[str, Callable[[Array, float, float], Array]] = {
-    "step": _step,
-    "ramp": _ramp,
-    "sine": _sine,
-    "square": _square,
+    "step": lambda t_s, duration_s, _: np.where(t_s >= MACHINES.planned.step_at * duration_s, 1.0, 0.0),
+    "ramp": lambda t_s, duration_s, _: 2.0 * t_s / duration_s - 1.0,
+    "sine": lambda t_s, _, period_s: np.sin(math.tau * t_s / period_s),
+    "square": lambda t_s, _, period_s: np.where((t_s / period_s) % 1.0 < 0.5, 1.0, -1.0),
     "sweep": _sweep,
     "multi_sine": _multi_sine,
 }

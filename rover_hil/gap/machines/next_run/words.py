@@ -15,7 +15,8 @@ def proposal_sentence(proposal: Proposal) -> str:
     """Return what to do, and how probable a right verdict is after it."""
     best = proposal.options[0]
     pairs = unseparated(proposal)
-    if proposal.times == 0 or (pairs and len(pairs) == _pair_count(proposal)):
+    count = len(proposal.named)
+    if proposal.times == 0 or (pairs and len(pairs) == count * (count - 1) // 2):
         return (
             f"no allowed run separates {_pairs(pairs) or _all(proposal)}: the best would be "
             f"{best.planned.words}{_after(best.outcome, 1)}; "
@@ -24,11 +25,6 @@ def proposal_sentence(proposal: Proposal) -> str:
     times = "" if proposal.times == 1 else f", {proposal.times} times"
     but = f"; it does not separate {_pairs(pairs)}" if pairs else ""
     return f"{best.planned.words}{times}: {_aim(proposal)}{_after(proposal.after_times, proposal.times)}{but}"
-
-
-def _pair_count(proposal: Proposal) -> int:
-    count = len(proposal.named)
-    return count * (count - 1) // 2
 
 
 def _aim(proposal: Proposal) -> str:

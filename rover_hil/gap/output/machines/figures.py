@@ -114,11 +114,7 @@ def draw_trace(trace: Trace) -> Figure:
 
 
 def draw_agreement(shown: Sequence[Trace]) -> Figure | None:
-    """Draw the measured values of one channel over the simulated ones, with the typical error; None for none.
-
-    Args:
-        shown: Traces of one channel, one value each.
-    """
+    """Draw the measured values of one channel over the simulated ones, with the typical error."""
     if not shown:
         return None
     channel = shown[0].channel

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.machines.analysis import MachineFindings
 from rover_hil.gap.machines.base_parameters import headline
-from rover_hil.gap.output.answer_style import GRADES, TAGS
+from rover_hil.gap.output.answer_style import STYLES
 from rover_hil.gap.output.machines import figures, force_figures
 from rover_hil.gap.output.machines.draft_file import draft_lines
 from rover_hil.gap.output.machines.error_source import channel_sources, force_sources
@@ -64,7 +64,7 @@ def report_text(analysis: Analysis) -> str:
     """Return the report as HTML."""
     findings, verdict = analysis.machine, analysis.verdict
     if findings is None:
-        return _page(analysis, grade=GRADES[verdict.verdict])
+        return _page(analysis)
     shown = traces(findings)
     pushed = forces(findings)
     steady = findings.problem.observations.is_steady
@@ -94,16 +94,17 @@ def report_text(analysis: Analysis) -> str:
 
 def _page(analysis: Analysis, **parts: object) -> str:
     verdict = analysis.verdict
-    parts = {**dict.fromkeys(OPTIONAL, ()), "cards": {}, "run_units": {}, "lead": "", **parts}
+    grade, tag = STYLES[verdict.verdict]
+    none = {**dict.fromkeys(OPTIONAL, ()), "cards": {}, "run_units": {}, "lead": "", "grade": grade}
     return render(
         "gap/output/machines/report.html",
         filters={"number": _number, "interval": _interval},
         model=analysis.model,
         verdict=verdict,
-        tag=TAGS[verdict.verdict],
+        tag=tag,
         headline=headline(verdict),
         plan=analysis.plan.content() if analysis.plan is not None else None,
-        **parts,
+        **{**none, **parts},
     )
 
 
@@ -119,7 +120,7 @@ def _grade(findings: MachineFindings, verdict: Verdict) -> str:
     is_good = all(one.is_good_enough for one in findings.budget_before)
     if verdict.verdict is Answer.NO_GAP and not is_good:
         return "attention"
-    return GRADES[verdict.verdict]
+    return STYLES[verdict.verdict][0]
 
 
 def _sizes(verdict: Verdict) -> list[SizeRow]:
