@@ -7,7 +7,7 @@ import json
 import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -57,16 +57,7 @@ class Plan:
 
     def content(self) -> dict[str, object]:
         """Return the plan as a table, with its hash."""
-        table: dict[str, object] = {
-            "model": self.model,
-            "discover": list(self.discover),
-            "confirm": list(self.confirm),
-            "cards": list(self.cards),
-            "alphas": dict(self.alphas),
-            "seed": self.seed,
-            "data_sha256": self.data_sha256,
-            "confirm_rule": self.confirm_rule,
-        }
+        table: dict[str, object] = asdict(self)
         table["plan_sha256"] = hashlib.sha256(json.dumps(table, sort_keys=True).encode()).hexdigest()
         return table
 
@@ -141,7 +132,8 @@ def _drawn(model: Model, runs: Sequence[Run], rng: np.random.Generator, steady: 
         return _single_runs(groups, rng)
     target = DATA.plan.locked_share * len(runs)
     conditions = np.array(list(groups))
-    needed = _levels(conditions)
+    levels = [set(column) for column in conditions.T]
+    needed = [one if len(one) <= DATA.plan.few_levels else set() for one in levels]
     kept = np.ones(len(conditions), dtype=bool)
     locked: set[str] = set()
     for index in rng.permutation(len(conditions)):
@@ -165,11 +157,6 @@ def _single_runs(groups: Mapping[tuple[float, ...], Sequence[str]], rng: np.rand
         members = max(shuffled, key=len)
         locked.add(str(members.pop()))
     return locked
-
-
-def _levels(conditions: Array) -> list[set[float]]:
-    levels = [set(column) for column in conditions.T]
-    return [one if len(one) <= DATA.plan.few_levels else set() for one in levels]
 
 
 def _levels_kept(conditions: Array, kept: Mask, index: int, needed: Sequence[set[float]]) -> bool:

@@ -18,18 +18,7 @@ Fixed: TypeAlias = tuple[str, int, float | int | bool | str]
 
 FATAL = 4
 """Status after which an instance must not be touched."""
-INTEGERS = (
-    "Integer",
-    "Enumeration",
-    "Int8",
-    "UInt8",
-    "Int16",
-    "UInt16",
-    "Int32",
-    "UInt32",
-    "Int64",
-    "UInt64",
-)
+INTEGERS = ("Integer", "Enumeration", *(f"{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +110,7 @@ class Instance(ABC):
                 outputs[sample] = self._values[2]
                 if sample + 1 < job.count:
                     self._advance(job, inputs, sample)
-            self._end()
+            self._unit.terminate()
         except _EndedError as error:
             return self._failed(outputs, str(error), sample, job)
         except fmpy("fmi1").FMICallException as error:
@@ -181,9 +170,6 @@ class Instance(ABC):
             getattr(self._unit, f"set{self._setter(kind)}")([reference], [value])
         if len(self._references[0]):
             self._write(self._references[0], self._buffers[0])
-
-    def _end(self) -> None:
-        self._unit.terminate()
 
     def close(self) -> None:
         """Free the instance; the shared library stays loaded."""

@@ -79,11 +79,11 @@ class Equations:
         """
         if self.step_s is not None:
             require_positive(f"model {self.name}", step_s=self.step_s)
-        self._require_different(
-            "quantities", [*self.states, *self.inputs, *self.condition_units, *self._unknowns]
-        )
-        self._require_different("signals (inputs, channels, ports)", [*self._signal_names])
-        known = {**self.states, **self._signal_units, **{one.name: one.unit for one in self.parameters}}
+        unknowns = [*(one.name for one in self.parameters), *(one.name for one in self.run_parameters)]
+        self._require_different("quantities", [*self.states, *self.inputs, *self.condition_units, *unknowns])
+        signals = [*self.inputs, *(one.name for one in self.channels), *(one.name for one in self.ports)]
+        self._require_different("signals (inputs, channels, ports)", signals)
+        known = self._units
         for effect in self.port_effects:
             for name in (effect.port, *effect.states, *effect.elsewhere):
                 if name not in known:
@@ -138,14 +138,6 @@ class Equations:
         if twice:
             raise ConfigError(f"model {self.name}: two {what} are called '{twice[0]}': give one another name")
 
-    @property
-    def _unknowns(self) -> list[str]:
-        return [*(one.name for one in self.parameters), *(one.name for one in self.run_parameters)]
-
-    @property
-    def _signal_names(self) -> list[str]:
-        return [*self.inputs, *(one.name for one in self.channels), *(one.name for one in self.ports)]
-
     def require_port(self, name: str) -> None:
         """Check that the equations name a declared port.
 
@@ -159,9 +151,14 @@ class Equations:
             )
 
     @property
-    def _signal_units(self) -> dict[str, str]:
-        units = {**self.inputs, **{one.name: one.unit for one in self.channels}}
-        return {**units, **{one.name: one.unit for one in self.ports}}
+    def signal_units(self) -> dict[str, str]:
+        """Units of the states, inputs, channels and ports."""
+        channels = {one.name: one.unit for one in self.channels}
+        return {**self.states, **self.inputs, **channels, **{one.name: one.unit for one in self.ports}}
+
+    @property
+    def _units(self) -> dict[str, str]:
+        return {**self.signal_units, **{one.name: one.unit for one in self.parameters}}
 
     @property
     def input_units(self) -> Mapping[str, str]:
@@ -171,7 +168,7 @@ class Equations:
     @cached_property
     def effects(self) -> tuple[EffectCard, ...]:
         """The cards of its effects."""
-        units = {**self.states, **{one.name: one.unit for one in self.parameters}, **self._signal_units}
+        units = self._units
         return tuple(
             self._within_bounds(effect.build(units))
             if effect.action is Action.RELEASE

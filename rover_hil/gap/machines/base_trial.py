@@ -1,7 +1,7 @@
 """Base parameters of a machine, and what explains its runs where one of them is nominal."""
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -133,11 +133,8 @@ def _size_text(found: MachineFit, key: ParameterKey, unit: str = "") -> str:
 
 
 def _held_machine(machine: StateModel, name: str) -> StateModel:
-    parts = {one.name: getattr(machine, one.name) for one in fields(machine)}
-    parts["parameters"] = tuple(
-        replace(item, prior_sd=0.0) if item.name == name else item for item in machine.parameters
-    )
-    return type(machine)(**parts)
+    known = (replace(item, prior_sd=0.0) if item.name == name else item for item in machine.parameters)
+    return replace(machine, parameters=tuple(known))
 
 
 def _is_as_good(machine: Machine, rival: MachineFit, found: MachineFit, before: MachineFit) -> bool:

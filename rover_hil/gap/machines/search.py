@@ -14,7 +14,7 @@ from rover_hil.gap.machines.first_order.card_changes import card_changes
 from rover_hil.gap.machines.fits.machine_fit import MachineFits, Shapes
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.statistics.score import Score, cosine, linear_gain, one_sided_z, score_all
-from sim_backends.models.interface import EffectCard, Parameter
+from sim_backends.models.interface import EffectCard
 from sim_backends.models.parameter_key import ParameterKey
 
 
@@ -271,10 +271,7 @@ def _at_bound(found: MachineFit, card: EffectCard) -> str:
     for item in found.evidence.determined(card):
         value = found.fit.point[ParameterKey(effect=card.name, name=item.name)]
         bounds = [one for one in (item.lower, item.upper) if math.isfinite(one) and one != item.nominal]
-        if any(abs(value - one) <= MACHINES.search.at_limit * _range(item, one) for one in bounds):
+        sizes = {one: max(abs(one - item.nominal), abs(one), 1e-300) for one in bounds}
+        if any(abs(value - one) <= MACHINES.search.at_limit * size for one, size in sizes.items()):
             return f"its {item.name} is at its limit of {value:.4g} {item.unit}"
     return ""
-
-
-def _range(item: Parameter, bound: float) -> float:
-    return max(abs(bound - item.nominal), abs(bound), 1e-300)

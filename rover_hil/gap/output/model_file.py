@@ -224,18 +224,8 @@ def _number(item: Parameter, key: ParameterKey, sizes: Mapping[ParameterKey, Siz
 def model_file_text(file: ModelFile) -> str:
     """Return the TOML text of a model file."""
     lines = [f'schema = "{SCHEMA}"', f"base = {json.dumps(file.base)}", "", "[provenance]"]
-    source = file.provenance
-    lines += [
-        f"{name} = {json.dumps(value)}"
-        for name, value in (
-            ("date", source.date),
-            ("verdict", source.verdict),
-            ("data_sha256", source.data_sha256),
-            ("plan_sha256", source.plan_sha256),
-            ("seed", source.seed),
-            ("alternatives", [list(names) for names in source.alternatives]),
-        )
-    ]
+    source = file.provenance.model_dump(mode="json")
+    lines += [f"{name} = {json.dumps(value)}" for name, value in source.items()]
     for name, number in file.parameters.items():
         lines += ["", f"[parameters.{_toml_key(name)}]", *_number_lines(number)]
     for effect, numbers in file.effects.items():

@@ -79,7 +79,10 @@ def estimate_scatter(groups: Sequence[Group], channels: Sequence[Channel], gradi
     covariance = np.zeros((len(groups), len(channels), len(channels)))
     if learned.any():
         chosen = np.flatnonzero(learned)
-        part = _fit(_select(evidence, chosen), gradient[:, chosen], floors[chosen])
+        of_chosen = replace(
+            evidence, deviations=evidence.deviations[:, chosen], means=evidence.means[:, chosen]
+        )
+        part = _fit(of_chosen, gradient[:, chosen], floors[chosen])
         covariance[np.ix_(np.arange(len(groups)), chosen, chosen)] = part
     for index in np.flatnonzero(~learned):
         covariance[:, index, index] = known[index] ** 2
@@ -149,10 +152,6 @@ def _nan_mean(rows: Array) -> Array:
     total = np.where(present, rows, 0.0).sum(axis=0)
     mean: Array = total / np.maximum(present.sum(axis=0), 1)
     return mean
-
-
-def _select(evidence: _Evidence, channels: Indices) -> _Evidence:
-    return replace(evidence, deviations=evidence.deviations[:, channels], means=evidence.means[:, channels])
 
 
 def _fit(evidence: _Evidence, gradient: Array, floors: Array) -> Array:

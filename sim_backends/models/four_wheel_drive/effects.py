@@ -7,15 +7,9 @@ from sim_backends.models.drive_effects import MOST_SLIP
 from sim_backends.models.interface import Array, Values
 
 
-def hard_iron_deg(values: Values, heading_rad: Array) -> Array:
-    """Return the error of the compass by `hard_iron`."""
-    error: Array = values["size"] * np.cos(heading_rad - np.radians(values["phase"]))
-    return error
-
-
-def soft_iron_deg(values: Values, heading_rad: Array) -> Array:
-    """Return the error of the compass by `soft_iron`."""
-    error: Array = values["size"] * np.cos(2.0 * (heading_rad - np.radians(values["phase"])))
+def iron_deg(values: Values, heading_rad: Array, waves: float) -> Array:
+    """Return the error of the compass by `hard_iron`, one wave per turn, or by `soft_iron`, two."""
+    error: Array = values["size"] * np.cos(waves * (heading_rad - np.radians(values["phase"])))
     return error
 
 

@@ -12,13 +12,7 @@ from scipy.ndimage import uniform_filter1d
 
 from sim_backends.models.delay import later
 from sim_backends.models.drive_effects import true_wheel_speed
-from sim_backends.models.four_wheel_drive.effects import (
-    drift_angle,
-    hard_iron_deg,
-    lagging_heading,
-    slip_on_soil,
-    soft_iron_deg,
-)
+from sim_backends.models.four_wheel_drive.effects import drift_angle, iron_deg, lagging_heading, slip_on_soil
 from sim_backends.models.interface import Array, Channel, EffectCard, Run, Values
 from sim_backends.models.nominal_values import NominalValues
 from sim_backends.models.tables import read_tables
@@ -106,8 +100,8 @@ def _sensors(run: Run, base: Values, active: Mapping[str, Values]) -> dict[str, 
     steady_turn = uniform_filter1d(turn, TURN_WINDOWS, mode="nearest")
     error = np.degrees(shown - heading) + base["compass_offset_deg"] + active["compass_offset"]["angle"]
     error = error - base["compass_age_s"] * steady_turn
-    error = error + hard_iron_deg(active["hard_iron"], shown)
-    error = error + soft_iron_deg(active["soft_iron"], shown)
+    error = error + iron_deg(active["hard_iron"], shown, 1.0)
+    error = error + iron_deg(active["soft_iron"], shown, 2.0)
     bias = base["gyro_bias_deg_s"] + active["gyro_bias"]["rate"]
     return {
         "gyro_deg_s": turn + active["gyro_scale"]["error"] * steady_turn + bias,

@@ -2,7 +2,6 @@
 
 import math
 import sys
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -117,7 +116,7 @@ class SlopeStates:
 
     def _solve(self, build: Build, site: Site) -> State:
         if self._kernel is None:
-            self._kernel = _compiled(_announce)
+            self._kernel = _compiled()
         rover, soil = self._changed(build, site)
         conditions = Conditions(
             math.radians(site.slope_deg), math.radians(site.roll_deg), math.radians(build.heading_deg)
@@ -236,7 +235,7 @@ def _announce(line: str) -> None:
     sys.stderr.write(f"{line}\n")
 
 
-def _compiled(announce: Callable[[str], None]) -> Kernel:
+def _compiled() -> Kernel:
     from sim_backends.terramechanics.soil.compiled import load_compiled
 
-    return load_compiled(announce)
+    return load_compiled(_announce)

@@ -6,34 +6,19 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from sim_backends.models.interface import Array, EffectCard, Parameter
+from sim_backends.models.interface import Array, EffectCard, Parameter, parameter
 
 
 def strength(
     name: str, unit: str, size: float, *, is_signed: bool = False, upper: float = math.inf, meaning: str = ""
 ) -> Parameter:
     """Return a strength that is 0 without effect; positive unless `is_signed`."""
-    return Parameter(
-        name=name,
-        unit=unit,
-        nominal=0.0,
-        prior_sd=size,
-        lower=-upper if is_signed else 0.0,
-        upper=upper,
-        meaning=meaning,
-    )
+    return parameter(name, unit, 0.0, size, -upper if is_signed else 0.0, upper, meaning)
 
 
-def shape(name: str, unit: str, value: float, *, factor: float = 10.0) -> Parameter:
-    """Return a positive shape parameter, known to a factor."""
-    return Parameter(
-        name=name, unit=unit, nominal=value, prior_sd=value, lower=value / factor, upper=value * factor
-    )
-
-
-def bounded(name: str, unit: str, value: float, sd: float, lower: float, upper: float) -> Parameter:
-    """Return a shape parameter between bounds."""
-    return Parameter(name=name, unit=unit, nominal=value, prior_sd=sd, lower=lower, upper=upper)
+def shape(name: str, unit: str, value: float) -> Parameter:
+    """Return a positive shape parameter, known to a factor of ten."""
+    return parameter(name, unit, value, value, value / 10.0, value * 10.0)
 
 
 def card(

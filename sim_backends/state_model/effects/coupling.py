@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from sim_backends.models.interface import Array
+from sim_backends.models.interface import Array, parameter
 from sim_backends.models.ranges import require_positive
-from sim_backends.state_model.effects.cards import bounded, card, state, strength
+from sim_backends.state_model.effects.cards import card, state, strength
 from sim_backends.state_model.port_effect import PortEffect
 
 EDGE = 0.05
@@ -77,7 +77,7 @@ def two_body_backlash(
                 strength(
                     "play", units[load] if units[load] in ("rad", "m") else f"{units[load]} x {ratio:g}", size
                 ),
-                bounded("load_share", "1", 0.45, 0.15, 0.1, 0.9),
+                parameter("load_share", "1", 0.45, 0.15, 0.1, 0.9),
             ),
             ("shows only after the force reverses", f"{load} and the driven body move apart"),
             "reverse the force, with a sensor on both sides",

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from sim_backends.models.interface import Array, Parameter
+from sim_backends.models.interface import Array, Parameter, parameter
 from sim_backends.models.ranges import require_positive
-from sim_backends.state_model.effects.cards import bounded, card, per, shape, smooth_sign, state, strength
+from sim_backends.state_model.effects.cards import card, per, shape, smooth_sign, state, strength
 from sim_backends.state_model.port_effect import PortEffect
 
 SPEED_GRID = (0.3, 1.0, 3.0)
@@ -259,7 +259,7 @@ def cogging(port: str, *, position: str, period: float, size: float, name: str =
             port,
             lambda units: (
                 strength("amplitude", units[port], size),
-                bounded("phase", "rad", 0.0, 1.0, -2.0 * math.pi, 4.0 * math.pi),
+                parameter("phase", "rad", 0.0, 1.0, -2.0 * math.pi, 4.0 * math.pi),
             ),
             (f"repeats every {period:g} of {position}", "independent of speed"),
             "turn slowly over several periods",
@@ -301,7 +301,7 @@ def end_stop(
             port,
             lambda units: (
                 strength("stiffness", per(units[port], units[position]), size),
-                bounded("place", units[position], places[0], margin, lowest - margin, highest + margin),
+                parameter("place", units[position], places[0], margin, lowest - margin, highest + margin),
             ),
             ("acts only beyond the place",),
             "move slowly into the stop",

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from sim_backends.models.interface import Array, EffectCard
+from sim_backends.models.interface import Array, EffectCard, parameter
 from sim_backends.models.ranges import require_not_negative, require_positive
-from sim_backends.state_model.effects.cards import bounded, card, state, strength
+from sim_backends.state_model.effects.cards import card, state, strength
 from sim_backends.state_model.port_effect import Action, Change, PortEffect
 
 MOST_SHARE = 2.0
@@ -188,7 +188,7 @@ def _limit_card(
         port,
         lambda units: (
             strength("share", "1", 1.0, upper=MOST_SHARE, meaning=SHARE),
-            bounded(
+            parameter(
                 "limit",
                 units[limited],
                 sorted(limits)[len(limits) // 2],

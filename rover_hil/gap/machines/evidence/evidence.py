@@ -166,12 +166,7 @@ class Evidence:
 
 
 class LearnedEvidence(Evidence):
-    """The same; the noise is learned from the runs, so that a small rest proves nothing.
-
-    Args:
-        slow: Channels whose errors are so slow that they may be errors of the model.
-        widening: Greatest factor by which correlated errors widen a standard error by independent samples.
-    """
+    """The same; the noise is learned from the runs, so that a small rest proves nothing."""
 
     is_learned = True
 
@@ -222,11 +217,7 @@ class LearnedEvidence(Evidence):
 
 
 class RowEvidence(Evidence):
-    """The likelihood of all values, of runs that have few; their noise is known by replicates.
-
-    Args:
-        freedom: Degrees of freedom behind the size of the errors.
-    """
+    """The likelihood of all values, of runs that have few; their noise is known by replicates."""
 
     has_budget = False
 

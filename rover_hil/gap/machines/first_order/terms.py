@@ -72,11 +72,10 @@ def series_terms(
                 unit=one.unit,
                 values=_by_cell(observations, x, _rate),
             ),
-            Term(text=f"sum of {one.text}", unit=one.unit, values=_by_cell(observations, x, _sum)),
+            Term(text=f"sum of {one.text}", unit=one.unit, values=_by_cell(observations, x, np.cumsum)),
         ]
-    terms.append(
-        Term(text="sample", unit=ONE, values=_by_cell(observations, np.ones(observations.values.size), _sum))
-    )
+    samples = _by_cell(observations, np.ones(observations.values.size), np.cumsum)
+    terms.append(Term(text="sample", unit=ONE, values=samples))
     return [
         term
         for term in terms
@@ -180,11 +179,6 @@ def _by_cell(observations: Observations, values: Array, act: Callable[[Array], A
     for cell in cells(observations):
         changed[cell] = act(values[cell])
     return changed
-
-
-def _sum(values: Array) -> Array:
-    total: Array = np.cumsum(values)
-    return total
 
 
 def _rate(values: Array) -> Array:

@@ -192,7 +192,9 @@ def start_of_runs(problem: Problem, shared: Point | None = None) -> Point:
     draws = stats.qmc.Sobol(len(names), seed=0).random(MACHINES.fit.start_draws)
     pulls = stats.norm.ppf(0.01 + 0.98 * draws)
     pulls[0] = 0.0
-    points = [{**(shared or {}), **_drawn(free, dict(zip(names, pull, strict=True)))} for pull in pulls]
+    # The same draw of the unknowns, by name in prior deviations, in every run.
+    drawn = [dict(zip(names, pull, strict=True)) for pull in pulls]
+    points = [{**(shared or {}), **{item.key: item.at(one[item.key.name]) for item in free}} for one in drawn]
     problem.prepare_points(points)
     declared = declared_noise(problem.observations).channel_sd[problem.observations.channel]
     weight = _beginning(problem) / declared**2
@@ -202,12 +204,6 @@ def start_of_runs(problem: Problem, shared: Point | None = None) -> Point:
         chosen = points[int(np.argmin(costs[:, run]))]
         best.update({key: value for key, value in chosen.items() if key.run == site.name})
     return best
-
-
-def _drawn(free: Sequence[Free], pulls: Mapping[str, float]) -> Point:
-    """Return the same draw of the unknowns, by name in prior deviations, in every run."""
-    by_item = [(item, pulls[item.key.name]) for item in free]
-    return {item.key: item.at(pull) for item, pull in by_item}
 
 
 def _costs(problem: Problem, point: Point, weight: Array) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.datasets.arrays import rms
-from rover_hil.gap.data.problem import Point, Problem, split_point
+from rover_hil.gap.data.problem import Problem, split_point
 from rover_hil.gap.machines.evidence.evidence import MachineFit
 from rover_hil.gap.machines.fits.machine_fit import MachineFits
 from rover_hil.gap.machines.parameters import MACHINES
@@ -145,7 +145,8 @@ def search_terms(
     search = MachineSearch(fits, lambda _: None)
     ranked = ranked_scores(search.scores(at))[: MACHINES.terms.most_fitted]
     chosen: list[Score] = [score for score in ranked if score.direction.name in names]
-    starts = [_with_strength(at.fit.point, wider, one) for one in chosen]
+    # The strength that each has to first order.
+    starts = [{**at.fit.point, cards[one.direction.name].strength_key: one.strength} for one in chosen]
     fitted = fits.fit_all(
         [((*at.names, one.direction.name), {}, start) for one, start in zip(chosen, starts, strict=True)],
         is_near=True,
@@ -167,21 +168,10 @@ def search_terms(
     return sorted(found, key=lambda item: item.fit.merit)
 
 
-def _with_strength(point: Point, machine: StateModel, score: Score) -> Point:
-    """Return a point with the strength that a term has to first order."""
-    card = next(one for one in machine.effects if one.name == score.direction.name)
-    return {**point, card.strength_key: score.strength}
-
-
 def strength_of(machine: StateModel, candidate: FreeTerm) -> tuple[str, Parameter]:
     """Return the equation of a candidate and its coefficient."""
-    card = candidate.effect.build(_units(machine))
+    card = candidate.effect.build(machine.signal_units)
     return card.name, card.parameters[0]
-
-
-def _units(machine: StateModel) -> dict[str, str]:
-    units = {**machine.states, **machine.inputs, **{one.name: one.unit for one in machine.channels}}
-    return {**units, **{one.name: one.unit for one in machine.ports}}
 
 
 def _moves(values: Array) -> bool:

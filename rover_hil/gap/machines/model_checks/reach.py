@@ -108,6 +108,5 @@ def threshold_reaches(model: StateModel, ranges: Mapping[str, tuple[float, float
 
 def _signal(model: StateModel, effect: PortEffect, unit: str) -> str:
     """Return the name of the signal in this unit that an effect compares with a threshold; empty for none."""
-    units = {**model.states, **model.inputs, **{one.name: one.unit for one in model.channels}}
-    units |= {one.name: one.unit for one in model.ports}
+    units = model.signal_units
     return next((name for name in (*effect.states, effect.port) if units.get(name) == unit), "")

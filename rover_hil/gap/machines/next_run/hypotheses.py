@@ -74,7 +74,10 @@ def hypotheses_of(findings: MachineFindings, answer: Answer) -> tuple[list[Hypot
         for index in np.argsort(-shares, kind="stable")
         if shares[index] >= MACHINES.hypotheses.least_weight
     ][: MACHINES.hypotheses.most]
-    basis = _basis(findings)
+    tracked = findings.tracked
+    basis = (
+        measured_basis(findings.problem, findings.best.fit.point) if tracked is None else tracked.noise.basis
+    )
     unknown = _else_weight(answer)
     total = float(shares[kept].sum())
     found = [
@@ -160,12 +163,6 @@ def odds_of(one: MachineFit, best: MachineFit) -> float:
     spread = float(np.std(differences, ddof=1)) / math.sqrt(runs)
     better = float(stats.t.sf(float(differences.mean()) / max(spread, LEAST_SPREAD), runs - 1))
     return min(better / max(1.0 - better, 1e-9), 1.0)
-
-
-def _basis(findings: MachineFindings) -> ForceBasis | None:
-    if findings.tracked is not None:
-        return findings.tracked.noise.basis
-    return measured_basis(findings.problem, findings.best.fit.point)
 
 
 def _hypothesis(

@@ -126,7 +126,7 @@ def propose_run(
     runs = [shortened[one] for one in chosen]
     laws = _laws(unlisted_of(findings, basis, rng), runs, basis)
     options = _judged(Planning(hypotheses, runs, basis), laws, effort, rng)
-    best, *others = sorted(options, key=_rank, reverse=True)
+    best, *others = sorted(options, key=lambda one: (one.outcome.right, one.separation.votes), reverse=True)
     repeated = [one for one in others if one.planned.is_repeat][:1]
     more = others[:1] if not others or others[0] in repeated else [*others[:1], *repeated]
     times, after = _times(best, hypotheses, rng)
@@ -137,10 +137,6 @@ def propose_run(
         times=times,
         after_times=after,
     )
-
-
-def _rank(option: NextRun) -> tuple[float, float]:
-    return option.outcome.right, option.separation.votes
 
 
 def _most_different(planning: Planning, allowed: Allowed, effort: Effort) -> list[PlannedRun]:

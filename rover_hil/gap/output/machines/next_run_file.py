@@ -43,18 +43,13 @@ def next_run_text(proposal: Proposal) -> str:
 
 def predicted(proposal: Proposal, index: int, channel: Channel) -> tuple[Array, Array]:
     """Return what an explanation predicts of a channel in the best run, and half of its 95 % band."""
-    run = proposal.options[0]
-    sizes = {
-        one.name: run.planned.run.measured.get(one.name) for one in proposal.hypotheses[0].machine.channels
-    }
-    first = 0
-    for name, values in sizes.items():
-        if values is None:
-            continue
-        if name == channel.name:
-            here = slice(first, first + values.size)
-            one = run.predictions[index]
-            return one.mean_rows[here], NORMAL_95 * one.sd_rows[here]
-        first += values.size
-    nothing = np.full(run.planned.times_s.size, np.nan)
-    return nothing, nothing
+    best = proposal.options[0]
+    measured = best.planned.run.measured
+    names = [one.name for one in proposal.hypotheses[0].machine.channels if one.name in measured]
+    if channel.name not in names:
+        nothing = np.full(best.planned.times_s.size, np.nan)
+        return nothing, nothing
+    first = sum(measured[name].size for name in names[: names.index(channel.name)])
+    here = slice(first, first + measured[channel.name].size)
+    one = best.predictions[index]
+    return one.mean_rows[here], NORMAL_95 * one.sd_rows[here]
