@@ -6,10 +6,6 @@ from drivers.errors import ConfigError
 def require_positive(owner: str, **numbers: float) -> None:
     """Check that numbers are above 0.
 
-    Args:
-        owner: Kind and name of what declares them, for the message.
-        numbers: Key to number.
-
     Raises:
         ConfigError: One is 0, negative, or no number.
     """
@@ -27,12 +23,6 @@ def require_not_negative(owner: str, **numbers: float) -> None:
 
 def require_bounds(owner: str, lower: float, nominal: float, upper: float) -> None:
     """Check that two bounds are in order and enclose a nominal value.
-
-    Args:
-        owner: Kind and name of what declares them, for the message.
-        lower: Least value.
-        nominal: Nominal value.
-        upper: Greatest value.
 
     Raises:
         ConfigError: They do not, or one is no number.

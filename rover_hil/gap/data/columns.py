@@ -1,6 +1,6 @@
-"""Measured series as named columns of tables and logs."""
+"""Measured series as named columns of tables and logs, and who reads them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol, TypeAlias, runtime_checkable
@@ -48,6 +48,21 @@ class LogModel(Protocol):
             ConfigError: It lacks columns of the model.
         """
         ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reader:
+    """How measured runs of a model are read.
+
+    Attributes:
+        read: Returns the runs in a file or folder.
+        runs_of_log: Returns the runs in a log; None where the model cannot be compared with logs.
+        cut: Cuts a long run into several; None where a run cannot begin in the middle of a drive.
+    """
+
+    read: Callable[[Path], list[Run]]
+    runs_of_log: Callable[[DriveLog], list[Run]] | None = None
+    cut: Callable[[Run], list[Run]] | None = None
 
 
 def table_files(path: Path) -> list[Path]:

@@ -17,10 +17,9 @@ import numpy as np
 from drivers.errors import ConfigError, RoverHilError
 from drivers.files import is_file, resolved
 from rover_hil.gap.data import readers
-from rover_hil.gap.data.columns import LogModel
+from rover_hil.gap.data.columns import LogModel, Reader
 from rover_hil.gap.data.logs import find_logs, read_logs
 from rover_hil.gap.data.parameters import DATA
-from rover_hil.gap.data.reader import Reader
 from rover_hil.gap.data.table import read_table
 from sim_backends import models
 from sim_backends.fmu.read import read_unit_model

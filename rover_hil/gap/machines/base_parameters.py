@@ -110,7 +110,8 @@ def _answer(
         known = {one.name for one in verdict.base_parameters} | {one["name"] for one in verdict.rejected}
         # A law outside the model keeps the gap without a name.
         is_told = is_agreement or bool(named) or all(known.issuperset(names) for names in rivals)
-        if 0 < len(rivals) < MACHINES.verdict.most_members and is_told and not (is_agreement and len(open_) > 1):
+        is_few = 0 < len(rivals) < MACHINES.verdict.most_members
+        if is_few and is_told and not (is_agreement and len(open_) > 1):
             shared = [one.name for one in open_ if one.equals]
             answer = Answer.NAMED_SET if is_agreement else Answer.PARTLY_NAMED
             return answer, [[*own, *shared], *([*own, *names] for names in rivals)]

@@ -57,13 +57,7 @@ def machine_trial(
 ) -> Trial:
     """Return what the runs say of a base parameter, compared with its nominal value.
 
-    Args:
-        findings: On the machine.
-        problem: That the fit solves, without the priors that it contradicts.
-        found: The fit that is reported: the base or the named explanation.
-        locked: Runs for the validation.
-        seed: Of the intervals.
-        name: The base parameter.
+    The problem is that which the fit solves, without the priors that it contradicts.
     """
     machine = findings.machine
     held = Problem(machine, problem.observations, (name,), problem.released)

@@ -103,10 +103,7 @@ class RandomForceNoise:
 def random_force_noise(observations: Observations, residual: Array, basis: ForceBasis) -> RandomForceNoise:
     """Return the errors of a machine's runs, with the likeliest size of the force at each port.
 
-    Args:
-        observations: The observations; every channel has a declared noise.
-        residual: Measured minus predicted; NaN where missing.
-        basis: Responses of the rows with a value.
+    Every channel has a declared noise; the residual is NaN where a value is missing.
     """
     keep = np.flatnonzero(np.isfinite(residual)).astype(np.intp)
     scale = 1.0 / np.array([one.noise_sd for one in observations.channels])[observations.channel[keep]]
@@ -141,13 +138,8 @@ def force_basis(
 ) -> ForceBasis:
     """Return the responses of kept rows to forces that are linear between knots.
 
-    Args:
-        problem: Model and observations.
-        machine: The same model.
-        point: Where to linearise.
-        keep: Rows with a measured value.
-        scale: One over the deviation of the sensor, of each kept row.
-        spacing: Distance of knots in samples; by default by the longest run.
+    `keep` are the rows with a measured value, `scale` is one over the deviation of the sensor of each. The
+    spacing of knots, in samples, is by default that of the longest run.
     """
     samples = max(site.count for site in problem.sites)
     if spacing is None:

@@ -18,6 +18,7 @@ from drivers.errors import ConfigError
 from rover_hil.gap.data.columns import (
     Columns,
     DriveLog,
+    Reader,
     check_times,
     missing_values,
     need,
@@ -26,7 +27,6 @@ from rover_hil.gap.data.columns import (
     whole_rows,
 )
 from rover_hil.gap.data.parameters import DATA
-from rover_hil.gap.data.reader import Reader
 from rover_hil.gap.data.windows import Windows, body_rates, stretches, windows_between
 from sim_backends.models.four_wheel_drive.model import WHEELS
 from sim_backends.models.interface import Array, Run

@@ -32,6 +32,7 @@ from rover_hil.datasets.robotino_csv import (
 from rover_hil.gap.data.columns import (
     Columns,
     DriveLog,
+    Reader,
     check_times,
     missing_values,
     need,
@@ -41,7 +42,6 @@ from rover_hil.gap.data.columns import (
     whole_rows,
 )
 from rover_hil.gap.data.parameters import DATA
-from rover_hil.gap.data.reader import Reader
 from rover_hil.gap.data.windows import Windows, body_rates, stretches, windows_between, windows_over
 from sim_backends.models.interface import Array, Run
 from sim_backends.models.robotino_drive.model import RADIUS_M, TO_BODY, WHEELS

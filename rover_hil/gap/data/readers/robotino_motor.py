@@ -13,6 +13,7 @@ from drivers.errors import ConfigError
 from rover_hil.gap.data.columns import (
     Columns,
     DriveLog,
+    Reader,
     check_times,
     need,
     read_columns,
@@ -20,7 +21,6 @@ from rover_hil.gap.data.columns import (
     table_files,
     whole_rows,
 )
-from rover_hil.gap.data.reader import Reader
 from sim_backends.models.interface import Array, Run
 from sim_backends.models.robotino_motor.model import CURRENT_STEP_A, SPEED_STEP_RAD_S
 

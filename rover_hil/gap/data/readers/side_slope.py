@@ -12,8 +12,8 @@ import numpy as np
 
 from drivers.errors import ConfigError
 from rover_hil.datasets.csv_table import CsvTable, read_csv
+from rover_hil.gap.data.columns import Reader
 from rover_hil.gap.data.parameters import DATA
-from rover_hil.gap.data.reader import Reader
 from sim_backends.models.interface import Array, Run
 from sim_backends.models.side_slope.model import BEND, START_SHARE
 

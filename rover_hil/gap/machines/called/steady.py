@@ -23,12 +23,7 @@ from sim_backends.models.interface import Array, Channel, Model, Run, Values
 class SteadyMachine(CalledMachine):
     """A model of steady experiments as a machine whose runs have one sample.
 
-    Args:
-        model: The model.
-        runs: Its measured runs.
-        channels: Its channels, each with its typical error as noise.
-        freedom: Degrees of freedom behind the size of the errors.
-        typical: Covariance of the channels of one usual run.
+    The channels have their typical error as noise; `typical` is the covariance of those of one usual run.
     """
 
     def __init__(

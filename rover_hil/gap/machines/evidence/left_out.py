@@ -52,11 +52,7 @@ def leave_one_run_out(found: Fit, noise: SensorNoise, declared_sd: Array, owner:
 
     Where units under test differ, all runs of one unit are left out together.
 
-    Args:
-        found: With derivatives at the fitted point.
-        noise: The errors that it assumed.
-        declared_sd: Declared noise by channel.
-        owner: Number of the run, or of the unit under test, of each row with a value.
+    `owner` is the number of the run, or of the unit under test, of each row with a value.
     """
     shared = shared_parameters(found)
     runs, parts = zip(*parts_of_runs(found, owner), strict=True)

@@ -53,11 +53,7 @@ def error_budget(
 ) -> tuple[ChannelError, ...]:
     """Return the budget of every channel.
 
-    Args:
-        observations: The observations; every channel declares its noise.
-        residual: Measured minus simulated; NaN where missing.
-        parameters: Number of fitted parameters.
-        run_scatter: By channel, in its unit; None where it is not known.
+    The residual is NaN where a value is missing; `run_scatter` is by channel, in its unit.
     """
     count = int(np.isfinite(residual).sum())
     factor = count / max(count - parameters, 1)

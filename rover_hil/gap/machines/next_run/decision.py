@@ -196,12 +196,7 @@ def simulate_repeats(
 ) -> Outcome:
     """Return the probabilities after making a run several times, all linearised.
 
-    Args:
-        hypotheses: The explanations.
-        predictions: Of the run, by explanation.
-        times: How often it is made.
-        laws: Laws that nobody listed: how many decisions to simulate with each, and its prediction.
-        rng: For the draws.
+    `laws` that nobody listed come with the number of decisions to simulate with each.
     """
     tables = []
     for hypothesis, truth in zip(hypotheses, predictions, strict=True):
