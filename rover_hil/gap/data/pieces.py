@@ -21,8 +21,8 @@ from sim_backends.state_model.sample_times import mean_step_s
 def stable_pieces(machine: Machine, runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
     """Return runs in which an error at the start does not grow exponentially, and what was found.
 
-    Runs of a machine whose start is not fitted stay whole. The growth is that of the nominal parameters, around
-    the start that the machine has.
+    Runs of a machine whose start is not fitted stay whole. The growth is that of the nominal parameters,
+    around the start that the machine has.
     """
     if not isinstance(machine, StateModel) or not machine.states:
         return list(runs), []

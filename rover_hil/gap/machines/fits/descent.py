@@ -69,15 +69,8 @@ def descend(
 ) -> Descent:
     """Fit parameters; the generator yields the points where it needs predictions.
 
-    Each round the errors are taken as large as the residual of each channel, at least as declared.
-
-    Args:
-        problem: Model and observations.
-        free: Parameters to fit.
-        start: Their starting values.
-        fixed: Other parameters.
-        known: Derivatives by some of the parameters near the start, per unit: they are used until no step
-            with them gains.
+    Each round the errors are taken as large as the residual of each channel, at least as declared. Known are
+    derivatives by some parameters near the start, per unit: they are used until no step with them gains.
 
     Returns:
         The fit, with derivatives at it, and the errors it assumed.

@@ -105,14 +105,8 @@ def find_source(
 ) -> ErrorSource | None:
     """Return the source that explains most of an error; None where fewer than two runs agree.
 
-    In ten ranges of a source, the mean error of the other runs predicts the error of each run.
-
-    Args:
-        error: What follows a source.
-        errors: Of each run; NaN where missing.
-        noise: Energy of the noise in each run.
-        sources: Of each run, by name, in the order of preference.
-        units: Of the sources.
+    In ten ranges of a source, the mean error of the other runs predicts the error of each run. Errors are NaN
+    where values are missing, noise is the energy in each run, sources come in the order of preference.
     """
     best: ErrorSource | None = None
     for name in units:
