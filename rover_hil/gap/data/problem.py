@@ -143,7 +143,7 @@ class Problem:
     Args:
         model: The simulator.
         observations: Measured values.
-        held: Base parameters that are not fitted but taken as nominal.
+        held: Base parameters that are not fitted, and their values.
         released: Base parameters whose prior is as wide as that of an effect.
     """
 
@@ -151,12 +151,12 @@ class Problem:
         self,
         model: Model,
         observations: Observations,
-        held: Sequence[str] = (),
+        held: Mapping[str, float] | None = None,
         released: Sequence[str] = (),
     ) -> None:
         self.model = model
         self.observations = observations
-        self.held = tuple(held)
+        self.held = dict(held or {})
         self.released = tuple(released)
         self.evaluations = 0
         self.sites = [group.site for group in observations.groups]

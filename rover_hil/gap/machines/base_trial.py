@@ -1,6 +1,7 @@
 """Base parameters of a machine, and what explains its runs where one of them is nominal."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -60,18 +61,19 @@ def machine_trial(
     The problem is that which the fit solves, without the priors that it contradicts.
     """
     machine = findings.machine
-    held = Problem(machine, problem.observations, (name,), problem.released)
+    nominal = {item.name: item.nominal for item in machine.parameters}
+    kept = {name: nominal[name]}
+    held = Problem(machine, problem.observations, kept, problem.released)
     cards = [card for card in machine.effects if card.releases != name]
     begin = {key: value for key, value in found.fit.point.items() if key != ParameterKey(name=name)}
     fits = MachineFits(held, cards)
     part = fits.best(found.names, {}, begin)
     # Neither the value nor what takes its place far from nominal: what both are compared with.
-    pushed, before = _pushed(findings, part, problem), part
-    nominal: tuple[str, ...] = (name,)
+    before, pushed = part, tuple(_pushed(findings, part, problem))
     while more := _pushed(findings, before, problem):
-        nominal += more
-        before = _with_nominal(before, problem, nominal)
-    is_as_good = partial(_is_as_good, machine, found=found, before=before)
+        kept |= more
+        before = _with_kept(before, problem, kept)
+    is_as_good: Callable[[MachineFit], bool] = partial(_is_as_good, machine, found=found, before=before)
     replaced, freed = released_fit(held, part)
     others = tuple(one for one in freed.released if one not in problem.released)
     if pushed and is_as_good(part):
@@ -93,24 +95,24 @@ def machine_trial(
             one.names: " and ".join(_effect_text(fits, one, effect) for effect in one.names) for one in good
         }
     if not equals and has_ports(machine):
-        equals += _terms(_held_machine(machine, name), held, found, part)
+        equals += _terms(_held_machine(machine, name), held, found, part, is_as_good)
     holdout = hold_out(machine, locked, before, found, np.random.default_rng(seed))
     return Trial(equals=tuple(equals), closure=holdout.closure, improved=holdout.improved, sizes=sizes)
 
 
-def _pushed(findings: MachineFindings, part: MachineFit, problem: Problem) -> tuple[str, ...]:
-    """Return the base parameters within whose priors a fit cannot stay."""
-    return tuple(
-        row.name
+def _pushed(findings: MachineFindings, part: MachineFit, problem: Problem) -> dict[str, float]:
+    """Return the base parameters within whose priors a fit cannot stay, at the end of their priors."""
+    return {
+        row.name: row.nominal + math.copysign(FAR_SD * row.prior_sd, row.pull)
         for row in far(machine_bases(findings, part))
         if row.name not in problem.released and not row.ci95[0] <= row.nominal <= row.ci95[1]
-    )
+    }
 
 
-def _with_nominal(part: MachineFit, problem: Problem, names: tuple[str, ...]) -> MachineFit:
-    """Return a fit with base parameters held at their nominal values."""
-    held = Problem(problem.model, problem.observations, names, problem.released)
-    begin = {key: value for key, value in part.fit.point.items() if key.name not in names}
+def _with_kept(part: MachineFit, problem: Problem, kept: Mapping[str, float]) -> MachineFit:
+    """Return a fit with base parameters held at given values."""
+    held = Problem(problem.model, problem.observations, kept, problem.released)
+    begin = {key: value for key, value in part.fit.point.items() if key.name not in kept}
     return MachineFits(held, problem.model.effects).best(part.names, {}, begin)
 
 
@@ -134,9 +136,9 @@ def _held_machine(machine: StateModel, name: str) -> StateModel:
 def _is_as_good(machine: Machine, rival: MachineFit, found: MachineFit, before: MachineFit) -> bool:
     """Return True where left-out runs do not prefer the fitted value to an explanation without it.
 
-    One with more causes explains less by each, however well it explains the runs.
+    One with more causes, which together are farther from what was known, is no rival.
     """
-    if _causes(machine, rival) > _causes(machine, found):
+    if all(one > own for one, own in zip(_causes(machine, rival), _causes(machine, found), strict=True)):
         return False
     if rival.is_within_noise and found.is_within_noise:
         return True
@@ -146,17 +148,24 @@ def _is_as_good(machine: Machine, rival: MachineFit, found: MachineFit, before: 
     return found.evidence.gains_alike(gain, most) and rival.is_equal(found)
 
 
-def _causes(machine: Machine, found: MachineFit) -> int:
-    """Return how many effects a fit has, and base parameters far from their nominal value."""
-    moved = [
-        abs(found.fit.point[key] - item.nominal) > FAR_SD * item.prior_sd
+def _causes(machine: Machine, found: MachineFit) -> tuple[int, float]:
+    """Return how many effects and base parameters far from nominal a fit has, and their squared pulls."""
+    pulls = [
+        (found.fit.point[key] - item.nominal) / item.prior_sd
         for item in machine.parameters
         if (key := ParameterKey(name=item.name)) in found.fit.point
     ]
-    return len(found.names) + sum(moved)
+    squares = [one**2 for one in pulls if abs(one) > FAR_SD] + [FAR_SD**2] * len(found.names)
+    return len(squares), sum(squares)
 
 
-def _terms(machine: StateModel, held: Problem, found: MachineFit, part: MachineFit) -> list[tuple[str, ...]]:
+def _terms(
+    machine: StateModel,
+    held: Problem,
+    found: MachineFit,
+    part: MachineFit,
+    is_as_good: Callable[[MachineFit], bool],
+) -> list[tuple[str, ...]]:
     """Return the free-form terms that replace the fitted value: another law, or one that explains more."""
     terms = free_terms(machine, held, part)
     return [
@@ -164,5 +173,5 @@ def _terms(machine: StateModel, held: Problem, found: MachineFit, part: MachineF
         for one in search_terms(machine, held, terms, part)
         if not one.objection
         and (likeness(one.fit, found, part) <= MACHINES.terms.same_law or not found.is_equal(one.fit))
-        and _is_as_good(machine, one.fit, found, part)
+        and is_as_good(one.fit)
     ]

@@ -127,10 +127,11 @@ class MachineFits:
         return found
 
     def fixed(self, names: Names) -> dict[ParameterKey, float]:
-        """Return the base parameters that effects release, at their nominal values."""
+        """Return the base parameters that are held, and those that effects release, at nominal values."""
         nominal = {item.name: item.nominal for item in self.problem.model.parameters}
         released = [self.cards[name].releases for name in names]
-        return {ParameterKey(name=one): nominal[one] for one in released if one is not None}
+        values = {one: nominal[one] for one in released if one is not None} | self.problem.held
+        return {ParameterKey(name=one): value for one, value in values.items()}
 
     def fit_all(
         self, options: Sequence[tuple[Names, Shapes, Point]], *, is_near: bool = False
