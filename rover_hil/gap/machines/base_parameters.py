@@ -111,15 +111,14 @@ def _answer(
         # A law outside the model keeps the gap without a name.
         is_told = is_agreement or bool(named) or all(known.issuperset(names) for names in rivals)
         is_few = 0 < len(rivals) < MACHINES.verdict.most_members
-        if is_few and is_told and not (is_agreement and len(open_) > 1):
+        is_whole = is_agreement and len(open_) == 1
+        if is_few and is_told and (is_whole or named or not is_agreement):
             shared = [one.name for one in open_ if one.equals]
-            answer = Answer.NAMED_SET if is_agreement else Answer.PARTLY_NAMED
+            answer = Answer.NAMED_SET if is_whole else Answer.PARTLY_NAMED
             return answer, [[*own, *shared], *([*own, *names] for names in rivals)]
-        if is_agreement:
-            return Answer.NOT_IDENTIFIABLE, []
         if not named:
-            return verdict.verdict, members
-    is_whole = is_agreement or (not open_ and _is_tolerable(verdict))
+            return (Answer.NOT_IDENTIFIABLE, []) if is_agreement else (verdict.verdict, members)
+    is_whole = not open_ and (is_agreement or _is_tolerable(verdict))
     return (Answer.NAMED if is_whole else Answer.PARTLY_NAMED), [own]
 
 

@@ -114,6 +114,20 @@ def test_what_replaces_a_value_stays_in_the_set_beside_a_proven_one() -> None:
     assert "equally: radius (0.21, 0.2095 to 0.2105), slip (share 0.04, 0.03 to 0.05)." in verdict.sentence
 
 
+def test_a_proven_value_is_named_beside_values_that_are_not_decided() -> None:
+    """The fitted values explain the runs together: what is proven of one does not wait for the others."""
+    rows = [replace(TRACK, name=name) for name in ("track", "radius", "mass")]
+    weak = replace(PROVEN, closure=0.3)
+    alike = replace(PROVEN, equals=(("slip",),))
+    trials = {"track": PROVEN, "radius": alike, "mass": weak}
+    verdict = with_base_parameters(AGREES, judged(rows, trials.__getitem__))
+    assert verdict.verdict is Answer.PARTLY_NAMED
+    assert verdict.confidence_set == [["track", "radius"], ["track", "slip"]]
+    verdict = with_base_parameters(AGREES, judged(rows, (trials | {"radius": weak}).__getitem__))
+    assert verdict.verdict is Answer.PARTLY_NAMED
+    assert verdict.confidence_set == [["track"]]
+
+
 def test_a_value_within_its_prior_changes_nothing() -> None:
     def never(_: str) -> Trial:
         raise AssertionError("no comparison is needed")
