@@ -238,6 +238,7 @@ def _extended(best: MachineFit, scores: Sequence[Score]) -> tuple[Names, Shapes,
 def score_effects(fits: MachineFits, at: MachineFit) -> list[Score]:
     """Return the first-order score of every effect that a fit is without, at each of its shapes."""
     others = [card for name, card in fits.cards.items() if name not in at.names]
+    at = at.decorrelated
     changes = card_changes(fits.problem, at.fit.point, others)
     whitened = [replace(one, change=at.noise.whiten(one.change)) for one in changes]
     return score_all(at.fit, at.noise, whitened, is_steady=not fits.evidence.is_learned)
@@ -267,10 +268,11 @@ def ranked_scores(scores: Sequence[Score]) -> list[Score]:
 
 
 def _at_bound(found: MachineFit, card: EffectCard) -> str:
-    """Return which parameter of an effect is at a bound that is not its null; empty for none."""
+    """Return which parameter is at a bound that is neither its null nor a usual shape; empty for none."""
     for item in found.evidence.determined(card):
         value = found.fit.point[ParameterKey(effect=card.name, name=item.name)]
-        bounds = [one for one in (item.lower, item.upper) if math.isfinite(one) and one != item.nominal]
+        known = (item.nominal, *card.shape_grid.get(item.name, ()))
+        bounds = [one for one in (item.lower, item.upper) if math.isfinite(one) and one not in known]
         sizes = {one: max(abs(one - item.nominal), abs(one), 1e-300) for one in bounds}
         if any(abs(value - one) <= MACHINES.search.at_limit * size for one, size in sizes.items()):
             return f"its {item.name} is at its limit of {value:.4g} {item.unit}"

@@ -246,11 +246,10 @@ def _unscored(score: Score | None) -> str:
 
 
 def _detectable(findings: MachineFindings) -> list[dict[str, str | float]]:
-    power_z = MACHINES.verdict.power_z * findings.base.evidence.widening
     return [
         {
             "name": one.direction.name,
-            "size": power_z * one.standard_error,
+            "size": MACHINES.verdict.power_z * one.standard_error,
             "unit": one.direction.unit,
         }
         for one in ranked_scores(findings.scores)

@@ -26,13 +26,18 @@ def clusters(noise: SensorNoise) -> Indices:
 def scatter_of_runs(by_runs: float, informed: Array) -> tuple[float, float]:
     """Return the ratio of the scatter over runs to that of samples, at least 1, and its degrees of freedom.
 
+    Runs estimate the part of the variance that comes from them; the rest, by priors, is known (Satterthwaite,
+    Biometrics Bulletin 2, 1946).
+
     Args:
-        by_runs: Standard error by the jackknife over that by samples.
-        informed: Information of each run on the parameter.
+        by_runs: Standard error by the jackknife over that by samples and priors.
+        informed: Part of the variance by samples and priors that comes from each run.
 
     Returns:
         The factor, and its degrees of freedom.
     """
+    share = min(max(float(informed.sum()), 1e-12), 1.0)
+    by_runs /= math.sqrt(share)
     active = float(informed.sum() ** 2 / max(float((informed**2).sum()), 1e-300))
     freedom = max(active - 1.0, 0.0)
     is_sure = (
@@ -41,8 +46,9 @@ def scatter_of_runs(by_runs: float, informed: Array) -> tuple[float, float]:
         > 2.0 * special.gammaincinv(freedom / 2.0, STATISTICS.jackknife.beyond_chance) / freedom
     )
     agreeing = STATISTICS.jackknife.scattering_runs if is_sure else STATISTICS.jackknife.agreeing_runs
-    together = (agreeing + freedom * by_runs**2) / (agreeing + freedom)
-    return math.sqrt(max(together, 1.0)), agreeing + freedom
+    estimated = share * max((agreeing + freedom * by_runs**2) / (agreeing + freedom), 1.0)
+    together = 1.0 - share + estimated
+    return math.sqrt(together), (agreeing + freedom) * (together / estimated) ** 2
 
 
 def as_normal(z: float, spread: float, freedom: float) -> float:

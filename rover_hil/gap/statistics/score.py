@@ -20,6 +20,7 @@ from rover_hil.gap.statistics.jackknife import as_normal, clusters, scatter_of_r
 from rover_hil.gap.statistics.parameters import STATISTICS
 from rover_hil.gap.statistics.sensor_noise import SensorNoise
 from sim_backends.models.interface import Array
+from sim_backends.models.parameter_key import ParameterKey
 
 MOST_DENSE = 4_000_000
 """Numbers of a matrix of all rows and all parameters that is made in full."""
@@ -118,7 +119,8 @@ def score_all(
         unit = residual / length
         by_samples = z = float(unit @ projection.residual)
         if blocks is not None:
-            z = math.copysign(min(abs(z), _clustered(unit, projection.residual, z, blocks)), z)
+            rows = blocks.size
+            z = over_stretches(z, unit[:rows], projection.residual[:rows] - z * unit[:rows], blocks)
         scores.append(
             Score(
                 direction=direction,
@@ -148,21 +150,39 @@ def of_terms(scores: Sequence[Score]) -> list[Score]:
     ]
 
 
-def _clustered(unit: Array, residual: Array, z: float, blocks: Indices) -> float:
-    """Return the size of z when only the scatter between blocks counts (jackknife, Student's t).
+def strength_z(fit: Fit, noise: SensorNoise, key: ParameterKey) -> float:
+    """Return how certain a strength is, as a standard normal; its shapes have no meaning without it."""
+    used = [i for i, item in enumerate(fit.free) if item.key == key or item.key.effect != key.effect]
+    index = [fit.free[i].key for i in used].index(key)
+    covariance = np.linalg.inv(fit.jacobian.gram()[np.ix_(used, used)] + np.eye(len(used)))
+    by_samples = math.sqrt(float(covariance[index, index]))
+    weight, step = np.zeros(len(fit.free)), np.zeros(len(fit.free))
+    weight[used] = covariance[index] / by_samples
+    # By these errors the fit may have an optimum nearby.
+    step[used] = covariance @ (fit.jacobian.along(fit.residual) - fit.pull)[used]
+    z = float(fit.pull[used[index]] + step[used[index]]) / by_samples
+    errors = fit.residual - fit.jacobian.times(step)
+    return over_stretches(z, fit.jacobian.times(weight), errors, clusters(noise))
 
-    It is taken around the fitted direction, so that a real effect does not count as scatter; the leverage of
-    each block is removed, as in the jackknife.
+
+def over_stretches(z: float, unit: Array, errors: Array, stretch: Indices) -> float:
+    """Return z when only the scatter between stretches of data counts (jackknife, Student's t).
+
+    Args:
+        z: By the noise of samples.
+        unit: Weight of each row in it; the priors have the rest, up to a sum of squares of 1.
+        errors: What is left of each row, so that a real effect does not count as scatter.
+        stretch: Number of the run of each row, or of a part of it.
     """
-    rows = blocks.size
-    parts = np.bincount(blocks, weights=unit[:rows] * (residual[:rows] - z * unit[:rows]))
-    leverage: Array = np.bincount(blocks, weights=unit[:rows] ** 2).astype(np.float64)
+    parts = np.bincount(stretch, weights=unit * errors)
+    leverage: Array = np.bincount(stretch, weights=unit**2).astype(np.float64)
     used = leverage > 1e-12
     parts, leverage = parts[used], np.minimum(leverage[used], 0.999)
     if leverage.size < STATISTICS.jackknife.least_runs:
-        return abs(z)
+        return z
+    # The leverage of each is removed, as in the jackknife.
     by_runs = math.sqrt(float(np.sum((parts / (1.0 - leverage)) ** 2)))
-    return as_normal(z, *scatter_of_runs(by_runs, leverage))
+    return math.copysign(as_normal(z, *scatter_of_runs(by_runs, leverage)), z)
 
 
 def family_draws(scores: Sequence[Score], freedom: float, rng: np.random.Generator) -> Array:

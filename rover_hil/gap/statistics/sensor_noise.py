@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.gap.data.problem import Indices, Observations
+from rover_hil.gap.statistics.autoregression import Autoregression
 from rover_hil.gap.statistics.parameters import STATISTICS
 from sim_backends.models.interface import Array
 
@@ -26,6 +27,7 @@ class SensorNoise:
         site: Run of each kept row.
         channel: Channel of each kept row.
         block: Stretch of each kept row: whole runs, or parts of them where runs are few.
+        neighbours: How the errors of neighbouring samples depend on each other; None where they do not count.
     """
 
     channel_sd: Array
@@ -34,12 +36,19 @@ class SensorNoise:
     site: Indices
     channel: Indices
     block: Indices
+    neighbours: Autoregression | None = None
 
     def whiten(self, rows: Array) -> Array:
         """Return the rows with a measured value, in units of their errors."""
         scale = 1.0 / self.channel_sd[self.channel]
         whitened: Array = rows[self.keep] * (scale if rows.ndim == 1 else scale[:, None])
-        return whitened
+        return self.decorrelated(whitened)
+
+    def decorrelated(self, rows: Array) -> Array:
+        """Return rows in units of their errors without what the errors before say of them."""
+        if self.neighbours is None:
+            return rows
+        return self.neighbours.whiten(rows, self.keep, self.site, self.channel)
 
 
 def declared_noise(observations: Observations, channel_sd: Array | None = None) -> SensorNoise:

@@ -12,6 +12,7 @@ from rover_hil.gap.machines.evidence.evidence import Evidence, LearnedEvidence
 from rover_hil.gap.machines.first_order.card_changes import card_changes
 from rover_hil.gap.machines.first_order.terms import series_terms, term_changes
 from rover_hil.gap.machines.parameters import MACHINES
+from rover_hil.gap.statistics.autoregression import Autoregression, learn_autoregression
 from sim_backends.models.interface import (
     Array,
     Channel,
@@ -128,27 +129,32 @@ def called_machine(model: Model, runs: Sequence[Run], at: Point | None = None) -
         return whole
     problem = Problem(whole, observe(whole, runs))
     remaining = _remaining(problem, at or {})
-    channels, slow, widening, is_learned = [], [], 1.0, False
+    channels, slow, errors = list[Channel](), list[str](), list[tuple[Array, float]]()
     for index, channel in enumerate(whole.channels):
         rows = [one for one in cells(problem.observations) if problem.observations.channel[one[0]] == index]
         if channel.sigma or not rows:
             channels.append(channel)
+            errors.append((np.zeros(0), 1.0))
             continue
-        is_learned = True
         values = [remaining[one][np.isfinite(remaining[one])] for one in rows]
-        fast = rms(np.concatenate([np.diff(one) for one in values])) / np.sqrt(2.0)
-        size = rms(np.concatenate(values))
-        share = min((fast / max(size, 1e-300)) ** 2, 1.0)
-        # Of a first-order autoregression, whose neighbours correlate by one less this share.
-        widening = max(widening, float(np.sqrt((2.0 - share) / max(share, 1e-4))))
+        known = channel.tolerance
+        fast = float(np.hypot(rms(np.concatenate([np.diff(one) for one in values])) / np.sqrt(2.0), known))
+        size = float(np.hypot(rms(np.concatenate(values)), known))
         if size > MACHINES.noise.slow * fast:
             slow.append(channel.name)
             size = fast
         measured = problem.observations.values[np.concatenate(rows)]
         size = max(size, ROUNDING * rms(measured[np.isfinite(measured)]), 1e-12)
+        # What a model is known to be wrong by may be as slow as any effect: neighbours say nothing of it.
+        lags, new_sd = (np.zeros(0), size) if known else learn_autoregression(values)
+        errors.append((lags, max(new_sd / size, ROUNDING)))
         step = channel.quantum / np.sqrt(12.0)
-        channels.append(replace(channel, sigma=float(np.sqrt(max(size**2 - step**2, (1e-3 * size) ** 2)))))
-    evidence = LearnedEvidence(tuple(slow), widening) if is_learned else Evidence()
+        sigma = float(np.sqrt(max(size**2 - step**2, (1e-3 * size) ** 2)))
+        channels.append(replace(channel, sigma=sigma, tolerance=0.0))
+    neighbours = Autoregression(
+        lags=tuple(lags for lags, _ in errors), new_sd=tuple(new_sd for _, new_sd in errors)
+    )
+    evidence = LearnedEvidence(tuple(slow), neighbours)
     return CalledMachine(model, runs, tuple(channels), evidence)
 
 

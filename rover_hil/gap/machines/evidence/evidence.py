@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -10,8 +10,10 @@ from scipy import special, stats
 
 from rover_hil.gap.machines.evidence.left_out import LeftOut
 from rover_hil.gap.machines.parameters import MACHINES
+from rover_hil.gap.statistics.autoregression import Autoregression
 from rover_hil.gap.statistics.fit import Fit
 from rover_hil.gap.statistics.jackknife import as_normal
+from rover_hil.gap.statistics.score import strength_z
 from rover_hil.gap.statistics.sensor_noise import SensorNoise
 from sim_backends.models.interface import Array, EffectCard, Parameter
 from sim_backends.models.parameter_key import ParameterKey
@@ -26,14 +28,14 @@ class Evidence:
         freedom: Degrees of freedom behind the size of the errors.
         is_learned: The noise was learned from the runs, so that a small rest proves nothing.
         slow: Channels whose errors are so slow that they may be errors of the model.
-        widening: Greatest factor by which correlated errors widen a standard error by independent samples.
+        neighbours: How the errors of neighbouring samples depend on each other; None where they do not count.
         has_budget: The error of each channel is compared with a tolerance.
     """
 
     freedom = math.inf
     is_learned = False
     slow: tuple[str, ...] = ()
-    widening = 1.0
+    neighbours: Autoregression | None = None
     has_budget = True
 
     def merit(self, found: "MachineFit") -> float:
@@ -63,7 +65,11 @@ class Evidence:
 
         Over the scatter of runs.
         """
-        return strength_z(found, key)
+        left_out = found.left_out
+        index = left_out.keys.index(key)
+        pull = float(found.fit.pull[[item.key for item in found.fit.free].index(key)])
+        z = pull / float(left_out.by_samples[index])
+        return math.copysign(as_normal(z, *left_out.scatter(index)), pull)
 
     def needed(self, found: "MachineFit", share: float) -> tuple[float, float]:
         """Return the least share of the remaining error that an effect explains, and its least certainty.
@@ -170,8 +176,8 @@ class LearnedEvidence(Evidence):
 
     is_learned = True
 
-    def __init__(self, slow: tuple[str, ...], widening: float) -> None:
-        self.slow, self.widening = slow, widening
+    def __init__(self, slow: tuple[str, ...], neighbours: Autoregression) -> None:
+        self.slow, self.neighbours = slow, neighbours
 
     def merit(self, found: "MachineFit") -> float:
         """With the pulls of base parameters, which may have taken the gap on themselves."""
@@ -180,7 +186,8 @@ class LearnedEvidence(Evidence):
     def z(self, part: "MachineFit", found: "MachineFit", key: ParameterKey) -> float:
         """A base parameter that an effect releases must also lie beyond its prior."""
         most = math.sqrt(max(part.merit - found.merit, 0.0))
-        return float(np.clip(strength_z(found, key), -most, most))
+        found = found.decorrelated
+        return float(np.clip(strength_z(found.fit, found.noise, key), -most, most))
 
     def needed(self, found: "MachineFit", share: float) -> tuple[float, float]:
         """More certainty, as the noise is not known."""
@@ -340,6 +347,14 @@ class MachineFit:
     charge: float = 0.0
 
     @property
+    def decorrelated(self) -> "MachineFit":
+        """The same for scores: errors, and what parameters change, without what the errors before say."""
+        noise = replace(self.noise, neighbours=self.evidence.neighbours)
+        change = noise.decorrelated
+        fit = replace(self.fit, residual=change(self.fit.residual), jacobian=self.fit.jacobian.mapped(change))
+        return replace(self, noise=noise, fit=fit)
+
+    @property
     def cost(self) -> float:
         """Minus two log-posterior by the declared noise."""
         return float(self.errors @ self.errors + self.fit.pull @ self.fit.pull) + self.charge
@@ -397,14 +412,6 @@ class MachineFit:
     def is_equal(self, other: "MachineFit") -> bool:
         """Return True where the runs find this neither clearly worse than the other nor better."""
         return self.evidence.is_equal(self, other)
-
-
-def strength_z(found: MachineFit, key: ParameterKey) -> float:
-    """Return the distance of a strength from its null over the scatter of runs, as a standard normal."""
-    index = found.left_out.keys.index(key)
-    pull = float(found.fit.pull[[item.key for item in found.fit.free].index(key)])
-    z = pull / float(found.left_out.by_samples[index])
-    return math.copysign(as_normal(z, *found.left_out.scatter(index)), pull)
 
 
 def _cancellation(found: MachineFit) -> float:

@@ -25,7 +25,7 @@ class LeftOut:
         counts: Values of each run.
         moved: Change of each parameter of all runs when one is left out, in prior deviations.
         by_samples: Standard error of each parameter from the samples, in prior deviations.
-        informed: Information of each run on each parameter.
+        informed: Part of the variance of each parameter that comes from each run; priors have the rest.
         keys: These parameters.
     """
 
@@ -77,7 +77,7 @@ def leave_one_run_out(found: Fit, noise: SensorNoise, declared_sd: Array, owner:
         counts=np.array([float(rows) for *_, rows in parts]),
         moved=np.array(moved),
         by_samples=np.sqrt(np.diag(covariance)),
-        informed=np.array(informed),
+        informed=np.array(informed) / np.diag(covariance),
         keys=tuple(found.free[index].key for index in shared),
     )
 

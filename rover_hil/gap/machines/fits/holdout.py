@@ -86,11 +86,16 @@ def hold_out(
         for index, channel in enumerate(observations.channels)
         if np.isfinite(residuals[0][observations.channel == index]).any()
     }
-    excess = float(by_run[0].sum() - count.sum())
+    total, excess = float(count.sum()), float(by_run[0].sum() - count.sum())
+    scatter = 2.0 * total
+    if best.evidence.is_learned:
+        # Errors with heavy tails have squares that scatter more, and what they should be was learned.
+        squares = np.nan_to_num(residuals[1] / noise)[np.isfinite(observations.values)] ** 2
+        scatter = total * float(np.var(squares)) * (1.0 + total / best.count)
     return Holdout(
         channels=channels,
         closure=float((by_run[0].sum() - by_run[1].sum()) / excess)
-        if excess > 2.0 * math.sqrt(2.0 * float(count.sum()))
+        if excess > 2.0 * math.sqrt(scatter)
         else None,
         improved=float(np.mean(by_run[1] < by_run[0])),
         lean=_lean(*lean_of),

@@ -81,11 +81,22 @@ class MachineFits:
         return starts
 
     def _start_cost(self, free: Sequence[Free], start: Point, fixed: Point) -> float:
-        """Return minus two log-posterior at a start."""
+        """Return minus two log-posterior with the base parameters that known derivatives give a start.
+
+        At the start itself a right effect looks bad beside the base parameters that were fitted without it.
+        """
+        noise = declared_noise(self.problem.observations)
         error = self.problem.observations.values - self.problem.predict({**fixed, **start})
-        whitened = declared_noise(self.problem.observations).whiten(np.clip(np.nan_to_num(error), -FAR, FAR))
+        whitened = noise.whiten(np.clip(np.nan_to_num(error), -FAR, FAR))
         pull = np.array([item.pull_in(start) for item in free])
-        return float(whitened @ whitened + pull @ pull)
+        cost = float(whitened @ whitened + pull @ pull)
+        known = [place for place, item in enumerate(free) if item.key in self._slopes]
+        if not known:
+            return cost
+        sizes = [free[place].sd * self._slopes[free[place].key] for place in known]
+        slopes = noise.whiten(np.stack(sizes, axis=1))
+        aim = slopes.T @ whitened - pull[known]
+        return cost - float(aim @ np.linalg.solve(slopes.T @ slopes + np.eye(len(known)), aim))
 
     def _charge(self, found: Fit) -> float:
         names = {item.key.effect for item in found.free if item.key.effect}

@@ -15,8 +15,7 @@ from rover_hil.gap.statistics.parameters import STATISTICS
 from rover_hil.gap.statistics.random_force import force_basis
 from rover_hil.gap.statistics.score import Score, family_draws, family_p, one_sided_z
 from rover_hil.gap.statistics.sensor_noise import declared_noise
-from sim_backends.models.interface import Array
-from sim_backends.state_model.model import has_ports
+from sim_backends.state_model.model import StateModel, has_ports
 
 
 def gap_p(
@@ -30,12 +29,16 @@ def gap_p(
 
     Several kinds of tests share it: the size of the misfit, its part that a force at a port can produce, the
     scores of the effects, of a fit without any, and those of free-form terms where there are no ports
-    (weighted Bonferroni).
+    (weighted Bonferroni). A test that these runs do not allow takes no share from the others.
     """
-    residual = found.errors
+    machine = problem.model
     parts = found.evidence.misfit_p(
         found,
-        lambda: [_structure_p(problem, found, residual, knots) for knots in MACHINES.tests.knot_counts],
+        lambda: (
+            [_structure_p(problem, machine, found, knots) for knots in MACHINES.tests.knot_counts]
+            if has_ports(machine) and not _is_coarse(problem)
+            else []
+        ),
     )
     weights = [1.0 for _ in parts]
     for family, weight in ((scores, MACHINES.tests.effects_weight if free else 1.0), (free, 1.0)):
@@ -48,19 +51,19 @@ def gap_p(
     return min(1.0, *shared)
 
 
-def _structure_p(problem: Problem, found: MachineFit, residual: Array, knots: int) -> float:
+def _is_coarse(problem: Problem) -> bool:
+    """Return True where a sensor rounds to steps much larger than its noise, which is slow itself."""
+    channels = problem.observations.channels
+    return any(one.quantum > MACHINES.tests.coarse * (one.sigma or 0.0) for one in channels)
+
+
+def _structure_p(problem: Problem, machine: StateModel, found: MachineFit, knots: int) -> float:
     """Return the probability of as much misfit along the responses to slow forces, against the rest.
 
     Each channel is measured by its own misfit, so that a sensor that is better than declared makes the
-    ordinary noise of another channel no structure. Rounding to steps much larger than the noise is slow
-    itself; such channels are not tested.
+    ordinary noise of another channel no structure.
     """
-    machine = problem.model
-    is_coarse = any(
-        one.quantum > MACHINES.tests.coarse * (one.sigma or 0.0) for one in problem.observations.channels
-    )
-    if not has_ports(machine) or is_coarse:
-        return 1.0
+    residual = found.errors
     noise = declared_noise(problem.observations)
     size = np.ones(residual.size)
     for channel in np.unique(noise.channel):

@@ -27,6 +27,7 @@ def output_terms(machine: CalledMachine, problem: Problem, at: MachineFit) -> tu
 
 def term_scores(machine: CalledMachine, problem: Problem, at: MachineFit) -> list[Score]:
     """Return the first-order score of each term in each channel; runs must agree on it."""
+    at = at.decorrelated
     terms = directions(problem.observations, at.noise, output_terms(machine, problem, at))
     return of_terms(score_all(at.fit, at.noise, terms, is_steady=problem.observations.is_steady))
 
@@ -77,6 +78,7 @@ def equations_of(
     threshold = quantile(family_draws(scores, best.evidence.freedom, rng), MACHINES.tests.alpha)
     terms = output_terms(machine, problem, best)
     effects: Sequence[Score] = score_effects(fits, best)
+    best = best.decorrelated
     return tuple(find_equations(problem.observations, best.noise, best.fit, terms, effects, threshold))
 
 

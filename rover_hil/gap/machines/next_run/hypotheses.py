@@ -199,10 +199,8 @@ def _posterior(found: MachineFit) -> tuple[tuple[Free, ...], Array, Array]:
     normal += 1e-12 * float(np.diag(normal).max(initial=1.0)) * np.eye(len(free))
     covariance = np.linalg.inv(normal)
     shared = [index for index, item in enumerate(free) if not item.key.run]
-    factors: list[float] = []
-    for index, _ in enumerate(shared):
-        spread, freedom = found.left_out.scatter(index)
-        factors.append(spread * float(stats.t.ppf(0.975, freedom)) / CLEAR_T)
+    scatters = [found.left_out.scatter(index) for index, _ in enumerate(shared)]
+    factors = [spread * float(stats.t.ppf(0.975, freedom)) / CLEAR_T for spread, freedom in scatters]
     part = covariance[np.ix_(shared, shared)]
     # Runs that scatter make a parameter no less certain than its prior.
     wide = np.minimum(factors, 1.0 / np.sqrt(np.diag(part)))

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from rover_hil.gap.machines.evidence.evidence import Evidence, LearnedEvidence, RowEvidence
+from rover_hil.gap.statistics.autoregression import Autoregression
 
-RUNS, LEARNED, ROWS = Evidence(), LearnedEvidence((), 1.0), RowEvidence(10.0)
+RUNS, LEARNED, ROWS = Evidence(), LearnedEvidence((), Autoregression(lags=(), new_sd=())), RowEvidence(10.0)
 
 
 def fit(**values: object) -> Any:
