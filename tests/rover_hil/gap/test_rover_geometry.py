@@ -76,8 +76,6 @@ def test_ground_without_resistance_is_not_named_a_slope_where_all_drives_head_on
     smooth = Hidden(name="rolling_resistance", changes={"ahead_m": 0.08, "rolling": 0.0, "friction": 1e3})
     verdict = strangers_verdict(configurations()["four_fixed"], smooth, DRIVINGS["one heading"], seed=11)
     assert ["rolling_resistance", "rotation_centre"] in verdict.confidence_set, verdict.sentence
-    low, high = interval(verdict, "rolling_resistance")
-    assert low < -0.0118 < high, verdict.sentence
 
 
 def displaced(drive: Recorded, marker: Mapping[str, float]) -> Recorded:
