@@ -163,9 +163,12 @@ def is_wrong(hidden: Hidden, verdict: Verdict) -> bool:
 
 
 def is_told(hidden: Hidden, verdict: Verdict) -> bool:
-    """Return True where the truth is told, alone or as a member of a set; no gap where nothing is hidden."""
+    """Return True where the truth is told, as a member of a set or alone; no gap where nothing is hidden.
+
+    Beside it the resistance of the ground may be told: that of each true rover is not the configured one.
+    """
     right = SHORTER if hidden.name in SHORTER else {hidden.name}
-    is_member = any(len(names) == 1 and names <= right for names in causes(verdict))
+    is_member = any(names & right and names <= right | {"rolling_resistance"} for names in causes(verdict))
     return is_member or (hidden is NONE and verdict.verdict is Answer.NO_GAP)
 
 
