@@ -97,9 +97,8 @@ class Channel:
         quantum: Step of the sensor; 0 where there is none.
         is_optional: Data without this channel is compared without it.
         tolerance: Steady experiments: standard deviation of what the base model is known to be wrong by
-            (formula, solver), the same whenever the conditions are the same. Series whose noise is learned:
-            the same, independent in each sample. Machines: greatest model error that counts as agreement; 0
-            for the noise of the sensor.
+            (formula, solver), the same whenever the conditions are the same. Machines: greatest model error
+            that counts as agreement; 0 for the noise of the sensor.
     """
 
     name: str

@@ -22,33 +22,18 @@ from sim_backends.plants.wheels.plant import make_rover
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from sim_backends.wheels_model.effects import PARAMETERS, effects_of
 from sim_backends.wheels_model.force_balance import Contact, Wheels, balanced_motion, rolling_motion
-from sim_backends.wheels_model.stretches import STRETCH_S, USUAL_WINDOW_S, over_stretches
+from sim_backends.wheels_model.stretches import over_stretches
 
 GYRO = "gyro_rad_s"
 HEADING = "heading_rad"
 STRETCHES = {"stretch_forward_m": "m", "stretch_left_m": "m", "stretch_turn_rad": "rad"}
 """Channels of the motion over stretches, and their units."""
-ACCURACY_M_S, ACCURACY_RAD_S = 0.001, 0.002
-"""Of the rates by the force balance: in the exact poses of a simulation a hundredth of it would be a gap."""
-ACCURACY_S = STRETCH_S * math.sqrt(STRETCH_S / USUAL_WINDOW_S)
-"""Accuracy over a stretch, per accuracy of a rate.
-
-That of the rates adds up. Stretches that overlap share it: together they must not count for more than one.
-"""
 CHANNELS = (
-    Channel(name="forward_m_s", unit="m/s", tolerance=ACCURACY_M_S),
-    Channel(name="left_m_s", unit="m/s", tolerance=ACCURACY_M_S),
-    Channel(name="turn_rad_s", unit="rad/s", tolerance=ACCURACY_RAD_S),
-    Channel(name=GYRO, unit="rad/s", is_optional=True, tolerance=ACCURACY_RAD_S),
-    *(
-        Channel(
-            name=name,
-            unit=unit,
-            is_optional=True,
-            tolerance=ACCURACY_S * (ACCURACY_RAD_S if unit == "rad" else ACCURACY_M_S),
-        )
-        for name, unit in STRETCHES.items()
-    ),
+    Channel(name="forward_m_s", unit="m/s"),
+    Channel(name="left_m_s", unit="m/s"),
+    Channel(name="turn_rad_s", unit="rad/s"),
+    Channel(name=GYRO, unit="rad/s", is_optional=True),
+    *(Channel(name=name, unit=unit, is_optional=True) for name, unit in STRETCHES.items()),
 )
 
 

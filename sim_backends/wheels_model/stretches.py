@@ -5,8 +5,6 @@ import numpy as np
 from sim_backends.models.interface import Array
 
 STRETCH_S = 4.0
-USUAL_WINDOW_S = 0.2
-"""Of drives of 6 to 80 s; those of others overlap in another number."""
 
 
 def windows_of_stretch(t_s: Array) -> int:

@@ -64,6 +64,10 @@ class WindowParameters:
     window_s: float = 0.2
     least_duration_s: float = 3.0  # of a drive
     slowest_pose_s: float = 0.5  # between two poses of a drive; slower ones do not show turns
+    # Accuracy that the force balance of a rover claims. Noise of this size is added to its measured motion:
+    # in the exact poses of a simulation a hundredth of it, from averages over windows, would count as a gap.
+    balance_m_s: float = 0.001
+    balance_rad_s: float = 0.002
     most: int = 400  # windows of a drive
     least: int = 30  # windows of a drive
     least_stretch: int = 64  # windows of a stretch

@@ -17,7 +17,7 @@ from rover_hil.gap.data.windows import Windows, body_rates, stretches, windows_o
 from rover_hil.parallel.calls import HERE, Calls
 from sim_backends.models.interface import Array, Run
 from sim_backends.wheels_model.model import GYRO, HEADING, STRETCHES, WheelsModel
-from sim_backends.wheels_model.stretches import over_stretches, windows_of_stretch
+from sim_backends.wheels_model.stretches import STRETCH_S, over_stretches, windows_of_stretch
 
 
 def read_rover_runs(model: WheelsModel, paths: Sequence[Path], calls: Calls = HERE) -> list[Run]:
@@ -32,29 +32,38 @@ def read_rover_runs(model: WheelsModel, paths: Sequence[Path], calls: Calls = HE
         raise ConfigError(f"{paths[0]} holds no log: give run.mcap files of the rover, or folders of them")
     folder = Path(os.path.commonpath([file.resolve().parent for file in files]))
     runs = []
+    rng = np.random.default_rng(0)
     logs = list(dict.fromkeys(files))
     for file, drive in zip(logs, calls.map_files(read_drive, logs, mark_files), strict=True):
         drive.log.path = file  # marks are beside it, wherever it was read
         name = file.resolve().relative_to(folder).with_suffix("").as_posix()
-        runs.append(_run(model, drive, name))
+        runs.append(_run(model, drive, name, rng))
     if len(runs) < DATA.runs.least_series:
         runs = [part for run in runs for part in stretches(run)]
-    return [_with_stretches(run) for run in runs]
+    return [_with_stretches(run, rng) for run in runs]
 
 
-def _with_stretches(run: Run) -> Run:
-    """Return a run with its motion over stretches."""
+def _with_stretches(run: Run, rng: np.random.Generator) -> Run:
+    """Return a run with its motion over stretches.
+
+    The accuracy of the model's rates adds up in a stretch. Stretches that overlap share it: together they
+    must not count for more than one, so that each has noise of its own in their number.
+    """
     t_s, (before, after) = run.inputs["t_s"], run.overlap
     rates = np.stack([run.measured[name] for name in ("forward_m_s", "left_m_s", "turn_rad_s")], axis=1)
     size, measured = windows_of_stretch(t_s) - 1, dict(run.measured)
+    accuracy = (DATA.windows.balance_m_s, DATA.windows.balance_m_s, DATA.windows.balance_rad_s)
     inner = slice(before, t_s.size - after)
-    for name, values in zip(STRETCHES, over_stretches(t_s[inner], rates[inner]).T, strict=True):
-        measured[name] = np.full(t_s.size, np.nan)
-        measured[name][inner] = values
+    for name, values, one in zip(
+        STRETCHES, over_stretches(t_s[inner], rates[inner]).T, accuracy, strict=True
+    ):
+        series = np.full(t_s.size, np.nan)
+        series[inner] = values + (size + 1) ** 0.5 * STRETCH_S * one * rng.standard_normal(values.size)
+        measured[name] = series
     return replace(run, measured=measured, overlap=(before + size, after))
 
 
-def _run(model: WheelsModel, drive: RecordedDrive, name: str) -> Run:
+def _run(model: WheelsModel, drive: RecordedDrive, name: str, rng: np.random.Generator) -> Run:
     rover = drive.config.rover
     if not isinstance(rover, WheelsRoverSettings) or len(rover.wheels) != model.wheel_count:
         raise ConfigError(
@@ -87,6 +96,10 @@ def _run(model: WheelsModel, drive: RecordedDrive, name: str) -> Run:
     gyro = drive.rows["gyro_z_rad_s"]
     if len(gyro) >= DATA.runs.least_rows:
         measured[GYRO] = windows.mean(drive.seconds(gyro.t_ns), gyro.value)
+    for channel, values in measured.items():
+        is_speed = channel in ("forward_m_s", "left_m_s")
+        size = DATA.windows.balance_m_s if is_speed else DATA.windows.balance_rad_s
+        measured[channel] = values + size * rng.standard_normal(values.size)
     speed_m_s = round(float(np.hypot(forward, left).mean()), 2)
     return Run(name=name, conditions={"speed_m_s": speed_m_s}, inputs=inputs, measured=measured)
 

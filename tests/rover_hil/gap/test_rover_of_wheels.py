@@ -14,12 +14,10 @@ from benchmarks.gap.measured_rovers import config_text
 from benchmarks.gap.measured_rovers import write_log as write_measured_log
 from rover_hil.config import load_config
 from rover_hil.gap.data.rover_logs import read_rover_runs
-from rover_hil.gap.machines.called.called_machine import called_machine
 from sim_backends.models.interface import Array, Run
 from sim_backends.plants.wheels.plant import WheelsPlant
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from sim_backends.wheels_model.model import WheelsModel
-from sim_backends.wheels_model.stretches import over_stretches
 from tests.nature.differential_drive import TrueDifferential, record
 from tests.rover_hil.command import Command, assert_one_sentence
 
@@ -223,11 +221,3 @@ def test_measured_stretches_are_longer_where_the_rover_goes_farther(tmp_path: Pa
         assert np.isfinite(predicted[good]).all()
         share = float(measured[good] @ predicted[good] / (predicted[good] @ predicted[good]))
         assert share == pytest.approx(1.03, abs=0.008), channel
-    # Nothing is added to what was measured: the accuracy of the model is part of the noise.
-    for run in runs:
-        rates = np.stack([run.measured[name] for name in ("forward_m_s", "left_m_s", "turn_rad_s")], axis=1)
-        rows = np.isfinite(rates).all(axis=1)
-        way = over_stretches(run.inputs["t_s"][rows], rates[rows])
-        np.testing.assert_array_equal(run.measured["stretch_forward_m"][rows], way[:, 0])
-    for given, learned in zip(model.channels, called_machine(model, runs).channels, strict=True):
-        assert learned.noise_sd > given.tolerance > 0.0

@@ -137,20 +137,17 @@ def called_machine(model: Model, runs: Sequence[Run], at: Point | None = None) -
             errors.append((np.zeros(0), 1.0))
             continue
         values = [remaining[one][np.isfinite(remaining[one])] for one in rows]
-        known = channel.tolerance
-        fast = float(np.hypot(rms(np.concatenate([np.diff(one) for one in values])) / np.sqrt(2.0), known))
-        size = float(np.hypot(rms(np.concatenate(values)), known))
+        fast = rms(np.concatenate([np.diff(one) for one in values])) / np.sqrt(2.0)
+        size = rms(np.concatenate(values))
         if size > MACHINES.noise.slow * fast:
             slow.append(channel.name)
             size = fast
         measured = problem.observations.values[np.concatenate(rows)]
         size = max(size, ROUNDING * rms(measured[np.isfinite(measured)]), 1e-12)
-        # What a model is known to be wrong by may be as slow as any effect: neighbours say nothing of it.
-        lags, new_sd = (np.zeros(0), size) if known else learn_autoregression(values)
+        lags, new_sd = learn_autoregression(values)
         errors.append((lags, max(new_sd / size, ROUNDING)))
         step = channel.quantum / np.sqrt(12.0)
-        sigma = float(np.sqrt(max(size**2 - step**2, (1e-3 * size) ** 2)))
-        channels.append(replace(channel, sigma=sigma, tolerance=0.0))
+        channels.append(replace(channel, sigma=float(np.sqrt(max(size**2 - step**2, (1e-3 * size) ** 2)))))
     neighbours = Autoregression(
         lags=tuple(lags for lags, _ in errors), new_sd=tuple(new_sd for _, new_sd in errors)
     )
