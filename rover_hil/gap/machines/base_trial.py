@@ -68,7 +68,7 @@ def machine_trial(
     begin = {key: value for key, value in found.fit.point.items() if key != ParameterKey(name=name)}
     fits = MachineFits(held, cards)
     part = fits.best(found.names, {}, begin)
-    # Neither the value nor what takes its place far from nominal: what both are compared with.
+    # Compared with a fit at the nominal value in which what takes its place stays at the end of its prior.
     before, pushed = part, tuple(_pushed(findings, part, problem))
     while more := _pushed(findings, before, problem):
         kept |= more

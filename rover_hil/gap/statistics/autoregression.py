@@ -55,10 +55,18 @@ def learn_autoregression(series: Sequence[Array]) -> tuple[Array, float]:
 
     By the equations of Yule and Walker; the order is the likeliest (BIC), at most ten times the decimal
     logarithm of the number of samples.
+
+    Args:
+        series: Errors of each run; a missing one is NaN, and no neighbour of any.
     """
-    count = sum(one.size for one in series)
-    most = min(math.floor(10.0 * math.log10(max(count, 1))), min(one.size for one in series) - 1)
-    products = [sum(float(one[lag:] @ one[: one.size - lag]) for one in series) for lag in range(most + 1)]
+    cut = [part for one in series for part in np.split(one, np.flatnonzero(~np.isfinite(one)))]
+    parts = [part[np.isfinite(part)] for part in cut]
+    count, longest = sum(one.size for one in parts), max(one.size for one in parts)
+    most = min(math.floor(10.0 * math.log10(max(count, 1))), longest - 1)
+    products = [
+        sum(float(one[lag:] @ one[: one.size - lag]) for one in parts if one.size > lag)
+        for lag in range(most + 1)
+    ]
     correlation = np.array(products) / count
     best, least, variance = np.zeros(0), math.inf, float(correlation[0])
     for order in range(most + 1) if correlation[0] > 0.0 else ():

@@ -52,6 +52,18 @@ def test_missing_values_and_other_channels_are_no_neighbours() -> None:
     assert found.tolist() == [0.0, 1.0, 0.0, 1.0, 1.0, 1.0]
 
 
+def test_a_channel_without_neighbours_keeps_its_errors() -> None:
+    """Of a slow channel every third sample has a value: there is nothing before it to tell what is new."""
+    slow = np.cumsum(np.random.default_rng(4).standard_normal(SAMPLES))
+    slow[np.arange(SAMPLES) % 3 > 0] = np.nan
+    lags, new_sd = learn_autoregression([slow])
+    keep = np.flatnonzero(np.isfinite(slow))
+    neighbours = Autoregression(lags=(lags,), new_sd=(new_sd,))
+    nothing = np.zeros(keep.size, dtype=np.intp)
+    found = neighbours.whiten(slow[keep], keep, nothing, nothing)
+    assert found == pytest.approx(slow[keep] / np.sqrt(np.mean(slow[keep] ** 2)))
+
+
 def test_few_runs_do_not_weaken_what_the_priors_know() -> None:
     by_priors, by_runs = np.full(RUNS, 0.05 / RUNS), np.full(RUNS, 1.0 / RUNS)
     assert as_normal(4.0, *scatter_of_runs(0.1, by_priors)) > 3.9

@@ -144,7 +144,7 @@ def called_machine(model: Model, runs: Sequence[Run], at: Point | None = None) -
             size = fast
         measured = problem.observations.values[np.concatenate(rows)]
         size = max(size, ROUNDING * rms(measured[np.isfinite(measured)]), 1e-12)
-        lags, new_sd = learn_autoregression(values)
+        lags, new_sd = learn_autoregression([remaining[one] for one in rows])
         errors.append((lags, max(new_sd / size, ROUNDING)))
         step = channel.quantum / np.sqrt(12.0)
         channels.append(replace(channel, sigma=float(np.sqrt(max(size**2 - step**2, (1e-3 * size) ** 2)))))
