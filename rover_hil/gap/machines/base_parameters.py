@@ -12,7 +12,6 @@ from statistics import NormalDist
 from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.verdict import Answer, FittedBase, Verdict
 
-EQUAL = "not decided, these explain the runs equally"
 FAR_SD = 3.0
 """Distance of a value from its nominal one, in prior deviations, that has to be told."""
 HALF_WIDTHS = NormalDist().inv_cdf(0.975)
@@ -61,7 +60,7 @@ def _judged(row: FittedBase, trial_of: Callable[[str], Trial]) -> FittedBase:
     if trial.equals:
         own = f"{row.name} ({row.value:.4g}, {low:.4g} to {high:.4g})"
         names = ", ".join((own, *(trial.sizes.get(one) or " and ".join(one) for one in trial.equals)))
-        row = replace(row, why=f"{EQUAL}: {names}")
+        row = replace(row, why=f"not decided, these explain the runs equally: {names}")
         return replace(row, equals=list(trial.equals)) if trial.is_proven() else row
     if trial.closure is None:
         return replace(row, why="the gap on the locked runs is too small to prove it")
@@ -135,9 +134,8 @@ def _is_tolerable(verdict: Verdict) -> bool:
 def _head(named: Sequence[FittedBase], open_: Sequence[FittedBase]) -> str:
     """Return the finding in one sentence."""
     if named:
-        more = [*(one.name for one in named[1:]), *(one.name for one in open_)]
-        also = f"; also far from nominal: {', '.join(more)}" if more else ""
-        also += next((f"; {one.why}" for one in open_ if one.why.startswith(EQUAL)), "")
+        more = [*(one.name for one in named[1:]), *(f"{one.name}, {one.why}" for one in open_)]
+        also = f"; also far from nominal: {'; '.join(more)}" if more else ""
         return f"Wrong in the model: {named[0].sentence()}{also}."
     others = ", ".join(one.name for one in open_[1:])
     also = f"; also far from nominal: {others}" if others else ""

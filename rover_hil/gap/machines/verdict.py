@@ -292,6 +292,13 @@ def _warnings(findings: MachineFindings) -> list[str]:
         warnings.append(
             "no random force keeps the machine on its runs: sizes are not compared with a second weighting"
         )
+    channels = {} if findings.holdout is None else findings.holdout.channels
+    warnings += [
+        f"the errors of {name} on locked runs are smaller than its noise, {one.after:.3g} and "
+        f"{one.noise_floor:.3g}: a part of what counts as noise was the gap, which is larger than told"
+        for name, one in channels.items()
+        if one.after**2 < MACHINES.verdict.half * one.noise_floor**2
+    ]
     for key, value in findings.other_weighting.items():
         if key not in findings.best.fit.point:
             continue

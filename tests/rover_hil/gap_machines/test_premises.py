@@ -107,3 +107,14 @@ def test_a_channel_that_the_locked_runs_lack_is_left_out() -> None:
     verdict = analyse(body(), shifted, confirm='run == "run6" or run == "run7"').verdict
     assert verdict.verdict is not Answer.BAD_DATA
     assert set(verdict.gap) <= {"first"}
+
+
+def test_noise_declared_too_large_is_told_and_closes_no_more_than_all() -> None:
+    runs = [
+        replace(one, inputs={"heat": one.inputs["heat"] - 1.0}) for one in body_runs(SEED, samples=200)
+    ]
+    verdict = analyse(body(sigma=0.4), runs).verdict
+    assert verdict.confidence_set == [["offset"]]
+    assert verdict.gap["first"]["closure"] == 1.0
+    assert "It closes 100% of the gap" in verdict.sentence
+    assert [one for one in verdict.warnings if "smaller than its noise" in one], verdict.warnings

@@ -118,7 +118,7 @@ def _key_of(parameters: Values, effects: Mapping[str, Values]) -> tuple[object, 
     return tuple(sorted(parameters.items())), tuple(sorted(active))
 
 
-def called_machine(model: Model, runs: Sequence[Run], at: Point | None = None) -> CalledMachine:
+def called_machine(model: Model, runs: Sequence[Run]) -> CalledMachine:
     """Return a model of series as a machine; noise that a channel does not declare is learned.
 
     It is what remains if base parameters, effects and free-form terms take away all that they can, to first
@@ -128,7 +128,7 @@ def called_machine(model: Model, runs: Sequence[Run], at: Point | None = None) -
     if all(one.sigma for one in whole.channels):
         return whole
     problem = Problem(whole, observe(whole, runs))
-    remaining = _remaining(problem, at or {})
+    remaining = _remaining(problem)
     channels, slow, errors = list[Channel](), list[str](), list[tuple[Array, float]]()
     for index, channel in enumerate(whole.channels):
         rows = [one for one in cells(problem.observations) if problem.observations.channel[one[0]] == index]
@@ -155,9 +155,10 @@ def called_machine(model: Model, runs: Sequence[Run], at: Point | None = None) -
     return CalledMachine(model, runs, tuple(channels), evidence)
 
 
-def _remaining(problem: Problem, point: Point) -> Array:
+def _remaining(problem: Problem) -> Array:
     """Return measured minus predicted of an overfitted model, larger by the freedom that the fit took."""
     observations = problem.observations
+    point: Point = {}
     predicted = problem.predict(point)
     units = problem.model.input_units if isinstance(problem.model, DrivenModel) else {}
     terms = series_terms(observations, predicted, units, problem.model.condition_units)

@@ -23,7 +23,8 @@ class HoldoutChannel:
         before: Root mean square error of the base model, fitted to the other runs.
         after: The same with the effects.
         noise_floor: Noise of the sensor.
-        closure: Share of the error energy above the floor that is closed; None where there is none.
+        closure: Share of the error energy above the floor that is closed; None where there is none. Errors
+            smaller than the floor are the floor: they show that it is too high.
         ci95: Its interval over locked runs; None where there are too few.
     """
 
@@ -40,7 +41,8 @@ class Holdout:
 
     Attributes:
         channels: By name.
-        closure: Over all channels, each in units of its noise; None where nothing was to be closed.
+        closure: Over all channels, each in units of its noise; None where nothing was to be closed. At most
+            1, as by channel.
         improved: Share of the locked runs that the effects improve.
         lean: Errors with the effects along the way to the base model, in its length, and this length in
             standard errors: with the right effects the first is normal.
@@ -94,7 +96,7 @@ def hold_out(
         scatter = total * float(np.var(squares)) * (1.0 + total / best.count)
     return Holdout(
         channels=channels,
-        closure=float((by_run[0].sum() - by_run[1].sum()) / excess)
+        closure=float(_closure(by_run[0].sum(), by_run[1].sum(), total))
         if excess > 2.0 * math.sqrt(scatter)
         else None,
         improved=float(np.mean(by_run[1] < by_run[0])),
@@ -130,6 +132,11 @@ def _by_run(problem: Problem, values: Array) -> Array:
     return sums.astype(np.float64)
 
 
+def _closure(before: Array, after: Array, floor: float) -> Array:
+    closure: Array = (before - after) / (before - np.minimum(floor, after))
+    return closure
+
+
 def _channel(
     problem: Problem, residuals: Sequence[Array], index: int, rng: np.random.Generator
 ) -> HoldoutChannel:
@@ -146,12 +153,11 @@ def _channel(
     before, after = means.mean(axis=1)
     closure, interval = None, None
     if before > floor**2 * (1.0 + 2.0 * math.sqrt(2.0 / int(here.sum()))):
-        closure = float((before - after) / (before - floor**2))
+        closure = float(_closure(before, after, floor**2))
         draws = rng.integers(0, runs.size, (MACHINES.verdict.resamples, runs.size))
         drawn = means[:, draws].mean(axis=2)
-        gaps = drawn[0] - floor**2
-        if runs.size > 1 and (gaps > 0.0).all():
-            low, high = np.quantile((drawn[0] - drawn[1]) / gaps, (0.025, 0.975))
+        if runs.size > 1 and (drawn[0] > floor**2).all():
+            low, high = np.quantile(_closure(drawn[0], drawn[1], floor**2), (0.025, 0.975))
             interval = (float(low), float(high))
     return HoldoutChannel(
         before=math.sqrt(before),
