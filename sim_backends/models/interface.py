@@ -156,7 +156,8 @@ class RunParameter:
         unit: SI unit or degree.
         prior_sd: Standard deviation of the nominal value.
         nominal: Value without other knowledge.
-        channel: Where given, the nominal value is the first measured value of this channel instead.
+        channel: Where given, the nominal value is the first measured value of this channel instead. A fit
+            may leave it, as it is a sample of the record already and would count twice.
         lower: Least possible value.
         upper: Greatest possible value.
     """
@@ -186,11 +187,14 @@ class RunParameter:
 
     def nominal_in(self, run: "Run") -> float:
         """Return the nominal value in a run."""
-        if not self.channel or self.channel not in run.measured:
+        if not self.is_read_in(run):
             return self.nominal
         values = run.measured[self.channel]
-        good = np.flatnonzero(np.isfinite(values))
-        return float(values[good[0]]) if good.size else self.nominal
+        return float(values[np.isfinite(values)][0])
+
+    def is_read_in(self, run: "Run") -> bool:
+        """Return True where the nominal value in a run is a measured one."""
+        return bool(np.isfinite(run.measured.get(self.channel, np.nan)).any())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -28,19 +28,20 @@ def stable_pieces(machine: Machine, runs: Sequence[Run]) -> tuple[list[Run], lis
         return list(runs), []
     is_cut = bool(machine.run_parameters) and begins_anywhere(machine)
     found: list[Run] = []
-    told: list[str] = []
+    names: list[str] = []
     for run in runs:
         pieces = _pieces(machine, run)
         found += pieces if is_cut else [run]
-        if len(pieces) > 1:
-            so = (
-                f"it is compared in {len(pieces)} pieces, each with a start of its own"
-                if is_cut
-                else "its end says little of the machine; let start() take every state from a RunParameter, "
-                "and it is compared in pieces"
-            )
-            told.append(f"run {run.name} is unstable, an error at its start grows exponentially: {so}")
-    return found, told
+        names += [run.name] if len(pieces) > 1 else []
+    if not names:
+        return found, []
+    so = (
+        "they are compared in pieces, each with a start of its own"
+        if is_cut
+        else "their ends say little of the machine; let start() take every state from a RunParameter, and they "
+        "are compared in pieces"
+    )
+    return found, [f"unstable, an error at the start grows exponentially: runs {', '.join(names)}; {so}"]
 
 
 def _pieces(machine: StateModel, run: Run) -> list[Run]:

@@ -293,7 +293,7 @@ class Problem:
             Free(
                 key=item.key_in(site),
                 mean=item.nominal_in(site),
-                sd=item.prior_sd,
+                sd=(DATA.fit.weak if item.is_read_in(site) else 1.0) * item.prior_sd,
                 lower=item.lower,
                 upper=item.upper,
                 start=item.nominal_in(site),

@@ -292,6 +292,10 @@ def _warnings(findings: MachineFindings) -> list[str]:
         warnings.append(
             "no random force keeps the machine on its runs: sizes are not compared with a second weighting"
         )
+    if findings.p_remaining <= MACHINES.tests.alpha:
+        warnings.append(
+            "a model error remains: intervals hold for the model as it is, sizes may be off by more"
+        )
     channels = {} if findings.holdout is None else findings.holdout.channels
     warnings += [
         f"the errors of {name} on locked runs are smaller than its noise, {one.after:.3g} and "

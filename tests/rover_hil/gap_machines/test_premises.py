@@ -118,3 +118,18 @@ def test_noise_declared_too_large_is_told_and_closes_no_more_than_all() -> None:
     assert verdict.gap["first"]["closure"] == 1.0
     assert "It closes 100% of the gap" in verdict.sentence
     assert [one for one in verdict.warnings if "smaller than its noise" in one], verdict.warnings
+
+
+def test_a_start_that_was_read_is_as_wrong_as_its_sensor() -> None:
+    """The first reading is a sample of the record: as knowledge of the start it would count twice."""
+    start = RunParameter(name="start_warmth", unit="K", prior_sd=0.1, channel="first")
+    model = replace(
+        body(), run_parameters=(start,), port_effects=(effects.gain_error("first", size=0.03, name="gain"),)
+    )
+    runs = [
+        replace(one, measured={**one.measured, "first": 1.1 * one.measured["first"]})
+        for one in body_runs(SEED, samples=36)
+    ]
+    verdict = analyse(model, runs).verdict
+    assert verdict.confidence_set == [["gain"]], verdict.sentence
+    assert verdict.effects[0].parameters["share"].value == pytest.approx(0.1, abs=0.01)
