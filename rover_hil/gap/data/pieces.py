@@ -38,8 +38,8 @@ def stable_pieces(machine: Machine, runs: Sequence[Run]) -> tuple[list[Run], lis
     so = (
         "they are compared in pieces, each with a start of its own"
         if is_cut
-        else "their ends say little of the machine; let start() take every state from a RunParameter, and they "
-        "are compared in pieces"
+        else "their ends say little of the machine; let start() take every state from a RunParameter, and "
+        "they are compared in pieces"
     )
     return found, [f"unstable, an error at the start grows exponentially: runs {', '.join(names)}; {so}"]
 

@@ -110,9 +110,7 @@ def test_a_channel_that_the_locked_runs_lack_is_left_out() -> None:
 
 
 def test_noise_declared_too_large_is_told_and_closes_no_more_than_all() -> None:
-    runs = [
-        replace(one, inputs={"heat": one.inputs["heat"] - 1.0}) for one in body_runs(SEED, samples=200)
-    ]
+    runs = [replace(one, inputs={"heat": one.inputs["heat"] - 1.0}) for one in body_runs(SEED, samples=200)]
     verdict = analyse(body(sigma=0.4), runs).verdict
     assert verdict.confidence_set == [["offset"]]
     assert verdict.gap["first"]["closure"] == 1.0

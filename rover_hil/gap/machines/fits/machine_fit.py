@@ -206,7 +206,12 @@ def start_of_runs(problem: Problem, shared: Point | None = None) -> Point:
     pulls[0] = 0.0
     # The same draw of the unknowns, by name in prior deviations, in every run.
     drawn = [dict(zip(names, pull, strict=True)) for pull in pulls]
-    points = [{**(shared or {}), **{item.key: item.at(one[item.key.name]) for item in free}} for one in drawn]
+    # One that was read is drawn as near its reading as its step says; its prior is wider.
+    near = {item.key: item.step / (DATA.fit.step_share * item.sd) for item in free}
+    points = [
+        {**(shared or {}), **{item.key: item.at(near[item.key] * one[item.key.name]) for item in free}}
+        for one in drawn
+    ]
     problem.prepare_points(points)
     declared = declared_noise(problem.observations).channel_sd[problem.observations.channel]
     weight = _beginning(problem) / declared**2
