@@ -187,14 +187,19 @@ class RunParameter:
 
     def nominal_in(self, run: "Run") -> float:
         """Return the nominal value in a run."""
-        if not self.is_read_in(run):
-            return self.nominal
-        values = run.measured[self.channel]
-        return float(values[np.isfinite(values)][0])
+        read = self._read_in(run)
+        return self.nominal if read is None else read
 
     def is_read_in(self, run: "Run") -> bool:
         """Return True where the nominal value in a run is a measured one."""
-        return bool(np.isfinite(run.measured.get(self.channel, np.nan)).any())
+        return self._read_in(run) is not None
+
+    def _read_in(self, run: "Run") -> float | None:
+        if self.channel in run.first:
+            return run.first[self.channel]
+        values = run.measured.get(self.channel, np.zeros(0))
+        good = np.flatnonzero(np.isfinite(values))
+        return float(values[good[0]]) if good.size else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,6 +214,7 @@ class Run:
         overlap: How many values at the start and end of each series are NaN on purpose, as they overlap with
             a neighbouring run; they do not count as missing.
         missing: Columns of the record that were bridged over gaps to make this run: missing values, of all.
+        first: First value of a channel where it is known but not compared.
     """
 
     name: str
@@ -217,6 +223,7 @@ class Run:
     measured: Mapping[str, Array] = field(default_factory=dict)
     overlap: tuple[int, int] = (0, 0)
     missing: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    first: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def count(self) -> int:

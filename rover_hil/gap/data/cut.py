@@ -9,8 +9,9 @@ import numpy as np
 
 from drivers.errors import ConfigError
 from rover_hil.gap.data.parameters import DATA
-from sim_backends.models.interface import Array, Machine, Model, Run
+from sim_backends.models.interface import Machine, Model, Run
 from sim_backends.state_model.model import StateModel
+from sim_backends.state_model.port_effect import Action
 from sim_backends.state_model.sample_times import mean_step_s, sample_times_s
 
 
@@ -19,7 +20,9 @@ def cut_runs(model: Model, runs: Sequence[Run], length_s: float) -> list[Run]:
 
     A remainder of at least half of the length is a run of its own; a shorter one stays with the run before
     it. Parts without a compared value are left out. Times in an input `t_s` begin at 0 in every part.
-    Shorter records stay as they are. Missing values of the record are counted with its first part.
+    A delay or a lag remembers the signal before a part: each part but the first begins earlier by the
+    longest ones of the model together, at most by its own length, and is not compared there. Shorter
+    records stay as they are. Missing values of the record are counted with its first part.
 
     Raises:
         ConfigError: The model is no machine, cannot begin in the middle of a record, or a part is too short.
@@ -32,13 +35,16 @@ def cut_runs(model: Model, runs: Sequence[Run], length_s: float) -> list[Run]:
             f"--cut: state {fixed[0]} of model {model.name} begins with the same value in every run, "
             "which is wrong in the middle of a record: add a RunParameter for it and use it in start()"
         )
-    return [part for run in runs for part in parts_of(model, run, length_s)]
+    memory_s = sum(
+        card.parameters[0].upper
+        for effect, card in zip(model.port_effects, model.effects, strict=True)
+        if effect.action in (Action.DELAY, Action.LAG)
+    )
+    return [part for run in runs for part in parts_of(model, run, length_s, min(memory_s, length_s))]
 
 
 def without_warm_up(model: Model, runs: Sequence[Run], duration_s: float) -> list[Run]:
-    """Return records whose beginning is simulated, but not compared.
-
-    The first value of a channel that a run parameter starts from is kept.
+    """Return records whose beginning is simulated, but not compared; starts are still read from it.
 
     Raises:
         ConfigError: The model is no machine, or too little of a record is left.
@@ -47,16 +53,15 @@ def without_warm_up(model: Model, runs: Sequence[Run], duration_s: float) -> lis
         raise ConfigError(
             "--warm-up: only records of a StateModel or a unit can be shortened; leave out --warm-up"
         )
-    starts = {one.channel for one in model.run_parameters}
-    return [_without_beginning(run, _count(model, run, duration_s), starts) for run in runs]
+    return [_without_beginning(run, _count(model, run, duration_s)) for run in runs]
 
 
 def _count(model: Machine, run: Run, duration_s: float) -> int:
     return round(duration_s / mean_step_s(run, model.step_s))
 
 
-def parts_of(model: StateModel, run: Run, length_s: float) -> list[Run]:
-    """Return the parts of a run; see `cut_runs`."""
+def parts_of(model: StateModel, run: Run, length_s: float, memory_s: float = 0.0) -> list[Run]:
+    """Return the parts of a run, which begin earlier by what is remembered; see `cut_runs`."""
     size, length = run.count, _count(model, run, length_s)
     if length < DATA.runs.least_samples:
         least_s = DATA.runs.least_samples * mean_step_s(run, model.step_s)
@@ -68,7 +73,14 @@ def parts_of(model: StateModel, run: Run, length_s: float) -> list[Run]:
     if count == 1:
         return [run]
     edges = [number * length for number in range(count)] + [size]
-    parts = [_part(model, run, number, edges[number], edges[number + 1]) for number in range(count)]
+    memory = _count(model, run, memory_s)
+    firsts = [max(edge - memory, 0) for edge in edges[:-1]]
+    parts = [
+        _uncompared(
+            _part(model, run, number, firsts[number], edges[number + 1]), edges[number] - firsts[number]
+        )
+        for number in range(count)
+    ]
     return [part for part in parts if sum(part.overlap) < part.count]
 
 
@@ -85,30 +97,32 @@ def _part(model: StateModel, run: Run, number: int, first: int, last: int) -> Ru
         measured={name: values[first:last] for name, values in run.measured.items()},
         overlap=(min(max(before, 0), size), min(max(after, 0), size)),
         missing=run.missing if number == 0 else {},
+        first=run.first if number == 0 else {},
     )
 
 
-def _without_beginning(run: Run, count: int, starts: set[str]) -> Run:
+def _without_beginning(run: Run, count: int) -> Run:
     left = run.count - count
     if left < DATA.runs.least_samples:
         raise ConfigError(
             f"--warm-up: {max(left, 0)} samples of run {run.name} are left; at least "
             f"{DATA.runs.least_samples} are needed: shorten the warm-up"
         )
+    return _uncompared(run, count)
+
+
+def _uncompared(run: Run, count: int) -> Run:
+    """Return a run whose first values are not compared; a start may still be read from them."""
     if count == 0:
         return run
-    measured = {name: _blanked(values, count, name in starts) for name, values in run.measured.items()}
+    measured, first = {}, dict(run.first)
+    for name, values in run.measured.items():
+        known = values[:count][np.isfinite(values[:count])]
+        if known.size:
+            first.setdefault(name, float(known[0]))
+        measured[name] = np.where(np.arange(values.size) < count, np.nan, values)
     before, after = run.overlap
-    return replace(run, measured=measured, overlap=(max(before, count), after))
-
-
-def _blanked(values: Array, count: int, is_start: bool) -> Array:
-    blanked = values.copy()
-    blanked[:count] = np.nan
-    good = np.flatnonzero(np.isfinite(values[:count]))
-    if is_start and good.size:
-        blanked[good[0]] = values[good[0]]
-    return blanked
+    return replace(run, measured=measured, first=first, overlap=(max(before, count), after))
 
 
 def begins_anywhere(model: StateModel) -> bool:

@@ -9,7 +9,9 @@ import pytest
 from drivers.errors import ConfigError
 from rover_hil.gap.checks import missing_values, object_to
 from rover_hil.gap.data.cut import cut_runs, without_warm_up
-from sim_backends.models.interface import Array
+from rover_hil.gap.workflow import analyse
+from sim_backends.models.interface import Array, Run
+from sim_backends.state_model import effects
 from tests.rover_hil.gap.gap_models import Cart
 from tests.rover_hil.gap_machines.small_machine import MODEL, small_runs
 
@@ -39,6 +41,42 @@ def test_times_begin_at_zero_in_every_part() -> None:
 def test_short_records_and_their_names_stay() -> None:
     runs = small_runs()
     assert cut_runs(MODEL, runs, 6.0) == runs
+
+
+LATE = replace(
+    MODEL,
+    port_effects=(
+        effects.delay("power", size=0.1, longest=1.0),
+        effects.lag("power", size=0.1, longest=1.5),
+    ),
+)
+
+
+def test_parts_begin_earlier_where_a_delay_and_a_lag_remember_the_input_and_are_not_compared_there() -> None:
+    (record,) = small_runs(samples=200, count=1)
+    first, second, *_ = cut_runs(LATE, [record], 5.0)
+    assert (first.count, second.count, second.overlap) == (50, 50 + 25, (25, 0))
+    assert np.array_equal(second.inputs["power"], record.inputs["power"][25:100])
+    assert np.flatnonzero(np.isfinite(second.measured["reading"])).tolist() == [*range(25, 75)]
+    assert second.first == {"reading": record.measured["reading"][25]}
+    assert cut_runs(LATE, [record], 3.0)[1].overlap == (25, 0)
+    longer = replace(LATE, port_effects=(effects.delay("power", size=0.1, longest=60.0),))
+    assert cut_runs(longer, [record], 5.0)[1].overlap == (50, 0)
+
+
+def test_a_delay_in_a_record_that_is_cut_has_its_size() -> None:
+    """Truth: the input seven samples late, then the exact response. Without the input before: not NAMED."""
+    rng = np.random.default_rng(3)
+    power = np.repeat(rng.uniform(-2.0, 2.0, 80), 10)
+    late, keep = np.concatenate((np.full(7, power[0]), power[:-7])), np.exp(-0.05)
+    warmth = np.zeros(800)
+    for index in range(1, 800):
+        warmth[index] = keep * warmth[index - 1] + (1.0 - keep) / 0.5 * late[index - 1]
+    measured = {"reading": warmth + rng.normal(0.0, 0.02, 800)}
+    record = Run(name="record", conditions={}, inputs={"power": power}, measured=measured)
+    verdict = analyse(LATE, cut_runs(LATE, [record], 10.0)).verdict
+    assert (verdict.verdict, verdict.confidence_set) == ("NAMED", [["delay"]]), verdict.sentence
+    assert verdict.effects[0].parameters["time"].value == pytest.approx(0.7, abs=0.01)
 
 
 def test_missing_values_are_counted_with_the_first_part() -> None:
@@ -86,7 +124,7 @@ def test_the_warm_up_is_not_compared_but_simulated() -> None:
     for before, after in zip(runs, shorter, strict=True):
         assert after.inputs["power"] is before.inputs["power"]
         # The first value stays: the state begins there.
-        assert np.flatnonzero(np.isnan(after.measured["reading"])).tolist() == list(range(1, 10))
+        assert np.flatnonzero(np.isnan(after.measured["reading"])).tolist() == list(range(10))
         assert after.overlap == (10, 0)
     assert missing_values(MODEL, shorter) == []
     assert object_to(MODEL, shorter) is None
