@@ -9,7 +9,7 @@ from drivers.errors import ModelError
 from rover_hil.gap.checks import missing_values, object_to
 from rover_hil.gap.data.observed_model import ObservedModel
 from rover_hil.gap.data.pieces import stable_pieces
-from rover_hil.gap.data.problem import is_steady
+from rover_hil.gap.data.problem import is_steady, split_point
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.machines.analysis import analyse_machine
 from rover_hil.gap.machines.base_parameters import Trial, judged, with_base_parameters
@@ -27,6 +27,7 @@ from rover_hil.gap.machines.verdict import decide_machine
 from rover_hil.gap.plan import Plan, TooFewRunsError, make_plan, require_runs
 from rover_hil.gap.verdict import Answer, refuse
 from sim_backends.models.interface import Machine, Model, Run
+from sim_backends.state_model.model import StateModel
 
 ALPHAS = {"gap": MACHINES.tests.alpha}
 
@@ -147,6 +148,14 @@ def _analyse(
     open_runs, told = stable_pieces(machine, open_runs)
     locked_runs, also_told = stable_pieces(machine, locked_runs)
     found = analyse_machine(machine, open_runs, locked_runs, seed, advance, announce)
+    while isinstance(machine, StateModel):
+        # Steps were chosen at the natural sizes of the effects; the found ones may need smaller steps.
+        finer = machine.refined_at(open_runs, *split_point(found.best.fit.point))
+        if finer is machine:
+            break
+        advance("once more with smaller integration steps")
+        machine = finer
+        found = analyse_machine(machine, open_runs, locked_runs, seed, advance, announce)
     shown = machine if isinstance(model, Machine) else model
     verdict = decide_machine(found)
     verdict = replace(verdict, warnings=(*told, *also_told, *verdict.warnings))

@@ -117,6 +117,18 @@ class StateModel(Equations):
         base = found.pop("")
         return replace(self, substeps=base, effect_substeps=found)
 
+    def refined_at(
+        self, runs: Sequence[Run], parameters: Values, effects: Mapping[str, Values]
+    ) -> "StateModel":
+        """Return itself, or with smaller integration steps where those are too large at these values."""
+        point = Point(parameters, effects)
+        steps = self._enough_steps(runs, {"here": point}).get("here", MOST_SUBSTEPS)
+        if steps <= self._needed_substeps(point):
+            return self
+        if not effects:
+            return replace(self, substeps=steps)
+        return replace(self, effect_substeps={**self.effect_substeps, **dict.fromkeys(effects, steps)})
+
     def _enough_steps(
         self, runs: Sequence[Run], points: Mapping[str, Point], least_share: float | None = None
     ) -> dict[str, int]:

@@ -56,7 +56,7 @@ def rolling_motion(rover: Rover, wheels: Wheels) -> Array:
 
 
 def balanced_motion(rover: Rover, wheels: Wheels, contact: Contact, load: Array, rolling: Array) -> Array:
-    """Return velocity x, y and yaw rate of the body, shape (n, 3).
+    """Return velocity x, y and yaw rate of the body, shape (n, 3); NaN where the ground cannot carry a load.
 
     Args:
         rover: Its constants; wheels first, then castors.
@@ -66,7 +66,10 @@ def balanced_motion(rover: Rover, wheels: Wheels, contact: Contact, load: Array,
         rolling: The `rolling_motion` of these wheels.
     """
     twist = rolling.copy()
-    _balance(rover, wheels, contact, load, twist, 1.0)
+    try:
+        _balance(rover, wheels, contact, load, twist, 1.0)
+    except ZeroDivisionError:
+        twist[:] = np.nan
     return twist
 
 

@@ -293,15 +293,22 @@ class Problem:
             Free(
                 key=item.key_in(site),
                 mean=item.nominal_in(site),
-                sd=(DATA.fit.weak if item.is_read_in(site) else 1.0) * item.prior_sd,
+                sd=max(spread, item.prior_sd) if item.is_read_in(site) else item.prior_sd,
                 lower=item.lower,
                 upper=item.upper,
                 start=item.nominal_in(site),
                 step=DATA.fit.step_share * item.prior_sd,
             )
             for item in model.run_parameters
+            for spread in (self._spread(item.channel),)
             for site in self.sites
         ]
+
+    def _spread(self, channel: str) -> float:
+        """Return how far readings of a channel are apart: its first one is known no better from elsewhere."""
+        read = np.concatenate([site.measured.get(channel, np.zeros(0)) for site in self.sites])
+        good = read[np.isfinite(read)]
+        return float(np.std(good)) if good.size else 0.0
 
 
 class DerivativeRequest:

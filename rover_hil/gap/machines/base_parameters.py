@@ -47,7 +47,7 @@ class Trial:
 
 def judged(rows: Sequence[FittedBase], trial_of: Callable[[str], Trial]) -> list[FittedBase]:
     """Return base parameters, those far from their nominal value with what the runs prove of them."""
-    return [_judged(one, trial_of) if abs(one.pull) > FAR_SD else one for one in rows]
+    return [_judged(one, trial_of) if _is_far(one) else one for one in rows]
 
 
 def _judged(row: FittedBase, trial_of: Callable[[str], Trial]) -> FittedBase:
@@ -76,7 +76,12 @@ def _judged(row: FittedBase, trial_of: Callable[[str], Trial]) -> FittedBase:
 
 def far(rows: Sequence[FittedBase]) -> list[FittedBase]:
     """Return the base parameters that have to be told, the farthest first."""
-    return sorted((one for one in rows if abs(one.pull) > FAR_SD), key=lambda one: -abs(one.pull))
+    return sorted(filter(_is_far, rows), key=lambda one: -abs(one.pull))
+
+
+def _is_far(row: FittedBase) -> bool:
+    """Return True where a value is far from nominal, and the runs exclude the nominal one."""
+    return abs(row.pull) > FAR_SD and not row.ci95[0] <= row.nominal <= row.ci95[1]
 
 
 def with_base_parameters(verdict: Verdict, rows: Sequence[FittedBase]) -> Verdict:

@@ -105,7 +105,7 @@ def _pushed(findings: MachineFindings, part: MachineFit, problem: Problem) -> di
     return {
         row.name: row.nominal + math.copysign(FAR_SD * row.prior_sd, row.pull)
         for row in far(machine_bases(findings, part))
-        if row.name not in problem.released and not row.ci95[0] <= row.nominal <= row.ci95[1]
+        if row.name not in problem.released
     }
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rover_hil.gap.machines.base_parameters import Trial, headline, judged, with_base_parameters
+from rover_hil.gap.machines.base_parameters import Trial, far, headline, judged, with_base_parameters
 from rover_hil.gap.output.model_file import read_model_file
 from rover_hil.gap.output.results import MODEL_NAME, REPORT_NAME, VERDICT_NAME, write_results
 from rover_hil.gap.verdict import Answer, FittedBase, FoundEffect, Verdict
@@ -236,3 +236,9 @@ def test_effect_and_base_parameters_of_the_model_file_are_those_of_the_verdict(t
         assert file.parameters[one.name].value == one.value, one.name
     gain = next(one for one in verdict.base_parameters if one.name == "gain")
     assert gain.value == pytest.approx(8.0, rel=0.02)
+
+
+def test_a_value_that_the_runs_hardly_show_is_not_told() -> None:
+    """At the end of its range, with the nominal value inside its interval."""
+    row = replace(TRACK, ci95=(0.1, 0.4))
+    assert far([row, TRACK]) == [TRACK]
