@@ -50,9 +50,8 @@ class Wheels(NamedTuple):
 def rolling_motion(rover: Rover, wheels: Wheels) -> Array:
     """Return velocity x, y and yaw rate of rolling wheels by least squares, shape (n, 3)."""
     free = Contact(friction=1e9, stiffness=1.0, drag_along=0.0, drag_across=0.0)
-    twist = np.zeros((len(wheels.rim_m_s), 3))
-    _balance(rover, wheels, free, np.zeros_like(twist), twist, 0.0)
-    return twist
+    start = np.zeros((len(wheels.rim_m_s), 3))
+    return _balanced(rover, wheels, free, start, start, 0.0)
 
 
 def balanced_motion(rover: Rover, wheels: Wheels, contact: Contact, load: Array, rolling: Array) -> Array:
@@ -65,9 +64,16 @@ def balanced_motion(rover: Rover, wheels: Wheels, contact: Contact, load: Array,
         load: Force x, y in N and moment in N m that the contacts must carry, shape (n, 3).
         rolling: The `rolling_motion` of these wheels.
     """
-    twist = rolling.copy()
+    return _balanced(rover, wheels, contact, load, rolling, 1.0)
+
+
+def _balanced(
+    rover: Rover, wheels: Wheels, contact: Contact, load: Array, start: Array, castors: float
+) -> Array:
+    """Return the motion that balances the load; NaN where the contacts do not resist a motion at all."""
+    twist = start.copy()
     try:
-        _balance(rover, wheels, contact, load, twist, 1.0)
+        _balance(rover, wheels, contact, load, twist, castors)
     except ZeroDivisionError:
         twist[:] = np.nan
     return twist

@@ -221,3 +221,17 @@ def test_measured_stretches_are_longer_where_the_rover_goes_farther(tmp_path: Pa
         assert np.isfinite(predicted[good]).all()
         share = float(measured[good] @ predicted[good] / (predicted[good] @ predicted[good]))
         assert share == pytest.approx(1.03, abs=0.008), channel
+
+
+def test_wheels_that_hold_no_turn_give_no_prediction_and_no_error() -> None:
+    """All at one point. A search tried the like on a measured tricycle, ground that holds no slope."""
+    settings = load_config("docs/examples/six_wheels.toml").require_simulation().plant
+    assert isinstance(settings, WheelsPlantSettings)
+    model = WheelsModel(settings)
+    series = {f"wheel_{wheel}_rad_s": 5.0 for wheel in model.driven}
+    series |= {f"steering_{wheel}_rad": 0.0 for wheel in range(1, model.wheel_count + 1)}
+    inputs = {key: np.full(40, value) for key, value in series.items()}
+    inputs |= {"t_s": np.linspace(0.0, 7.8, 40), "heading_rad": np.zeros(40)}
+    run = Run(name="sliding", conditions={"speed_m_s": 0.1}, inputs=inputs)
+    found = model.predict([run], {"base_error": -1.0}, {})[0]
+    assert np.isnan(found["forward_m_s"]).all()
