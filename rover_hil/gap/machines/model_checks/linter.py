@@ -171,11 +171,20 @@ def lint(model: Machine, runs: Sequence[Run]) -> LintReport:
     )
 
 
+def _with_starts_only(run: Run) -> Run:
+    """Return a run whose measured values are all the first one of their channel."""
+    measured = {}
+    for name, values in run.measured.items():
+        good = np.flatnonzero(np.isfinite(values))
+        measured[name] = values if good.size == 0 else np.where(np.isfinite(values), values[good[0]], np.nan)
+    return replace(run, measured=measured)
+
+
 class _Bench:
     """The model on its runs; of their measured values it uses where they are and where states start."""
 
     def __init__(self, model: Machine, runs: Sequence[Run]) -> None:
-        self.problem = Problem(model, observe(model, runs))
+        self.problem = Problem(model, observe(model, [_with_starts_only(run) for run in runs]))
         self._noise: SensorNoise = declared_noise(self.problem.observations)
         free = tuple(self.problem.base_free())
         nominal: dict[ParameterKey, float] = {item.key: item.start for item in free}
