@@ -78,7 +78,10 @@ def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
         return _without_name(findings)
     share = _explained(findings)
     if share < MACHINES.verdict.half:
-        return Answer.UNNAMED, [f"the best, {_join(findings.best.names)}, explains {share:.0%} of it"]
+        sizes = "; ".join(_size_text(one) for one in _effects(findings))
+        return Answer.UNNAMED, [
+            f"the best, {_join(findings.best.names)} ({sizes}), explains {share:.0%} of it"
+        ]
     reasons = _reservations(findings)
     if len(found.alternatives) + 1 > MACHINES.verdict.most_members:
         return Answer.NOT_IDENTIFIABLE, ["more than four explanations fit the runs equally well"]
