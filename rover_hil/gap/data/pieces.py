@@ -41,7 +41,7 @@ def stable_pieces(machine: Machine, runs: Sequence[Run]) -> tuple[list[Run], lis
         else "their ends say little of the machine; let start() take every state from a RunParameter, and "
         "they are compared in pieces"
     )
-    return found, [f"unstable, an error at the start grows exponentially: runs {', '.join(names)}; {so}"]
+    return found, [f"in runs {', '.join(names)} an error at the start grows exponentially: {so}"]
 
 
 def _pieces(machine: StateModel, run: Run) -> list[Run]:

@@ -300,9 +300,10 @@ def _warnings(findings: MachineFindings) -> list[str]:
             "a model error remains: intervals hold for the model as it is, sizes may be off by more"
         )
     channels = {} if findings.holdout is None else findings.holdout.channels
+    units = {one.channel: one.unit for one in findings.budget_after}
     warnings += [
-        f"the errors of {name} on locked runs are smaller than its noise, {one.after:.3g} and "
-        f"{one.noise_floor:.3g}: a part of what counts as noise was the gap, which is larger than told"
+        f"errors of {name} on locked runs, {one.after:.3g} {units[name]}, are far smaller than its noise, "
+        f"{one.noise_floor:.3g} {units[name]}: this noise is too large, and the gap is larger than told"
         for name, one in channels.items()
         if one.after**2 < MACHINES.verdict.half * one.noise_floor**2
     ]

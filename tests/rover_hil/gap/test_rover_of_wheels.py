@@ -224,7 +224,7 @@ def test_measured_stretches_are_longer_where_the_rover_goes_farther(tmp_path: Pa
 
 
 def test_wheels_that_hold_no_turn_give_no_prediction_and_no_error() -> None:
-    """All at one point. A search tried the like on a measured tricycle, ground that holds no slope."""
+    """Wheels that all stand at one point resist no turn."""
     settings = load_config("docs/examples/six_wheels.toml").require_simulation().plant
     assert isinstance(settings, WheelsPlantSettings)
     model = WheelsModel(settings)

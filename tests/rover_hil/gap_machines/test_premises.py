@@ -115,7 +115,7 @@ def test_noise_declared_too_large_is_told_and_closes_no_more_than_all() -> None:
     assert verdict.confidence_set == [["offset"]]
     assert verdict.gap["first"]["closure"] == 1.0
     assert "It closes 100% of the gap" in verdict.sentence
-    assert [one for one in verdict.warnings if "smaller than its noise" in one], verdict.warnings
+    assert [one for one in verdict.warnings if "far smaller than its noise" in one], verdict.warnings
 
 
 def test_a_start_that_was_read_is_as_wrong_as_its_sensor() -> None:
