@@ -24,6 +24,8 @@ class OperatorInput:
         stop_reason: Why the operator's side must not let the rover move, e.g. because it is lost; "" where
             it may move again; None for no change.
         fixes: Poses measured from outside that arrived since the last cycle: samples of this one.
+        is_confirmed: Whether the operator has just confirmed that the rover may move after a stop that
+            requires it.
     """
 
     is_paused: bool | None = None
@@ -31,6 +33,7 @@ class OperatorInput:
     gains: Mapping[str, float] = field(default_factory=dict)
     stop_reason: str | None = None
     fixes: tuple[PoseFixSample, ...] = ()
+    is_confirmed: bool = False
 
 
 def merge(first: OperatorInput, then: OperatorInput) -> OperatorInput:
@@ -41,6 +44,7 @@ def merge(first: OperatorInput, then: OperatorInput) -> OperatorInput:
         gains={**first.gains, **then.gains},
         stop_reason=first.stop_reason if then.stop_reason is None else then.stop_reason,
         fixes=first.fixes + then.fixes,
+        is_confirmed=first.is_confirmed or then.is_confirmed,
     )
 
 
