@@ -18,15 +18,17 @@ from controllers.maneuvers import Maneuvers
 from controllers.motion.crab import CrabDrift, CrabReport
 from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.motion.limits import Limit, WheelLimiter
+from controllers.motion.missions.by_hand import ByHand
 from controllers.motion.missions.mission import Guidance
 from controllers.motion.planar import Pose
 from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.operator import OperatorInput, check_gains, gain_ranges
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
+from controllers.safety.border import Border
 from controllers.safety.drive_check import DriveCheck, Finding
 from controllers.safety.reasons import Cycle
-from controllers.settings import ControlSettings
+from controllers.settings import ControlSettings, body_radius_m, find_area_conflicts
 from controllers.slip.effort.compensator import EffortCompensator, SlipReport
 from controllers.slip.effort.excited_slip import RoverSlip
 from controllers.slip.effort.ground_knowledge import SlipSource
@@ -65,6 +67,7 @@ class StepOutput:
         dead_reckoned: Pose without the corrections by pose fixes, which never jumps; None without fixes.
         findings: What begins to be wrong in this cycle with a drive that somebody else controls; None for
             nothing.
+        waits_for_operator: Whether the rover stays stopped until an operator confirms that it may move.
     """
 
     t_ns: int
@@ -86,6 +89,7 @@ class StepOutput:
     suspicion: str = ""
     dead_reckoned: DeadReckoned | None = None
     findings: tuple[Finding, ...] | None = None
+    waits_for_operator: bool = False
 
 
 class ControlLoop:
@@ -101,8 +105,8 @@ class ControlLoop:
         meter: Measures the motion over the ground in these frames; None where that is not wanted.
 
     Raises:
-        ConfigError: The mission does not fit the rover, or the wheel device is not required although there is
-            a mission.
+        ConfigError: The mission does not fit the rover or its area, or the wheel device is not required
+            although there is a mission.
     """
 
     def __init__(
@@ -116,6 +120,8 @@ class ControlLoop:
         mission = settings.mission
         if mission is not None and roles.wheels not in roles.required:
             raise ConfigError(f"required: a mission needs the wheel device {roles.wheels!r}, add it")
+        for conflict in find_area_conflicts(settings):
+            raise ConfigError(conflict)
         self._kinematics = kinematics
         self._expiry_ns = nanoseconds(settings.safety.expiry_s)
         self._motion_age_ns = nanoseconds(roles.motion_age_s)
@@ -151,8 +157,9 @@ class ControlLoop:
         self._commanded_rad_s = (0.0,) * kinematics.wheel_count
         self._travel_rad_s = self._swing_rad_s = self._commanded_rad_s
         self._steering_rad: tuple[float, ...] = ()
-        self._is_paused = False
+        self._is_paused = self._is_confirmed = self._is_led_out = False
         self._operator_reason = ""
+        self._border = Border(settings.safety.area, body_radius_m(settings))
         self._gain_ranges = gain_ranges(settings)
         self._follower = None if mission is None else mission.follower(kinematics)
         rim_arm_m = settings.rover.wheel_radius_m * max(map(abs, kinematics.wheel_speeds(0.0, 0.0, 1.0)))
@@ -171,6 +178,7 @@ class ControlLoop:
             self._is_paused = wanted.is_paused
         if wanted.stop_reason is not None:
             self._operator_reason = wanted.stop_reason
+        self._is_confirmed |= wanted.is_confirmed
         if wanted.motion is not None and self._follower is not None:
             self._follower.command(now_ns, wanted.motion)
         if wanted.gains and self._follower is not None:
@@ -243,6 +251,7 @@ class ControlLoop:
             or self._estimator.suspicion,
             dead_reckoned=self._estimator.dead_reckoned(),
             findings=None if self._check is None else self._check.findings or None,
+            waits_for_operator=self._supervisor.waits_for_operator,
         )
 
     def _judge(self, check: DriveCheck, cycle: Cycle) -> bool:
@@ -309,6 +318,10 @@ class ControlLoop:
             steering_ns=self._estimator.steering.reported_ns,
             operator_reason=self._operator_reason,
             contradiction=None if contradiction is None else contradiction.scaled,
+            position_m=complex(estimate.x_m, estimate.y_m),
+            over_border_m=self._border.over_m,
+            is_led_out=self._is_led_out,
+            is_confirmed=self._is_confirmed,
         )
 
     def _guide(
@@ -317,17 +330,32 @@ class ControlLoop:
         if self._follower is None or self._maneuvers is None:
             return None
         supervisor, maneuvers = self._supervisor, self._maneuvers
+        self._border.measure(estimate)
         cycle = self._cycle(now_ns, estimate, innovations)
         was_running = supervisor.mode is Mode.RUNNING
         supervisor.update(cycle)
+        self._is_confirmed = self._is_led_out = False
         for doubt in supervisor.doubts:
             self._estimator.doubt(*doubt)
         if was_running and supervisor.mode is Mode.SAFE_STOP:
             maneuvers.back_out.stop(supervisor.stop_cause)
         if supervisor.mode is not Mode.RUNNING or self._is_paused:
             return None
+        guidance = self._lead(now_ns, estimate, cycle.distance_m, maneuvers)
+        if guidance is None or not self._border.is_crossed_by(guidance):
+            return guidance
+        self._is_led_out = not isinstance(self._follower, ByHand)
+        return Guidance(waits=True, cross_track_m=guidance.cross_track_m)
+
+    def _lead(
+        self, now_ns: int, estimate: PoseEstimate, distance_m: float, maneuvers: Maneuvers
+    ) -> Guidance | None:
+        """Return where mission, maneuvers or hand lead the rover; None for rest."""
+        if self._follower is None:
+            return None
+        supervisor = self._supervisor
         pose = Pose(x_m=estimate.x_m, y_m=estimate.y_m, yaw_rad=estimate.yaw_rad)
-        way_back = maneuvers.back_out.guide(pose, cycle.distance_m)
+        way_back = maneuvers.back_out.guide(pose, distance_m)
         if way_back is not None:
             return way_back
         drift_rad = 0.0

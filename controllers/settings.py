@@ -1,6 +1,7 @@
 """The whole controller: its sections put together."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Annotated, Self
 
 from pydantic import AliasChoices, Field, model_validator
@@ -12,8 +13,10 @@ from controllers.motion.rover_geometry import (
     RoverSettings,
     WheelsRoverSettings,
     has_four_wheels,
+    wheels_reach_m,
 )
 from controllers.motion.settings import LimitSettings, MissionSettings
+from controllers.safety.position_region import Region
 from controllers.safety.settings import SafetySettings
 from controllers.slip.effort.settings import YAW_PROBE, SlipSettings
 from controllers.slip.scomp.settings import ScompSettings
@@ -21,6 +24,8 @@ from drivers.settings import Settings
 
 OLD_SCOMP_KEY = "trace_slip"
 """Name of the section `scomp` in older configurations and logs."""
+ROUNDING_M = 1e-6
+"""A path that touches the border of the area is inside."""
 
 
 class ControlSettings(Settings):
@@ -64,6 +69,41 @@ class ControlSettings(Settings):
         for conflict in find_crab_conflicts(self.mission, self.scomp):
             raise ValueError(conflict)
         return self
+
+
+def body_radius_m(settings: ControlSettings) -> float:
+    """Return the radius in m of the body about its origin, as far as the configuration knows it.
+
+    That is the distance of the outermost point of the wheels, or the radius of the body in [slip.excitation].
+    """
+    slip = settings.slip
+    excited_m = None if slip is None else slip.excitation.body_radius_m
+    return max(wheels_reach_m(settings.rover), excited_m or 0.0)
+
+
+def find_area_conflicts(settings: ControlSettings) -> Iterator[str]:
+    """Yield where the mission leaves the area of the rover, with the fix."""
+    area, mission = settings.safety.area, settings.mission
+    if area is None or mission is None:
+        return
+    body_m = body_radius_m(settings)
+    corners = [complex(*corner) for corner in mission.corners()]
+    start_m = area.excess(Region.of_line(corners[0], corners[0], body_m)).over_m
+    if start_m > ROUNDING_M:
+        yield (
+            f"safety.area: the rover starts at 0, 0 m, and its body of {body_m:.3g} m radius is over the "
+            f"border by {start_m:.3g} m: correct the area"
+        )
+        return
+    for start, end in dict.fromkeys(pairwise(corners)):
+        over_m = area.excess(Region.of_line(start, end, body_m)).over_m
+        if over_m > ROUNDING_M:
+            yield (
+                f"mission: on the line from {start.real:g}, {start.imag:g} to {end.real:g}, {end.imag:g} m "
+                f"the body of {body_m:.3g} m radius is outside safety.area by {over_m:.3g} m: move the "
+                "points of the mission, or correct the area"
+            )
+            return
 
 
 def find_stall_conflicts(

@@ -1,5 +1,6 @@
 """Geometry of a rover's wheels, the section [rover]."""
 
+import cmath
 import math
 from itertools import combinations
 from typing import Annotated, Literal, Self, TypeAlias, TypeGuard
@@ -77,6 +78,26 @@ class WheelsRoverSettings(Settings):
         for conflict in find_wheel_conflicts(self.wheels):
             raise ValueError(conflict)
         return self
+
+
+def wheels_reach_m(rover: "RoverSettings") -> float:
+    """Return the distance in m of the outermost known point of the wheels from the origin of the body frame.
+
+    A wheel that steers counts in every direction. Of four wheels that do not steer only the track is known.
+    """
+    if isinstance(rover, OmniRoverSettings):
+        return math.hypot(rover.base_radius_m, rover.wheel_radius_m)
+    if isinstance(rover, SkidSteerRoverSettings):
+        return math.hypot(0.5 * rover.track_m, rover.wheel_radius_m)
+    return max(map(_wheel_reach_m, rover.wheels))
+
+
+def _wheel_reach_m(wheel: WheelSettings) -> float:
+    contact = complex(wheel.x_m, wheel.y_m)
+    if wheel.steering is not None:
+        return abs(contact) + wheel.radius_m
+    rim = cmath.rect(wheel.radius_m, math.radians(wheel.angle_deg))
+    return max(abs(contact + rim), abs(contact - rim))
 
 
 def has_four_wheels(rover: "RoverSettings") -> "TypeGuard[SkidSteerRoverSettings | WheelsRoverSettings]":

@@ -1,5 +1,6 @@
 """What a stop rule is: it sees samples and cycles, and gives reasons to stop."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from enum import StrEnum
@@ -44,6 +45,7 @@ class StopReason(NamedTuple):
         yaw_rad: By how much the yaw may be wrong.
         path_m: Distance driven before, on which the yaw may have become wrong.
         leaves_motion_open: Whether a sensor of the motion itself may be wrong, all the time.
+        waits_for_operator: Whether it ends only when an operator confirms.
     """
 
     cause: str
@@ -53,6 +55,7 @@ class StopReason(NamedTuple):
     yaw_rad: float = 0.0
     path_m: float = 0.0
     leaves_motion_open: bool = False
+    waits_for_operator: bool = False
 
 
 class Cycle(NamedTuple):
@@ -92,6 +95,10 @@ class Cycle(NamedTuple):
         operator_reason: Why the operator's side must not let the rover move; "" for nothing.
         contradiction: How far redundant wheels contradict each other, above 1 where they do; None where they
             are not redundant.
+        position_m: The estimated position in the local frame, x + i y.
+        over_border_m: Greatest excess of the rover's region over the border of its area, negative inside.
+        is_led_out: Whether the mission has just led a rover that is over the border farther out.
+        is_confirmed: Whether an operator has just confirmed that the rover may move.
     """
 
     now_ns: int
@@ -123,6 +130,10 @@ class Cycle(NamedTuple):
     steering_ns: Mapping[int, int] = MappingProxyType({})
     operator_reason: str = ""
     contradiction: float | None = None
+    position_m: complex = 0j
+    over_border_m: float = -math.inf
+    is_led_out: bool = False
+    is_confirmed: bool = False
 
 
 class StopRule(ABC):

@@ -5,6 +5,8 @@ from typing import Annotated
 from pydantic import Field
 
 from controllers.roles import DeviceRoles
+from controllers.safety.area import AreaSettings
+from controllers.safety.area_rule import AreaRule
 from controllers.safety.dead_gyro_rule import DeadGyroRule
 from controllers.safety.device_rules import BumperRule, BumperSettings, FaultRule, FreshnessRule, LinkRule
 from controllers.safety.entrapment import EntrapmentRule, EntrapmentSettings
@@ -44,6 +46,7 @@ from controllers.safety.unproven_turn import UnprovenTurn
 
 
 class SafetySettings(
+    AreaSettings,
     BumperSettings,
     InnovationSettings,
     StallSettings,
@@ -89,6 +92,7 @@ def make_rules(
     return (
         BumperRule(settings),
         OperatorRule(),
+        AreaRule(),
         LinkRule(roles),
         FaultRule(roles),
         FreshnessRule(roles, wheel_count),

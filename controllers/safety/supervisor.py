@@ -82,6 +82,7 @@ class SafetySupervisor:
         is_gyro_doubted: Whether gyro and wheels exclude each other, and nothing decides.
         unjudged_rad: By how much the yaw may be wrong while a sign is too young to be a reason.
         doubts: What the stops of this cycle add to the doubt in the estimate.
+        waits_for_operator: Whether the rover stays stopped until an operator confirms that it may move.
     """
 
     def __init__(
@@ -98,6 +99,7 @@ class SafetySupervisor:
         self.is_gyro_doubted = False
         self.unjudged_rad = 0.0
         self.doubts: list[Doubt] = []
+        self.waits_for_operator = False
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`."""
@@ -113,6 +115,7 @@ class SafetySupervisor:
         self.unjudged_rad = max(signs_rad, default=0.0)
         self.is_gyro_doubted = any(each.severity is Severity.DOUBT for each in reasons)
         self.doubts = list(self._rules.doubts(reasons))
+        self.waits_for_operator = False
         if self.mode is Mode.EMERGENCY_STOP:
             return
         if self.mode is Mode.RUNNING:
@@ -121,6 +124,8 @@ class SafetySupervisor:
             self._stop(self._count(_most_severe(stops)))
         else:
             self._resume(cycle)
+        if self.mode is not Mode.EMERGENCY_STOP:
+            self.waits_for_operator = any(stop.waits_for_operator for stop in stops)
 
     def finish(self) -> None:
         """End the mission."""
@@ -165,7 +170,7 @@ class SafetySupervisor:
         """Count a stop; return it, final where it is one too many."""
         if stop.severity is Severity.RECOVERABLE:
             return self._suspect(stop)
-        if self.mode is not Mode.RUNNING:
+        if self.mode is not Mode.RUNNING or stop.waits_for_operator:  # it cannot repeat by itself
             return stop
         stops = self._stops.setdefault(stop.cause, _Stops())
         stops.count += 1

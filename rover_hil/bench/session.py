@@ -18,6 +18,7 @@ from controllers.motion.settings import (
     WaypointsMission,
 )
 from controllers.operator import OperatorInput, check_gains, gain_ranges
+from controllers.settings import find_area_conflicts
 from controllers.slip.effort.settings import SURFACES, YAW_PROBE
 from drivers.camera.settings import CameraSettings
 from drivers.clock import SystemClock, nanoseconds, wall_time_text
@@ -82,6 +83,7 @@ class Snapshot:
     Attributes:
         run: Name of the run that no other run ever has; a page begins anew with each. Empty before the first.
         mission: Corners of the path in m; empty by hand.
+        area: Border of the rover's area in m, a closed line; empty without one.
         log_bytes: Size of the log.
         pictures: Of each camera, the number of its newest picture and words on the trace in it.
         is_control_free: Nobody is in control, or who is does not answer.
@@ -100,6 +102,7 @@ class Snapshot:
     run_name: str
     report_name: str
     mission: list[tuple[float, float]]
+    area: list[tuple[float, float]]
     log_bytes: int
     controller: str | None
     is_control_free: bool
@@ -375,6 +378,7 @@ class Session:
                 run_name="" if order is None else order.log_path.parent.name,
                 report_name=self._report_name,
                 mission=_corners(self.config.mission if mission is None else mission),
+                area=[] if self.config.safety.area is None else list(self.config.safety.area.outline()),
                 log_bytes=self._log_bytes,
                 controller=self._controller,
                 is_control_free=self._is_control_free(),
@@ -427,7 +431,10 @@ class Session:
         mission = mission.model_copy(update=self._gains)
         for conflict in mission.conflicts(make_kinematics(config.rover)):
             raise ConfigError(conflict)
-        return config.model_copy(update={**update, "mission": mission})
+        config = config.model_copy(update={**update, "mission": mission})
+        for conflict in find_area_conflicts(config):
+            raise ConfigError(conflict)
+        return config
 
     def _free_name(self) -> str:
         name = f"{self._stem}-{wall_time_text()}"

@@ -3,12 +3,19 @@
 import sys
 from collections.abc import Mapping, MutableMapping, Sequence
 
+from pydantic_core import from_json, to_json
+
 from controllers.settings import OLD_SCOMP_KEY
 
 SITE = 'the ground is a map now: remove this, and name one in [simulation.plant], e.g. site = "floor_table"'
+AREA = (
+    "the area of plan and rover is [safety.area] now: remove this, and write there, e.g., "
+    'type = "polygon" and points_m = [[-0.5, -0.5], [2.5, -0.5], [2.5, 1.5], [-0.5, 1.5]]'
+)
 REMOVED: Mapping[tuple[str, ...], str] = {
     ("simulation", "plant", "floor"): SITE,
     ("simulation", "plant", "patches"): SITE,
+    ("mission", "area"): AREA,
 }
 """Keys, and what to do instead."""
 RENAMED_VALUES: Mapping[tuple[str, ...], str] = {("simulation", "plant", "type", "four_wheel"): "el_dorado"}
@@ -28,6 +35,44 @@ def new_value(key: Sequence[str | int], value: object) -> str:
 def rename_sections(table: MutableMapping[str, object]) -> None:
     """Accept sections under the names of the version before, with a note to the user."""
     if OLD_SCOMP_KEY in table and "scomp" not in table:
-        note = f"[{OLD_SCOMP_KEY}] is now called [scomp]: rename it, the next version knows the new name only"
-        print(note, file=sys.stderr)  # noqa: T201 - a note to the user
+        _note(f"[{OLD_SCOMP_KEY}] is now called [scomp]: rename it")
         table["scomp"] = table.pop(OLD_SCOMP_KEY)
+    mission, safety = table.get("mission"), table.get("safety", {})
+    box = mission.get("area") if isinstance(mission, dict) else None
+    points = _corners_of(box)
+    if points and isinstance(mission, dict) and isinstance(safety, dict) and "area" not in safety:
+        table["safety"] = {**safety, "area": {"type": "polygon", "points_m": points}}
+        del mission["area"]
+        _note(
+            "mission.area is now [safety.area], which the rover must not leave either: replace it by "
+            f'[safety.area] with type = "polygon" and points_m = {points}'
+        )
+
+
+def forget_plan_area(config_json: bytes) -> bytes:
+    """Return the configuration of a log without `mission.area`, which stopped nothing while it drove."""
+    try:
+        table = from_json(config_json)
+    except ValueError:
+        return config_json
+    mission = table.get("mission") if isinstance(table, dict) else None
+    if not isinstance(mission, dict) or "area" not in mission:
+        return config_json
+    del mission["area"]
+    return to_json(table, inf_nan_mode="constants")
+
+
+def _corners_of(box: object) -> list[list[float]]:
+    """Return the corners of a box of the version before; none where it is not valid."""
+    keys = ("x_min_m", "x_max_m", "y_min_m", "y_max_m")
+    if not isinstance(box, dict) or box.keys() != set(keys):
+        return []
+    left, right, bottom, top = (box[key] for key in keys)
+    if not all(isinstance(value, int | float) for value in (left, right, bottom, top)):
+        return []
+    is_box = left < right and bottom < top
+    return [[left, bottom], [right, bottom], [right, top], [left, top]] if is_box else []
+
+
+def _note(text: str) -> None:
+    print(f"{text}, the next version knows the new name only", file=sys.stderr)  # noqa: T201 - for the user

@@ -223,6 +223,7 @@ function drawWay(chart) {
   context.save();
   context.beginPath(); context.rect(LEFT, 0, width - LEFT, height - 18); context.clip();
   for (const run of shown.runs) line(context, run.mission.map((p) => p[0]), run.mission.map((p) => p[1]), toX, toY, colour("--mission"), 1.4, [2, 4]);
+  for (const run of shown.runs) line(context, run.area.map((p) => p[0]), run.area.map((p) => p[1]), toX, toY, colour("--bad"), 1.2, [8, 4]);
   for (const [way, style, dash, [from, to]] of ways) {
     context.globalAlpha = 0.3;
     line(context, way.x, way.y, toX, toY, style, 1.2, dash);

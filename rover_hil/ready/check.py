@@ -68,7 +68,7 @@ def check_config(
     if preview is not None and config is not None:
         from rover_hil.report.mission_page import mission_page
 
-        write_file(preview, mission_page(name, config.mission), option="--preview")
+        write_file(preview, mission_page(name, config.mission, config.safety.area), option="--preview")
     warnings = [finding for finding in examined.findings if finding.level is Level.WARNING]
     if as_json:
         record = {

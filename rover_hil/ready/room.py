@@ -1,14 +1,15 @@
-"""Whether a drive that a command makes by itself stays in the free place of the rover."""
+"""Whether a drive that a command makes by itself stays in the area of the rover."""
 
 from collections.abc import Sequence
 
 from controllers.motion.settings import MissionSettings
+from controllers.settings import find_area_conflicts
 from drivers.errors import ConfigError
 from rover_hil.config import Config
 
 
 def require_room(config: Config, missions: Sequence[MissionSettings | None], fix: str) -> None:
-    """Check that all corners of missions lie in `mission.area` of the configuration, where it is set.
+    """Check that the rover stays in `safety.area` of the configuration on missions, where it is set.
 
     Args:
         config: The rover.
@@ -16,14 +17,14 @@ def require_room(config: Config, missions: Sequence[MissionSettings | None], fix
         fix: What the user can do, in words.
 
     Raises:
-        ConfigError: One lies outside.
+        ConfigError: One leaves it.
     """
-    area = None if config.mission is None else config.mission.area
-    corners = [corner for mission in missions if mission for corner in mission.corners()]
-    if area is None or all(area.holds(*corner) for corner in corners):
+    driven = [config.model_copy(update={"mission": mission}) for mission in missions if mission]
+    if not any(conflict for each in driven for conflict in find_area_conflicts(each)):
         return
+    corners = [corner for mission in missions if mission for corner in mission.corners()]
     (left, right), (bottom, top) = ((min(values), max(values)) for values in zip(*corners, strict=True))
     raise ConfigError(
-        f"the drives need x {left:g} to {right:g} m and y {bottom:g} to {top:g} m, more than mission.area: "
-        f"{fix}, or correct the area"
+        f"the drives need x {left:g} to {right:g} m and y {bottom:g} to {top:g} m, and around that the body "
+        f"of the rover, more than safety.area: {fix}, or correct the area"
     )

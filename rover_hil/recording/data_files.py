@@ -14,6 +14,7 @@ from controllers.settings import ControlSettings
 from drivers.errors import ConfigError, LogError
 from drivers.files import SETTINGS_BYTES, read_bytes
 from rover_hil.config import Config, describe_validation_error
+from rover_hil.config.moved_keys import forget_plan_area
 from rover_hil.recording.reader import LogReader
 
 FOLDER = "data"
@@ -80,7 +81,7 @@ def restore_config(log: LogReader) -> Iterator[Config]:
     """
     with tempfile.TemporaryDirectory(prefix="rover_hil_") as folder:
         try:
-            config = Config.model_validate_json(log.config_json)
+            config = Config.model_validate_json(forget_plan_area(log.config_json))
         except ValidationError as error:
             raise LogError(describe_validation_error(f"{log.path}, its configuration", error, {})) from error
         yield _lay_out(config, log.attachments, Path(folder), str(log.path))
@@ -128,9 +129,10 @@ def with_controller_of(logged: Config, replacing: Config) -> Config:
     """Return the configuration of a log with every section of `ControlSettings` of another one.
 
     Devices and their roles stay: the log holds the data of these very devices. The mission changes only
-    where the log has one.
+    where the log has one. There is no area: the drive is what it was.
     """
     sections = set(ControlSettings.model_fields)
     if logged.mission is None or replacing.mission is None:
         sections.remove("mission")
-    return logged.model_copy(update={name: getattr(replacing, name) for name in sections})
+    controlled = logged.model_copy(update={name: getattr(replacing, name) for name in sections})
+    return controlled.model_copy(update={"safety": replacing.safety.model_copy(update={"area": None})})

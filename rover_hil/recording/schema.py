@@ -214,6 +214,7 @@ class EstimateRecord(TypedDict):
     suspicion: NotRequired[str | None]
     dead_reckoned: NotRequired[DeadReckonedRecord | None]
     findings: NotRequired[tuple[FindingRecord, ...] | None]
+    waits_for_operator: NotRequired[bool]
     exact: NotRequired[str]
 
 
@@ -289,6 +290,7 @@ class OperatorRecord(TypedDict):
     `motion` is the body velocity by hand: forward and to the left in m/s, counter-clockwise in rad/s. `gains`
     has new values of keys of [mission]. `stop_reason` is why the operator's side must not let the rover move;
     "" where it may move again. `fixes` are poses that arrived over ROS 2, or in a recorded drive.
+    `is_confirmed` is there and true where the operator confirms that the rover may move.
     """
 
     is_paused: bool | None
@@ -296,6 +298,7 @@ class OperatorRecord(TypedDict):
     gains: dict[str, float]
     stop_reason: NotRequired[str | None]
     fixes: NotRequired[Annotated[list[FixRecord], FailFast()]]
+    is_confirmed: NotRequired[bool]
 
 
 class EndRecord(TypedDict):
@@ -404,31 +407,33 @@ OPERATOR_SHAPE = TypeAdapter(OperatorRecord)
 RecordT = TypeVar("RecordT")
 
 
-def _copy(shape: type[RecordT], *, without: str = "") -> Callable[[object], RecordT]:
+def _copy(shape: type[RecordT], *, without: tuple[str, ...] = ()) -> Callable[[object], RecordT]:
     """Return a function that makes a record from the attributes of an object named as its keys.
 
     Where an attribute is renamed, an explicit mapping takes the place of the copy: the key stays.
     """
-    names = tuple(name for name in shape.__annotations__ if name != without)
+    names = tuple(name for name in shape.__annotations__ if name not in without)
     values = attrgetter(*names)
     return lambda source: cast("RecordT", dict(zip(names, values(source), strict=True)))
 
 
 set_point_record = _copy(SetPointRecord)
 """From a `SentCommand`."""
-truth_record = _copy(TruthRecord, without="is_new")
+truth_record = _copy(TruthRecord, without=("is_new",))
 """From the `Truth` of a simulated rover."""
 end_record = _copy(EndRecord)
 """From a `RunResult`."""
-_operator = _copy(OperatorRecord, without="fixes")
+_operator = _copy(OperatorRecord, without=("fixes", "is_confirmed"))
 _fix = _copy(FixRecord)
 
 
 def operator_record(wanted: OperatorInput) -> OperatorRecord:
-    """Return the record of an operator's input; without fixes it has no such key."""
+    """Return the record of an operator's input; without fixes or a confirmation it has no such key."""
     record = _operator(wanted)
     if wanted.fixes:
         record["fixes"] = list(map(_fix, wanted.fixes))
+    if wanted.is_confirmed:
+        record["is_confirmed"] = True
     return record
 
 

@@ -38,8 +38,8 @@ VARIANCES = frozenset({"covariance", "variance", "nis"})
 """Numbers far below 1, of which the relative size counts."""
 ATTRIBUTES = {"drift": "scomp"}
 """Attribute of the controller behind a key, where the two have different names."""
-ONLY_WRITTEN = frozenset({"exact", "is_new"})
-"""Keys that the source of a record has no attribute for."""
+ONLY_WRITTEN = frozenset({"exact", "is_new", "waits_for_operator"})
+"""Keys that the source of a record has no attribute for, or that are written only where they are true."""
 EXACT = struct.Struct("<16d")
 
 _TRUTH_VALUES = {True: "true", False: "false"}
@@ -69,7 +69,8 @@ def estimate_text(output: StepOutput) -> bytes:
             *pose.covariance,
         )
     )
-    return _finite(f'{_estimate(output)[:-1]},"exact":"{exact:08x}"}}')
+    waits = ',"waits_for_operator":true' if output.waits_for_operator else ""
+    return _finite(f'{_estimate(output)[:-1]}{waits},"exact":"{exact:08x}"}}')
 
 
 def truth_text(truth: object) -> bytes:

@@ -54,6 +54,7 @@ class RunCurves(TypedDict):
         colour: Where several runs are shown, of this one.
         stops: Begin and end of each safety stop.
         mission: Corners of the path in m; empty without one.
+        area: Border of the rover's area in m, a closed line; empty without one.
     """
 
     name: str
@@ -64,6 +65,7 @@ class RunCurves(TypedDict):
     charts: dict[str, list[Curve]]
     stops: list[tuple[float, float]]
     mission: list[tuple[float, float]]
+    area: list[tuple[float, float]]
 
 
 class ViewerData(TypedDict):
@@ -105,6 +107,7 @@ def run_curves(run: RunData, name: str, colour: str = "", share: float = 1.0) ->
             if curves
         },
         "mission": _corners(run.config.mission),
+        "area": [] if run.config.safety.area is None else list(run.config.safety.area.outline()),
         "stops": [(stop.start_s, stop.end_s) for stop in summarise(run).stops],
     }
 

@@ -5,10 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
 from controllers.motion.missions.mission import Leg
 from controllers.motion.settings import MissionSettings
+from controllers.safety.area import Area
 from drivers.errors import ConfigError
 from rover_hil.pages import style
 from rover_hil.pages.picture import Drawing, draw_pictures
@@ -18,12 +18,13 @@ MOST_WORDS = 40
 """Corners that get words in the picture; more would cover it."""
 
 
-def mission_page(name: str, mission: MissionSettings | None) -> str:
+def mission_page(name: str, mission: MissionSettings | None, area: Area | None) -> str:
     """Return the page of a mission.
 
     Args:
         name: Of the configuration.
         mission: The mission.
+        area: What the rover must not leave; None for no limit.
 
     Raises:
         ConfigError: It has no path.
@@ -44,7 +45,7 @@ def mission_page(name: str, mission: MissionSettings | None) -> str:
     drawing = Drawing(
         "Path seen from above",
         "The rover starts at the ring and looks along x. See whether every corner lies in the free space.",
-        lambda: _draw(mission, legs),
+        lambda: _draw(mission, legs, area),
     )
     return render(
         "pages/facts.html",
@@ -55,22 +56,11 @@ def mission_page(name: str, mission: MissionSettings | None) -> str:
     )
 
 
-def _draw(mission: MissionSettings, legs: tuple[Leg, ...]) -> Figure:
+def _draw(mission: MissionSettings, legs: tuple[Leg, ...], area: Area | None) -> Figure:
     figure = Figure(figsize=(style.WIDTH_IN, 5.0), layout="constrained")
     axes = figure.add_subplot(aspect="equal", adjustable="datalim", xlabel="x (m)", ylabel="y (m)")
-    area = mission.area
     if area is not None:
-        axes.add_patch(
-            Rectangle(
-                (area.x_min_m, area.y_min_m),
-                area.x_max_m - area.x_min_m,
-                area.y_max_m - area.y_min_m,
-                facecolor="none",
-                edgecolor=style.ALARM,
-                linestyle="--",
-                label="area",
-            )
-        )
+        axes.plot(*np.array(area.outline()).T, color=style.ALARM, linestyle="--", label="area")
     corners = np.array(mission.corners())
     axes.plot(*corners.T, color=style.COMMANDED)
     axes.plot(0, 0, "o", color="white", markeredgecolor=style.TRUTH, markersize=9, label="start")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import WheelsRoverSettings
+from controllers.settings import find_area_conflicts
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.device_settings import DriveSettings
 from drivers.driver import SteeringCodec
@@ -137,6 +138,10 @@ def _find_mission_conflicts(draft: Draft) -> Iterator[str]:
         yield from mission.conflicts(make_kinematics(draft.config.rover))
 
 
+def _find_area_conflicts(draft: Draft) -> Iterator[str]:
+    return find_area_conflicts(draft.config)
+
+
 def _find_rig_mistakes(draft: Draft) -> Iterator[str]:
     rigs = find_rigs(draft.config)
     if not rigs:
@@ -194,6 +199,7 @@ ROVER_CHECKS = (
     Rule(("rover", "roles", "devices"), _find_steering_mistakes),
     Rule(("rover", "roles", "filter"), _find_motor_field_mistakes),
     Rule(("rover", "mission"), _find_mission_conflicts),
+    Rule(("rover", "mission", "safety", "slip"), _find_area_conflicts),
     Rule(("scomp", "ground_motion"), _find_rig_mistakes),
     Rule(("devices", "simulation"), _find_simulation_conflicts),
 )

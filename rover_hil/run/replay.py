@@ -205,6 +205,7 @@ class _Replayer(ABC):
                 motion=None if motion is None else (motion[0], motion[1], motion[2]),
                 gains=record["gains"],
                 stop_reason=record.get("stop_reason"),
+                is_confirmed=record.get("is_confirmed", False),
             ),
         )
 

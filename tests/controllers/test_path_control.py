@@ -187,19 +187,6 @@ def test_lists_that_do_not_fit_are_refused(values: dict[str, object], words: str
         mission(**{"type": "waypoints", "points": [[1.0, 0.0], [1.0, 1.0]], **values})
 
 
-def test_a_way_point_outside_the_area_is_refused_with_its_place() -> None:
-    area = {"x_min_m": -0.5, "x_max_m": 2.0, "y_min_m": -1.0, "y_max_m": 1.0}
-    inside = mission(type="waypoints", points=[[1.0, 0.5], [2.0, 0.0]], area=area)
-    inside.follower(OMNI)
-    outside = mission(type="waypoints", points=[[1.0, 0.5], [2.1, 0.0]], repeat=3, area=area)
-    with pytest.raises(
-        ConfigError, match=r"^mission: the way-point at 2.1, 0 m is outside mission.area, x -0.5"
-    ):
-        outside.follower(OMNI)
-    with pytest.raises(ValidationError, match="not below the greatest"):
-        mission(type="line", length_m=1.0, area={**area, "x_max_m": -1.0})
-
-
 def test_a_skid_steer_rover_cannot_hold_its_heading() -> None:
     assert PathSettings().heading == "hold"
     with pytest.raises(ConfigError, match="along_path"):

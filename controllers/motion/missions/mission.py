@@ -2,9 +2,9 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import Annotated, ClassVar, Generic, Literal, NamedTuple, Protocol, Self, TypeVar
+from typing import Annotated, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.planar import Pose
@@ -79,32 +79,6 @@ class Guidance:
     waits: bool = False
 
 
-class Area(Settings):
-    """The free place of the rover, in the local frame: the pose at start is zero, x points forward.
-
-    Attributes:
-        x_min_m: Behind the start.
-        x_max_m: Ahead of it.
-        y_min_m: To its right.
-        y_max_m: To its left.
-    """
-
-    x_min_m: Coordinate
-    x_max_m: Coordinate
-    y_min_m: Coordinate
-    y_max_m: Coordinate
-
-    @model_validator(mode="after")
-    def _check_order(self) -> Self:
-        if self.x_min_m >= self.x_max_m or self.y_min_m >= self.y_max_m:
-            raise ValueError("the least coordinate is not below the greatest: exchange them")
-        return self
-
-    def holds(self, x_m: float, y_m: float) -> bool:
-        """Return whether a point is inside."""
-        return self.x_min_m <= x_m <= self.x_max_m and self.y_min_m <= y_m <= self.y_max_m
-
-
 class PathSettings(Settings):
     """How a path is driven; the base of every mission.
 
@@ -120,7 +94,6 @@ class PathSettings(Settings):
         approach_gain_per_s: Speed per metre of distance to the next corner.
         heading_gain_per_s: Yaw rate per radian of heading error.
         yaw_rate_limit_rad_s: Greatest commanded yaw rate.
-        area: Free place. A mission with a corner outside is refused; the rover itself is not watched.
     """
 
     speed_m_s: PathSpeed = 0.1
@@ -130,7 +103,6 @@ class PathSettings(Settings):
     approach_gain_per_s: Annotated[float, Field(ge=0.05, le=10.0)] = 1.5
     heading_gain_per_s: Annotated[float, Field(ge=0.05, le=10.0)] = 2.0
     yaw_rate_limit_rad_s: Annotated[float, Field(ge=0.01, le=5.0)] = 0.5
-    area: Area | None = None
 
 
 class Mission(PathSettings, ABC):

@@ -60,15 +60,6 @@ class CornersMission(Mission, ABC):
                     f"mission: the line from {start} to {end} is not longer than position_tolerance_m "
                     f"({self.position_tolerance_m:g}), leave the point out or lower the tolerance"
                 )
-        area = self.area
-        outside = [point for point in corners if area is not None and not area.holds(*point)]
-        if outside and area is not None:
-            x_m, y_m = outside[0]
-            yield (
-                f"mission: the way-point at {x_m:g}, {y_m:g} m is outside mission.area, x "
-                f"{area.x_min_m:g} to {area.x_max_m:g} m and y {area.y_min_m:g} to {area.y_max_m:g} m: "
-                "move it, or correct the area"
-            )
 
     def turns_beside_travel(self, mobility: Mobility) -> bool:
         """Return whether the rover turns in place at a corner."""

@@ -151,7 +151,7 @@ const present = () => (opened.length && live.state.state === "idle" ? nothing : 
 function drawPath(canvas) {
   const now = present();
   const [context, width, height] = prepared(canvas);
-  const mission = live.state.mission || [];
+  const mission = live.state.mission || [], area = live.state.area || [];
   const xs = [0, ...mission.map((p) => p[0]), ...points.map((p) => p[0])];
   const ys = [0, ...mission.map((p) => p[1]), ...points.map((p) => p[1])];
   const extend = (list, values) => { for (const value of values) list.push(value); };
@@ -178,7 +178,9 @@ function drawPath(canvas) {
     context.fillText(label(y, step), 2, toY(y) - 3);
   }
   line(context, mission.map((p) => p[0]), mission.map((p) => p[1]), toX, toY, colour("--mission"), 1.5, [6, 5]);
+  line(context, area.map((p) => p[0]), area.map((p) => p[1]), toX, toY, colour("--alarm"), 1.2, [8, 4]);
   const entries = [["mission", colour("--mission")]];
+  if (area.length) entries.push(["area", colour("--alarm")]);
   if (now === live) entries.push(["encoders", colour("--encoders")], ["estimate", colour("--estimate")]);
   if (now.tx.length) entries.push(["truth", colour("--truth")]);
   opened.forEach((run, index) => {

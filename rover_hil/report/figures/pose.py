@@ -30,6 +30,11 @@ def draw_path(run: RunData, summary: Summary) -> Figure:
     if run.config.mission is not None:
         corners = np.array(run.config.mission.corners())
         axes.plot(*corners.T, color=style.COMMANDED, linestyle=(0, (5, 3)), label="commanded")
+    area = run.config.safety.area
+    if area is not None:
+        # A large area must not make the path small.
+        border = np.array(area.outline()).T
+        axes.plot(*border, color=style.ALARM, linestyle="--", label="area", scalex=False, scaley=False)
     _draw_way(axes, run.encoders, style.ENCODERS, _with_error("encoders", summary.encoders_error), WIDE)
     if run.truth is not None:
         _draw_way(axes, run.truth, style.TRUTH, "truth", MIDDLE)

@@ -99,6 +99,7 @@ def test_rules_that_need_set_points_are_left_out_and_all_others_are_shared() -> 
     missions = {type(rule).__name__ for rule in make_rules(*arguments)}
     drives = {type(rule).__name__ for rule in make_drive_rules(*arguments)}
     assert missions - drives == {
+        "AreaRule",
         "FreshnessRule",
         "GyroRestRule",
         "MotionRule",

@@ -1,0 +1,72 @@
+"""Stop rule about the area that the rover must not leave."""
+
+import math
+from collections.abc import Iterator
+from enum import Enum, auto
+
+from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+
+CAUSE = "area"
+AT_START = (
+    "rover: its region reaches over the border of safety.area before it has moved: enlarge the area, or "
+    "start the run farther inside"
+)
+UNKNOWN = "rover: its position is not known, so that it may be outside safety.area"
+CONFIRM = (
+    "confirm on the page of `rover-hil bench` that it may move back inside; without the page end the run, "
+    "and drive the rover back with `rover-hil bench`"
+)
+RETURNS = (
+    "rover: its region is over the border of safety.area: only motion that leads back inside is possible"
+)
+
+
+class _State(Enum):
+    INSIDE = auto()
+    WAITS = auto()
+    RETURNS = auto()
+
+
+class AreaRule(StopRule):
+    """Stops when the region of the rover crosses the border of its area, until an operator confirms.
+
+    Then the rover may move as long as the greatest excess since the crossing does not grow. Where the region
+    is inside again, the rule begins anew. Before the first motion nothing has to be confirmed.
+    """
+
+    observes = ()
+    is_for_drives = False
+
+    def __init__(self) -> None:
+        self._state = _State.INSIDE
+        self._has_moved = False
+        self._greatest_m = 0.0
+        self._text = ""
+
+    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+        """Return the reason to stop; while the rover may move back, one that is only shown."""
+        over_m = cycle.over_border_m
+        self._has_moved |= any(cycle.commanded_rad_s)
+        if self._state is _State.INSIDE and over_m > 0.0:
+            if not self._has_moved:
+                yield StopReason(CAUSE, AT_START)
+                return
+            self._state, self._text = _State.WAITS, f"{_crossing(cycle)}; {CONFIRM}"
+        elif self._state is _State.WAITS and cycle.is_confirmed and math.isfinite(over_m):
+            self._state = _State.RETURNS
+        if self._state is _State.RETURNS and (over_m > self._greatest_m or cycle.is_led_out):
+            self._state = _State.WAITS
+        if self._state is _State.WAITS:
+            self._greatest_m = max(self._greatest_m, over_m if math.isfinite(over_m) else 0.0)
+            yield StopReason(CAUSE, self._text, waits_for_operator=True)
+        elif over_m <= 0.0:
+            self._state, self._greatest_m = _State.INSIDE, 0.0
+        else:
+            yield StopReason(CAUSE, RETURNS, Severity.SUSPICION)
+
+
+def _crossing(cycle: Cycle) -> str:
+    if not math.isfinite(cycle.over_border_m):
+        return UNKNOWN
+    x_m, y_m = cycle.position_m.real, cycle.position_m.imag
+    return f"rover: its region crossed the border of safety.area, estimated position {x_m:.2f}, {y_m:.2f} m"
