@@ -21,14 +21,14 @@ from controllers.motion.limits import Limit, WheelLimiter
 from controllers.motion.missions.by_hand import ByHand
 from controllers.motion.missions.mission import Guidance
 from controllers.motion.planar import Pose
-from controllers.motion.rover_geometry import OmniRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings, wheels_reach_m
 from controllers.operator import OperatorInput, check_gains, gain_ranges
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
 from controllers.safety.border import Border
 from controllers.safety.drive_check import DriveCheck, Finding
 from controllers.safety.reasons import Cycle
-from controllers.settings import ControlSettings, body_radius_m, find_area_conflicts
+from controllers.settings import ControlSettings, find_area_conflicts
 from controllers.slip.effort.compensator import EffortCompensator, SlipReport
 from controllers.slip.effort.excited_slip import RoverSlip
 from controllers.slip.effort.ground_knowledge import SlipSource
@@ -120,7 +120,7 @@ class ControlLoop:
         mission = settings.mission
         if mission is not None and roles.wheels not in roles.required:
             raise ConfigError(f"required: a mission needs the wheel device {roles.wheels!r}, add it")
-        for conflict in find_area_conflicts(settings):
+        for conflict in find_area_conflicts(settings.rover, mission, settings.safety):
             raise ConfigError(conflict)
         self._kinematics = kinematics
         self._expiry_ns = nanoseconds(settings.safety.expiry_s)
@@ -159,7 +159,7 @@ class ControlLoop:
         self._steering_rad: tuple[float, ...] = ()
         self._is_paused = self._is_confirmed = self._is_led_out = False
         self._operator_reason = ""
-        self._border = Border(settings.safety.area, body_radius_m(settings))
+        self._border = Border(settings.safety.area, wheels_reach_m(settings.rover))
         self._gain_ranges = gain_ranges(settings)
         self._follower = None if mission is None else mission.follower(kinematics)
         rim_arm_m = settings.rover.wheel_radius_m * max(map(abs, kinematics.wheel_speeds(0.0, 0.0, 1.0)))

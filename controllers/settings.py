@@ -71,22 +71,14 @@ class ControlSettings(Settings):
         return self
 
 
-def body_radius_m(settings: ControlSettings) -> float:
-    """Return the radius in m of the body about its origin, as far as the configuration knows it.
-
-    That is the distance of the outermost point of the wheels, or the radius of the body in [slip.excitation].
-    """
-    slip = settings.slip
-    excited_m = None if slip is None else slip.excitation.body_radius_m
-    return max(wheels_reach_m(settings.rover), excited_m or 0.0)
-
-
-def find_area_conflicts(settings: ControlSettings) -> Iterator[str]:
+def find_area_conflicts(
+    rover: RoverSettings, mission: MissionSettings | None, safety: SafetySettings
+) -> Iterator[str]:
     """Yield where the mission leaves the area of the rover, with the fix."""
-    area, mission = settings.safety.area, settings.mission
+    area = safety.area
     if area is None or mission is None:
         return
-    body_m = body_radius_m(settings)
+    body_m = wheels_reach_m(rover)
     corners = [complex(*corner) for corner in mission.corners()]
     start_m = area.excess(Region.of_line(corners[0], corners[0], body_m)).over_m
     if start_m > ROUNDING_M:

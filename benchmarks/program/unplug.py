@@ -18,12 +18,15 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
+from drivers.clock import SystemClock, nanoseconds
 from rover_hil.config import Config, load_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.run.driving import run_virtual
 
 PROGRAM = str(Path(sys.executable).with_name("rover-hil"))
 CONFIGS = Path(__file__).parents[2] / "rover_hil" / "config" / "shipped" / "configs"
+PORTS_S = 60.0
+"""Loading the simulator takes long on a loaded machine."""
 FAULT_START_S = 4.0
 FAULT_DURATION_S = 1.0
 RUN_S = 8.0
@@ -46,17 +49,28 @@ def run_in_one_process(config: Config, folder: Path) -> None:
     run_virtual(config, folder / "run.mcap", RUN_S, None)
 
 
-def run_in_two_processes(config: Config, folder: Path) -> None:
+def run_in_two_processes(config: Config, folder: Path, run_s: float = RUN_S) -> None:
     """Serve the simulated rover and run it in real time; both read `rover.toml` in `folder`."""
     simulator = subprocess.Popen([PROGRAM, "simulate", "rover.toml"], cwd=folder, stdout=subprocess.DEVNULL)
     try:
-        command = [PROGRAM, "run", "rover.toml", "--duration", str(RUN_S), "--out", "."]
+        _wait_for_ports(config, folder)
+        command = [PROGRAM, "run", "rover.toml", "--duration", str(run_s), "--out", "."]
         # Exit code 1: the run did not end as it should; its log tells why.
         if subprocess.run(command, cwd=folder, check=False, stdout=subprocess.DEVNULL).returncode > 1:
             raise SystemExit(f"`{' '.join(command)}` failed: see above")
     finally:
         simulator.send_signal(signal.SIGINT)
         simulator.wait()
+
+
+def _wait_for_ports(config: Config, folder: Path) -> None:
+    """Wait until the simulator has made the ports."""
+    named = (device.exclusive_port() for device in config.devices.values())
+    ports = [folder / path for _, path in filter(None, named)]
+    clock = SystemClock()
+    end_ns = clock.now_ns() + nanoseconds(PORTS_S)
+    while not all(port.exists() for port in ports) and clock.now_ns() < end_ns:
+        clock.sleep_until(clock.now_ns() + nanoseconds(0.05))
 
 
 def measure(log_path: Path, device: str) -> dict[str, object]:

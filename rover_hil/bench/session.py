@@ -431,10 +431,9 @@ class Session:
         mission = mission.model_copy(update=self._gains)
         for conflict in mission.conflicts(make_kinematics(config.rover)):
             raise ConfigError(conflict)
-        config = config.model_copy(update={**update, "mission": mission})
-        for conflict in find_area_conflicts(config):
+        for conflict in find_area_conflicts(config.rover, mission, config.safety):
             raise ConfigError(conflict)
-        return config
+        return config.model_copy(update={**update, "mission": mission})
 
     def _free_name(self) -> str:
         name = f"{self._stem}-{wall_time_text()}"

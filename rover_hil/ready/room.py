@@ -19,8 +19,8 @@ def require_room(config: Config, missions: Sequence[MissionSettings | None], fix
     Raises:
         ConfigError: One leaves it.
     """
-    driven = [config.model_copy(update={"mission": mission}) for mission in missions if mission]
-    if not any(conflict for each in driven for conflict in find_area_conflicts(each)):
+    conflicts = [find_area_conflicts(config.rover, mission, config.safety) for mission in missions]
+    if not any(map(list, conflicts)):
         return
     corners = [corner for mission in missions if mission for corner in mission.corners()]
     (left, right), (bottom, top) = ((min(values), max(values)) for values in zip(*corners, strict=True))

@@ -139,7 +139,8 @@ def _find_mission_conflicts(draft: Draft) -> Iterator[str]:
 
 
 def _find_area_conflicts(draft: Draft) -> Iterator[str]:
-    return find_area_conflicts(draft.config)
+    config = draft.config
+    return find_area_conflicts(config.rover, config.mission, config.safety)
 
 
 def _find_rig_mistakes(draft: Draft) -> Iterator[str]:
@@ -199,7 +200,7 @@ ROVER_CHECKS = (
     Rule(("rover", "roles", "devices"), _find_steering_mistakes),
     Rule(("rover", "roles", "filter"), _find_motor_field_mistakes),
     Rule(("rover", "mission"), _find_mission_conflicts),
-    Rule(("rover", "mission", "safety", "slip"), _find_area_conflicts),
+    Rule(("rover", "mission", "safety"), _find_area_conflicts),
     Rule(("scomp", "ground_motion"), _find_rig_mistakes),
     Rule(("devices", "simulation"), _find_simulation_conflicts),
 )
