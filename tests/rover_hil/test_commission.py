@@ -445,9 +445,8 @@ def test_a_simulated_drive_is_measured_with_the_error_of_the_tape(
 
 
 def test_nothing_is_driven_outside_the_free_place(command: Command) -> None:
-    text = read_config_text("robotino").replace(
-        "[mission]\n", "[mission]\narea = { x_min_m = -1, x_max_m = 3, y_min_m = -1, y_max_m = 3 }\n"
-    )
+    area = "points_m = [[-1, -1], [3, -1], [3, 3], [-1, 3]]"
+    text = read_config_text("robotino") + f'\n[safety.area]\ntype = "polygon"\n{area}\n'
     Path("rover.toml").write_text(text, "utf-8")
     assert command("commission", "rover.toml", "--virtual", "--side", "2", "--out", "runs") == 2
-    assert_one_sentence(command.error, "x 0 to 2 m and y -2 to 2 m", "mission.area", "--side")
+    assert_one_sentence(command.error, "x 0 to 2 m and y -2 to 2 m", "safety.area", "--side")

@@ -11,7 +11,10 @@ from rover_hil.datasets.log import read_drive
 from rover_hil.run.driving import run_virtual
 from tests.rover_hil.command import Command, assert_one_sentence
 
-AREA = "area = { x_min_m = -0.5, x_max_m = 0.6, y_min_m = -0.5, y_max_m = 0.5 }\n"
+AREA = """[safety.area]
+type = "polygon"
+points_m = [[-0.5, -0.5], [0.6, -0.5], [0.6, 0.5], [-0.5, 0.5]]
+"""
 MISSION = """[mission]
 type = "waypoints"
 points = [[0.3, 0.0], [0.3, 0.2]]
@@ -44,10 +47,12 @@ def test_a_way_point_outside_is_one_sentence_and_draws_nothing(command: Command)
     name = write_config(MISSION.replace("[0.3, 0.2]", "[0.7, 0.2]") + AREA)
     assert command("check", name, "--preview", "mission.html", "--json") == 1
     (mistake,) = json.loads(command.out)["mistakes"]
-    assert "way-point at 0.7, 0.2 m is outside mission.area" in mistake
+    assert (
+        "on the line from 0.3, 0 to 0.7, 0.2 m the body of 0.131 m radius is outside safety.area" in mistake
+    )
     assert not Path("mission.html").exists()
     assert command("run", name, "--virtual") == 2
-    assert_one_sentence(command.error, "outside mission.area")
+    assert_one_sentence(command.error, "outside safety.area")
 
 
 def test_turns_in_place_have_no_picture(command: Command) -> None:

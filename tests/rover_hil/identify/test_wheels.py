@@ -289,11 +289,13 @@ def test_nothing_is_driven_outside_the_free_place(
 ) -> None:
     """A rover that turns on the spot needs no room for that; one that cannot drives rings."""
     monkeypatch.setattr(procedure, "run_virtual", lambda *arguments: pytest.fail("driven"))
-    area = "area = { x_min_m = -1, x_max_m = 1, y_min_m = -1, y_max_m = 1 }"
+    area = "points_m = [[-1.2, -1.2], [1.2, -1.2], [1.2, 1.2], [-1.2, 1.2]]"
     text = read_config_text("robotino" if rover == "robotino" else "el-dorado-crab")
-    text = re.sub(r"length_m = [\d.]+", "length_m = 0.9", text).replace("[mission]\n", f"[mission]\n{area}\n")
+    text = (
+        re.sub(r"length_m = [\d.]+", "length_m = 0.9", text) + f'\n[safety.area]\ntype = "polygon"\n{area}\n'
+    )
     if rover == "car":
         text = text.replace("low_deg = -60, high_deg = 60", "low_deg = -20, high_deg = 20")
     Path("rover.toml").write_text(text, "utf-8")
     assert command("calibrate", *what.split(), "rover.toml", "--virtual", "--out", "out.toml") == 2
-    assert_one_sentence(command.error, "mission.area", *words)
+    assert_one_sentence(command.error, "safety.area", *words)
