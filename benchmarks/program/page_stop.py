@@ -22,7 +22,7 @@ from typing import TextIO
 from drivers.clock import SystemClock, nanoseconds, seconds
 from rover_hil.recording.reader import LogReader
 from tests.rover_hil.bench.browser import CONFIG, ENVIRONMENT, PROGRAM, WAIT_S, Page, served, write_config
-from tests.rover_hil.bench.network import Network
+from tests.rover_hil.bench.network import Network, port_of, through
 
 BAR_S = 1.0
 READERS = 300
@@ -98,7 +98,7 @@ def reopen_network(bench: Bench) -> None:
 
 def add_readers(bench: Bench) -> None:
     """Many ask for the stream and do not read it."""
-    port = int(bench.page.url.rsplit(":", 1)[1])
+    port = port_of(bench.page.url)
     for _ in range(READERS):
         reader = socket.create_connection(("127.0.0.1", port))
         reader.sendall(f"GET /stream HTTP/1.1\r\nHost: localhost:{port}\r\n\r\n".encode())
@@ -144,8 +144,8 @@ def bench_of(folder: Path, stderr: TextIO | None = None) -> Iterator[Bench]:
             assert CLOCK.now_ns() < deadline_ns, "the simulated rover has no ports"
             wait_s(0.05)
         url, server = stack.enter_context(served(folder, stderr=stderr))
-        network = stack.enter_context(Network(int(url.rsplit(":", 1)[1])))
-        page = stack.enter_context(Page(f"http://localhost:{network.port}"))
+        network = stack.enter_context(Network(port_of(url)))
+        page = stack.enter_context(Page(through(network, url)))
         readers: list[socket.socket] = []
         yield Bench(page, server, network, readers)
         for reader in readers:

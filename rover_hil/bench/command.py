@@ -1,5 +1,6 @@
 """`rover-hil bench`: a page to look at a rover and operate it."""
 
+import secrets
 from pathlib import Path
 from typing import Annotated
 
@@ -18,6 +19,7 @@ from rover_hil.run.driving import run_real, run_virtual
 from rover_hil.run.executive import Operator, RunResult
 from rover_hil.terminal import Terminal
 
+TOKEN_BYTES = 16
 NO_NICEGUI = "the page needs NiceGUI: install it with `pip install rover-hil[bench]`"
 
 
@@ -30,10 +32,11 @@ def serve_bench(
 
     Only browsers on this computer reach it; docs/how-to/use_the_bench.md shows how over ssh.
 
-    Example: `rover-hil bench robotino`, then open `http://localhost:8484` in a browser
+    Example: `rover-hil bench robotino`, then open the address that it prints in a browser
     """
     config = load_config(config_name, (*ROVER_CHECKS, *CONNECTION_CHECKS))
     try:
+        from rover_hil.bench.guard import QUERY_KEY
         from rover_hil.bench.server import bind, serve
     except ModuleNotFoundError as error:
         if error.name is None or not error.name.startswith(("nicegui", "fastapi", "uvicorn", "starlette")):
@@ -49,11 +52,12 @@ def serve_bench(
     stem = Path(config_name).stem
     session = Session(config, out, stem, run_order, report_order)
     console = Terminal(soft_wrap=True)
-    console.print(f"page: http://localhost:{listener.getsockname()[1]}")
+    token = secrets.token_urlsafe(TOKEN_BYTES)
+    console.print(f"page: http://localhost:{listener.getsockname()[1]}/?{QUERY_KEY}={token}")
     console.print(f"Real runs move {rover_words(config_name, config.devices)}.")
     console.print("End with ctrl-C; a run that goes on then is ended too.")
     try:
-        serve(session, stem, listener)
+        serve(session, stem, listener, token)
     except KeyboardInterrupt:
         pass
     finally:

@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import TypeAlias
 
 from controllers.motion.kinematics import make_kinematics
-from controllers.operator import OperatorInput
 from controllers.unwatched_yaw import find_unwatched_yaw
 from drivers.clock import PacedClock, SystemClock, nanoseconds
 from drivers.errors import RoverHilError
 from rover_hil.bench.camera_frames import CameraFrame, FrameChoice, pack
 from rover_hil.bench.page_operator import PageOperator
-from rover_hil.bench.views import Notice, Order, Picture, RunOrder
+from rover_hil.bench.views import EndOrder, Notice, Order, Picture, RunOrder
 from rover_hil.config import BenchSettings, Config
 from rover_hil.recording.watchdog_note import read_note
 from rover_hil.run.executive import Operator, RunResult
@@ -26,7 +25,7 @@ MOST_NOTICES = 64
 MOST_ORDERS = 64
 """While the loop hangs so many orders wait for it."""
 SERVER_SILENT = "page: its program gave no sign of life for {:g} s"
-BROWSER_SILENT = "page: the browser in control did not answer for {:g} s"
+PAGE_SILENT = "page: the script of the page in control did not answer for {:g} s"
 END_S = 5.0
 """Time that a run has to stop the drive and close its log when the program ends."""
 NOTE_S = 1.0
@@ -47,8 +46,8 @@ class LoopProcess:
         on_notice: Called with every notice of the run, from a thread.
 
     Attributes:
-        server_life: The sign of life of the program that serves the page.
-        browser_life: That of the browser in control.
+        server_life: The heartbeat of the program that serves the page.
+        browser_life: That of the script of the page in control.
     """
 
     def __init__(self, run: RunFunction, report: ReportFunction, on_notice: Callable[[Notice], None]) -> None:
@@ -76,7 +75,7 @@ class LoopProcess:
 
         Returns whether it was taken. While the loop hangs only a few inputs are, but each order to end is.
         """
-        if isinstance(order, OperatorInput) and self._waiting.qsize() >= MOST_ORDERS:
+        if not isinstance(order, RunOrder | EndOrder) and self._waiting.qsize() >= MOST_ORDERS:
             return False
         if isinstance(order, RunOrder) and not order.is_virtual:
             self._log_path = order.log_path
@@ -190,7 +189,7 @@ def make_watches(settings: BenchSettings, server: SignOfLife, browser: SignOfLif
     server_s, page_s = settings.server_timeout_s, settings.page_timeout_s
     watches = [LifeWatch(server, server_s, SERVER_SILENT.format(server_s))]
     if settings.page_required:
-        watches.append(LifeWatch(browser, page_s, BROWSER_SILENT.format(page_s)))
+        watches.append(LifeWatch(browser, page_s, PAGE_SILENT.format(page_s)))
     return watches
 
 

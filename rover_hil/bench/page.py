@@ -31,6 +31,8 @@ PATH_WORDS = "dashed: mission; ellipse: 2 standard deviations; click to set way-
 CAMERA_WORDS = "the trace as it is estimated: green where it is detected, else orange"
 BAR = """
 <div id="bench-alarm" role="alert" hidden></div>
+<div id="bench-wait" role="alert" hidden><span id="bench-why"></span>
+<button id="bench-confirm">Let the rover move again</button></div>
 <div id="bench-bar" data-browser="{browser}"><span class="title">{title}</span>
 <span id="bench-mode">connecting</span>
 <span id="bench-words"></span>

@@ -14,9 +14,9 @@ from drivers.clock import NANOSECONDS_PER_SECOND, Clock, PacedClock, SystemClock
 from drivers.driver import Health
 from drivers.samples import HeadingSample, WheelSample
 from rover_hil.bench.camera_frames import CameraFrame, FrameChoice
-from rover_hil.bench.views import DeviceView, EndOrder, Notice, Order, View
+from rover_hil.bench.views import Confirmation, DeviceView, EndOrder, Notice, Order, View
 from rover_hil.run.executive import CycleView, End
-from rover_hil.run.sign_of_life import LifeWatch
+from rover_hil.run.sign_of_life import LifeWatch, LossLatch
 from sim_backends.world.plant import Truth
 
 VIEW_PERIOD_NS = NANOSECONDS_PER_SECOND // 20
@@ -45,7 +45,7 @@ class PageOperator:
         clock: The clock of a simulated run, or None.
         frames: Chooses the frames to be shown, or None.
         yaw_unwatched: That nothing in the run would notice a wrong yaw; empty where something does.
-        watches: Without these signs of life the rover stops until they are back.
+        watches: Without these heartbeats the rover stops; when they are back it waits for a confirmation.
         real_clock: Their clock.
     """
 
@@ -65,7 +65,7 @@ class PageOperator:
         self._clock = clock
         self._frames = frames
         self._yaw_unwatched = yaw_unwatched
-        self._watches = watches
+        self._latch = LossLatch(watches)
         self._real_clock = real_clock or SystemClock()
         self._stop_reason = ""
         self._is_running = False
@@ -92,6 +92,11 @@ class PageOperator:
         if wanted is not None:
             self._gains.update(wanted.gains)
         return wanted
+
+    @property
+    def waits_for_operator(self) -> bool:
+        """Whether the rover stays stopped until the operator confirms that it may move."""
+        return bool(self._latch.reason)
 
     def end(self) -> tuple[End, str] | None:
         """Return how and why the page ends the run; None to go on."""
@@ -132,17 +137,22 @@ class PageOperator:
             self._dropped += 1
 
     def _look_for_life(self) -> None:
-        now_ns = self._real_clock.now_ns()
-        reasons = [watch.check(now_ns) for watch in self._watches]
-        reason = next(filter(None, reasons), "")
+        reason = self._latch.check(self._real_clock.now_ns())
         if reason != self._stop_reason:
             self._stop_reason = reason
             self._want(OperatorInput(stop_reason=reason))
+
+    def _confirm(self, losses: int) -> None:
+        if self.waits_for_operator and self._latch.confirm(losses):
+            self._stop_reason = ""
+            self._want(OperatorInput(stop_reason="", is_confirmed=True))
 
     def _take_orders(self) -> None:
         for order in self._arrived():
             if isinstance(order, EndOrder):
                 self._end = self._end or (order.end, order.reason)
+            elif isinstance(order, Confirmation):
+                self._confirm(order.losses)
             elif order.motion is None or self._may_drive(order.motion):
                 self._want(order)
 
@@ -157,7 +167,7 @@ class PageOperator:
         try:
             while self._is_connected and self._orders.poll():
                 order = self._orders.recv()
-                if isinstance(order, EndOrder | OperatorInput):
+                if isinstance(order, Order):
                     yield order
         except (EOFError, OSError):
             self._is_connected = False
@@ -193,6 +203,8 @@ class PageOperator:
             "gains": dict(self._gains),
             "lost_s": 0.0 if self._clock is None else seconds(self._clock.lost_ns),
             "dropped": self._dropped,
+            "waits_for_operator": self.waits_for_operator,
+            "losses": self._latch.losses,
         }
 
 

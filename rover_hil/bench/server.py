@@ -13,6 +13,7 @@ from types import FrameType
 import uvicorn
 from fastapi import FastAPI, WebSocket
 from fastapi.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from nicegui import app as nicegui_app
 from nicegui import ui
 from starlette.types import ASGIApp
 
@@ -20,10 +21,10 @@ from drivers.clock import SystemClock, nanoseconds
 from drivers.errors import ConfigError
 from rover_hil.bench.connection_limits import BoundedHttp, ConnectionLimits
 from rover_hil.bench.finished_runs import find_report
-from rover_hil.bench.guard import Guard
+from rover_hil.bench.guard import QUERY_KEY, Guard
 from rover_hil.bench.page import build_page
 from rover_hil.bench.session import Session
-from rover_hil.bench.stop_line import PingedWebSocket, serve_line
+from rover_hil.bench.stop_line import serve_line
 from rover_hil.pages.render import PLOT_SCRIPT
 from rover_hil.recording.text import strict_json
 from rover_hil.run.end_signals import END_REQUEST, end_signals
@@ -59,15 +60,26 @@ def bind(port: int) -> socket.socket:
     return listener
 
 
-def serve(session: Session, title: str, listener: socket.socket) -> None:
-    """Serve the page until a signal ends the program.
+class Server(uvicorn.Server):
+    """A server that ends although pages are open."""
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Cut off who is still connected: a stream has no end for which uvicorn could wait."""
+        for connection in list(self.server_state.connections):
+            connection.transport.abort()
+        await asyncio.sleep(0.0)  # each stream and socket now learns that its browser is gone
+        await super().shutdown(sockets)
+
+
+def serve(session: Session, title: str, listener: socket.socket, token: str) -> None:
+    """Serve the page, with a token in its address, until a signal ends the program.
 
     Raises:
         KeyboardInterrupt: Ctrl-C came.
         Terminated: Another signal came.
     """
-    config = server_config(make_app(session, title))
-    server = uvicorn.Server(config)
+    config = server_config(make_app(session, title, token))
+    server = Server(config)
 
     def note(number: int, frame: FrameType | None) -> None:
         if END_REQUEST.number is None:
@@ -98,11 +110,11 @@ def serve(session: Session, title: str, listener: socket.socket) -> None:
 
 
 def server_config(app: ASGIApp) -> uvicorn.Config:
-    """Return how the page is served: with pings on WebSockets, and a limited number of connections."""
+    """Return how the page is served: with a limited number of connections."""
     return uvicorn.Config(
         app,
         http=BoundedHttp,
-        ws=PingedWebSocket,
+        ws="websockets-sansio",
         log_level="error",
         timeout_graceful_shutdown=END_S,
         access_log=False,
@@ -127,8 +139,8 @@ async def _look_at_files(session: Session) -> None:
         await asyncio.sleep(FILES_PERIOD_S)
 
 
-def make_app(session: Session, title: str) -> ASGIApp:
-    """Return the application of a session."""
+def make_app(session: Session, title: str, token: str) -> ASGIApp:
+    """Return the application of a session, with a token in the address of its page."""
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
 
     @app.post("/stop")
@@ -162,8 +174,9 @@ def make_app(session: Session, title: str) -> ASGIApp:
         return Response("there is no report of this run", 404) if path is None else FileResponse(path)
 
     build_page(session, title)
+    nicegui_app.config.socket_io_js_query_params[QUERY_KEY] = token
     ui.run_with(app, tailwind=False, show_welcome_message=False, message_history_length=0)
-    return Guard(ConnectionLimits(app))
+    return Guard(ConnectionLimits(app), token)
 
 
 async def _events(session: Session) -> AsyncIterator[bytes]:

@@ -25,7 +25,7 @@ from drivers.clock import SystemClock, nanoseconds, wall_time_text
 from drivers.errors import ConfigError
 from rover_hil.bench.finished_runs import list_runs
 from rover_hil.bench.loop_process import LoopProcess, ReportFunction, RunFunction
-from rover_hil.bench.views import EndOrder, Notice, Order, Picture, RunOrder
+from rover_hil.bench.views import Confirmation, EndOrder, Notice, Order, Picture, RunOrder
 from rover_hil.config import Config
 from rover_hil.recording.text import strict_json
 from rover_hil.run.drive_order import rover_words
@@ -293,6 +293,16 @@ class Session:
             if self._kind is Kind.BY_HAND:
                 self._operate(browser, OperatorInput(motion=motion))
 
+    def confirm(self, browser: str, losses: int) -> None:
+        """Confirm that the stopped rover may move; raises ConfigError as `arm`.
+
+        Args:
+            browser: Whose user has clicked.
+            losses: Number of losses in the view that it showed.
+        """
+        with self._lock:
+            self._operate(browser, Confirmation(losses=losses))
+
     def refuse(self) -> None:
         """Count an order that is no list of finite numbers."""
         with self._lock:
@@ -308,7 +318,9 @@ class Session:
         self._process.server_life.give()
 
     def answered(self, browser: str) -> None:
-        """Note that a browser has answered; the loop is told of the one in control.
+        """Note that the script of a page has answered; of the page in control the loop gets a heartbeat.
+
+        A page that only watches keeps no rover moving: it would hide that the page whose user drives hangs.
 
         If none is in control, it is now. While a run goes on one is, also when it is gone: only a user gives
         control to another one then.

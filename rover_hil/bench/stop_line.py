@@ -1,60 +1,50 @@
-"""The connection of its own on which a page sends its emergency stops and shows that its browser is there.
+"""The separate connection on which a page sends its emergency stops and answers that its script runs.
 
-It waits behind nothing else that the page loads. The browser itself answers the pings, also of a hidden tab
-and while the page's script hangs. A browser that comes back sends its stops before it answers again, also
-when its page was loaded again. Whoever answers may be in control, as long as one of its connections lasts.
+It waits behind nothing else that the page loads. The server asks, the script of the page answers: the same
+script handles the stop button and the keys, so that a page that answers can stop the rover. A hidden tab
+answers too, because only its timers are slowed down. A page that comes back sends its stops before it answers
+again, also when it was loaded again.
 """
 
 import asyncio
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 
 from fastapi import WebSocket, WebSocketDisconnect
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
-from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
-from websockets.frames import Frame
-from websockets.http11 import Request
 
+from drivers.clock import SystemClock, nanoseconds
+from drivers.errors import ConfigError
 from rover_hil.bench.session import Session
 
-PING_PERIOD_S = 0.2
+ASK_PERIOD_S = 0.2
 HELLO_S = 5.0
 """A connection whose page does not say which browser it is in for longer is closed."""
 NOT_UNDERSTOOD = 1008
-PINGS = "rover-hil pings"
 
 
-class PingedWebSocket(WebSocketsSansIOProtocol):
-    """A WebSocket whose application may send pings, and is told of what answers them."""
-
-    def handle_connect(self, event: Request) -> None:
-        """Offer pings to the application."""
-        self.on_pong: Callable[[], None] = _nothing
-        super().handle_connect(event)
-        if self.handshake_initiated and not self.handshake_complete:
-            self.scope["extensions"][PINGS] = {"socket": self}
-
-    def handle_pong(self, event: Frame) -> None:
-        """Tell the application."""
-        super().handle_pong(event)
-        self.on_pong()
-
-    def ping(self) -> None:
-        """Send a ping."""
-        if not self.transport.is_closing():
-            self.conn.send_ping(b"")
-            self.transport.write(b"".join(self.conn.data_to_send()))
-
-
-class Hello(BaseModel):
-    """The first message: in which browser the page is."""
+class Words(BaseModel):
+    """A message of a page."""
 
     model_config = ConfigDict(strict=True, extra="forbid")
+
+
+class Hello(Words):
+    """The first message: in which browser the page is."""
 
     browser: str
 
 
-class Press(BaseModel):
+class Answer(Words):
+    """The script of the page runs.
+
+    Attributes:
+        answer: Number of the question.
+    """
+
+    answer: int
+
+
+class Press(Words):
     """An emergency stop.
 
     Attributes:
@@ -62,13 +52,53 @@ class Press(BaseModel):
         run: The run that the page showed; "" for none.
     """
 
-    model_config = ConfigDict(strict=True, extra="forbid")
-
     press: int
     run: str
 
 
-HELLO, PRESS = TypeAdapter(Hello), TypeAdapter(Press)
+class Confirm(Words):
+    """The user has clicked that the stopped rover may move.
+
+    Attributes:
+        confirm: Number of losses that the page showed.
+    """
+
+    confirm: int
+
+
+HELLO, WORDS = TypeAdapter(Hello), TypeAdapter[Answer | Press | Confirm](Answer | Press | Confirm)
+
+
+class Questions:
+    """The questions to one page that are not too old.
+
+    An answer to an old one shows only that the script ran once: it may have waited in a network.
+
+    Args:
+        limit_s: Longest time between a question and an answer that counts.
+    """
+
+    def __init__(self, limit_s: float) -> None:
+        self._limit_ns = nanoseconds(limit_s)
+        self._asked_ns: dict[int, int] = {}
+        self._number = 0
+
+    def ask(self, now_ns: int) -> int:
+        """Return the number of a new question."""
+        self._number += 1
+        self._asked_ns = {
+            number: t_ns for number, t_ns in self._asked_ns.items() if self._is_new(t_ns, now_ns)
+        }
+        self._asked_ns[self._number] = now_ns
+        return self._number
+
+    def counts(self, number: int, now_ns: int) -> bool:
+        """Return whether an answer to a question counts."""
+        asked_ns = self._asked_ns.get(number)
+        return asked_ns is not None and self._is_new(asked_ns, now_ns)
+
+    def _is_new(self, asked_ns: int, now_ns: int) -> bool:
+        return now_ns - asked_ns <= self._limit_ns
 
 
 async def serve_line(socket: WebSocket, session: Session) -> None:
@@ -77,10 +107,12 @@ async def serve_line(socket: WebSocket, session: Session) -> None:
     try:
         hello = HELLO.validate_json(await asyncio.wait_for(socket.receive_text(), HELLO_S))
         session.enter(hello.browser)
+        questions = Questions(session.config.bench.page_timeout_s)
+        asking = asyncio.create_task(_ask(socket, questions))
         try:
-            with _pinging(socket, lambda: session.answered(hello.browser)):
-                await _serve_presses(socket, session)
+            await _serve_words(socket, session, hello.browser, questions)
         finally:
+            asking.cancel()
             session.leave(hello.browser)
     except (WebSocketDisconnect, TimeoutError):
         pass
@@ -90,30 +122,26 @@ async def serve_line(socket: WebSocket, session: Session) -> None:
             await socket.close(NOT_UNDERSTOOD)
 
 
-async def _serve_presses(socket: WebSocket, session: Session) -> None:
+async def _serve_words(socket: WebSocket, session: Session, browser: str, questions: Questions) -> None:
+    clock = SystemClock()
     while True:
-        press = PRESS.validate_json(await socket.receive_text())
-        answer, run = session.emergency_stop(press.run)
-        await socket.send_json({"press": press.press, "answer": answer, "run": run})
+        words = WORDS.validate_json(await socket.receive_text())
+        if isinstance(words, Answer):
+            if questions.counts(words.answer, clock.now_ns()):
+                session.answered(browser)
+        elif isinstance(words, Press):
+            answer, run = session.emergency_stop(words.run)
+            await socket.send_json({"press": words.press, "answer": answer, "run": run})
+        else:
+            with suppress(
+                ConfigError
+            ):  # not in control, or the loop hangs: the page goes on showing the stop
+                session.confirm(browser, words.confirm)
 
 
-@contextmanager
-def _pinging(socket: WebSocket, on_pong: Callable[[], None]) -> Iterator[None]:
-    pinged: PingedWebSocket = socket.scope["extensions"][PINGS]["socket"]
-    pinged.on_pong = on_pong
-
-    async def ping() -> None:
+async def _ask(socket: WebSocket, questions: Questions) -> None:
+    clock = SystemClock()
+    with suppress(WebSocketDisconnect, RuntimeError):  # it is closed
         while True:
-            pinged.ping()
-            await asyncio.sleep(PING_PERIOD_S)
-
-    task = asyncio.create_task(ping())
-    try:
-        yield
-    finally:
-        pinged.on_pong = _nothing
-        task.cancel()
-
-
-def _nothing() -> None:
-    pass
+            await socket.send_json({"ask": questions.ask(clock.now_ns())})
+            await asyncio.sleep(ASK_PERIOD_S)

@@ -39,7 +39,18 @@ class EndOrder:
     reason: str
 
 
-Order: TypeAlias = OperatorInput | EndOrder
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Confirmation:
+    """The operator has clicked that the stopped rover may move again.
+
+    Attributes:
+        losses: Number of losses in the view that the page showed then.
+    """
+
+    losses: int
+
+
+Order: TypeAlias = OperatorInput | EndOrder | Confirmation
 
 
 class DeviceView(TypedDict):
@@ -71,6 +82,8 @@ class View(TypedDict):
         gains: Gains that the operator has changed.
         lost_s: Real time by which a simulated run has fallen behind.
         dropped: Views that the page was too slow to take.
+        waits_for_operator: Whether the rover stays stopped, for `reason`, until the operator confirms.
+        losses: How often page or server were lost in this run; part of a confirmation.
     """
 
     kind: Literal["view"]
@@ -97,6 +110,8 @@ class View(TypedDict):
     gains: Mapping[str, float]
     lost_s: float
     dropped: int
+    waits_for_operator: bool
+    losses: int
 
 
 class Picture(TypedDict):

@@ -62,14 +62,14 @@ class BenchSettings(Settings):
     Attributes:
         server_timeout_s: The rover stops after this time without a sign of life of the program that serves
             the page.
-        page_required: The rover also stops when the browser in control does not answer. Without it a mission
-            drives on without a browser.
-        page_timeout_s: It stops after this time without an answer of the browser, which is asked every 0.2 s.
+        page_required: The rover also stops when the script of the page in control does not answer. Without it
+            a mission drives on without a page.
+        page_timeout_s: It stops after this time without an answer of that script, which is asked every 0.2 s.
     """
 
     server_timeout_s: Annotated[float, Field(ge=0.2, le=1.0)] = 0.5
     page_required: bool = True
-    page_timeout_s: Annotated[float, Field(ge=0.5, le=5.0)] = 0.7
+    page_timeout_s: Annotated[float, Field(ge=0.5, le=5.0)] = 0.5
 
 
 class RoleSettings(Settings):

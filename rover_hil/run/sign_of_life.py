@@ -1,6 +1,7 @@
-"""A sign of life of another process, and who watches it: without new signs the rover must not move."""
+"""A heartbeat of another process, and what watches it: without new ones the rover must not move."""
 
 import ctypes
+from collections.abc import Sequence
 from multiprocessing.sharedctypes import RawValue
 from typing import Protocol
 
@@ -74,3 +75,44 @@ class LifeWatch:
         else:
             self.silent_ns += min(passed_ns, self._limit_ns // 2) if self._forgives_pauses else passed_ns
         return self._reason if self.silent_ns > self._limit_ns else ""
+
+
+class LossLatch:
+    """Keeps a rover stopped after a loss, until an operator confirms that it may move.
+
+    That what was lost is back is not enough: nobody may have seen what happened meanwhile.
+
+    Args:
+        watches: Each of them reports a loss.
+
+    Attributes:
+        reason: Why the rover must not move; "" where it may.
+        losses: Number of losses so far.
+    """
+
+    def __init__(self, watches: Sequence[LifeWatch]) -> None:
+        self._watches = watches
+        self._is_lost = False
+        self.reason = ""
+        self.losses = 0
+
+    def check(self, now_ns: int) -> str:
+        """Return `reason` after a look at all watches at `now_ns` of their clock."""
+        lost = next(filter(None, [watch.check(now_ns) for watch in self._watches]), "")
+        if lost and not self._is_lost:
+            self.reason = lost
+            self.losses += 1
+        self._is_lost = bool(lost)
+        return self.reason
+
+    def confirm(self, losses: int) -> bool:
+        """Release the stop; return whether that counts: nothing is lost now, and the operator knew of all.
+
+        Args:
+            losses: Number of losses that the operator knew of: a confirmation that was on its way while
+                another loss began has no effect.
+        """
+        counts = losses == self.losses and not self._is_lost
+        if counts:
+            self.reason = ""
+        return counts

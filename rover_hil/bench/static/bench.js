@@ -78,6 +78,17 @@ function showWords() {
   byId("bench-words").textContent = words.filter(Boolean).join(" · ");
   byId("bench-words").title = byId("bench-words").textContent;
   showTables(v, data);
+  showWait();
+}
+
+function showWait() {
+  const v = live.last, waits = live.state.state === "running" && Boolean(v?.waits_for_operator);
+  byId("bench-wait").hidden = !waits;
+  if (!waits) return;
+  const hasControl = live.state.controller === byId("bench-bar").dataset.browser;
+  byId("bench-confirm").hidden = !hasControl;
+  byId("bench-why").textContent = `STOPPED: ${v.reason}. ` + (hasControl
+    ? "Look at the rover and its surroundings." : "Only the page in control can let it move again.");
 }
 
 function showCameras(data) {

@@ -1,5 +1,6 @@
 "use strict";
-// The emergency stop: sent on a connection of its own, and again until it is acknowledged, also when the page reloads.
+// The emergency stop: sent on a separate connection, and again until it is acknowledged, also when the page reloads. On
+// the same connection this script answers the server: while it hangs, stop button and keys do too, and the rover stops.
 
 const PRESS_AGAIN_MS = 250, ALARM_MS = 1000, FRESH_MS = 1000, LINE_AGAIN_MS = 500, LINE_LOST_MS = 2000;
 const STORED = "rover_hil emergency stop";
@@ -12,14 +13,19 @@ let goesOn = null; // The run of which an answer told, and the one that the page
 
 function openLine() {
   lineTriedMs = performance.now();
-  const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/line`);
+  const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/line${location.search}`);
   stopLine = socket;
   socket.onopen = () => {
     if (socket !== stopLine) return;
     socket.send(JSON.stringify({ browser: document.getElementById("bench-bar").dataset.browser }));
     if (press) sendOnLine();
   };
-  socket.onmessage = (event) => acknowledge(JSON.parse(event.data));
+  socket.onmessage = (event) => {
+    const message = JSON.parse(event.data);
+    // Here and not in a timer: those of a hidden tab are slowed down.
+    if (message.ask !== undefined) socket.send(JSON.stringify({ answer: message.ask }));
+    else acknowledge(message);
+  };
   socket.onclose = () => { if (socket === stopLine) setTimeout(openLine, LINE_AGAIN_MS); };
 }
 
@@ -105,7 +111,17 @@ function acknowledge({ press: number, answer, run }) {
   alarm.hidden = false;
 }
 
+// ---- after a stop that waits for the operator ----
+
+// Only for the losses that this page knows of: a click that was on its way while another one began does not count.
+function confirmMotion() {
+  if (stopLine.readyState === WebSocket.OPEN) stopLine.send(JSON.stringify({ confirm: live.last.losses }));
+}
+
 document.getElementById("bench-stop").addEventListener("click", emergencyStop);
+document.getElementById("bench-confirm").addEventListener("click", confirmMotion);
+// A key that is held would click again and again.
+document.getElementById("bench-confirm").addEventListener("keydown", (event) => { if (event.repeat) event.preventDefault(); });
 setInterval(sendPress, PRESS_AGAIN_MS);
 restore();
 openLine();

@@ -135,6 +135,12 @@ class Page:
             assert self._clock.now_ns() < deadline_ns, f"{what}: {self.mode!r}, {self.text('bench-words')!r}"
             self._clock.sleep_until(self._clock.now_ns() + 50_000_000)
 
+    def confirm(self) -> None:
+        """Confirm that the stopped rover may move, by a click, as soon as the page asks for it."""
+        button = self.driver.find_element("id", "bench-confirm")
+        self.wait(button.is_displayed, "the page asks for no confirmation")
+        button.click()
+
     def text(self, name: str) -> str:
         """Return the text of the element with an id."""
         return str(

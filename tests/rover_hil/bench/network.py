@@ -5,8 +5,21 @@ import threading
 from contextlib import suppress
 from types import TracebackType
 from typing import Self
+from urllib.parse import urlsplit
 
 CHUNK = 65536
+
+
+def port_of(url: str) -> int:
+    """Return the port in an address."""
+    port = urlsplit(url).port
+    assert port is not None
+    return port
+
+
+def through(network: "Network", url: str) -> str:
+    """Return the address of a page through a network."""
+    return urlsplit(url)._replace(netloc=f"localhost:{network.port}").geturl()
 
 
 class Network:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.rover_hil.bench.browser import Page, served, write_config
+from tests.rover_hil.bench.network import port_of
 
 pytestmark = [
     pytest.mark.slow,
@@ -23,7 +24,7 @@ def test_no_work_of_more_than_50_ms_runs_on_it_while_a_report_is_made_and_runs_a
     works = tmp_path / "works.json"
     program = (sys.executable, "-m", "tests.rover_hil.bench.timed_server", str(works))
     with served(tmp_path, program) as (url, _), Page(url) as page:
-        port = int(url.rsplit(":", 1)[1])
+        port = port_of(url)
         readers = [socket.create_connection(("127.0.0.1", port)) for _ in range(10)]
         for reader in readers:
             reader.sendall(f"GET /stream HTTP/1.1\r\nHost: localhost:{port}\r\n\r\n".encode())

@@ -2,13 +2,12 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import pytest
 
 from benchmarks.program.page_stop import ALARM, CASES, MOVES, ended, stop_in, wait_for_end, wait_s
 from tests.rover_hil.bench.browser import Page, served, write_config
-from tests.rover_hil.bench.network import Network
+from tests.rover_hil.bench.network import Network, port_of, through
 
 pytestmark = [
     pytest.mark.slow,
@@ -61,8 +60,8 @@ def served_page(tmp_path: Path) -> Iterator[tuple[Page, Network]]:
     write_config(tmp_path, length_m="9.0", width_m="4.0")
     with (
         served(tmp_path) as (url, _),
-        Network(urlsplit(url).port or 0) as network,
-        Page(f"http://localhost:{network.port}") as page,
+        Network(port_of(url)) as network,
+        Page(through(network, url)) as page,
     ):
         yield page, network
 
