@@ -62,8 +62,8 @@ class Guard:
             await PlainTextResponse(refusal, 403)(scope, receive, send)
 
     def _has_token(self, scope: Scope) -> bool:
-        given = parse_qs(scope["query_string"]).get(QUERY_KEY.encode(), [])
-        return len(given) == 1 and hmac.compare_digest(given[0], self._token)
+        given = parse_qs(scope["query_string"].decode("latin-1")).get(QUERY_KEY, [])
+        return len(given) == 1 and hmac.compare_digest(given[0].encode(), self._token)
 
 
 def is_allowed(headers: Headers) -> bool:

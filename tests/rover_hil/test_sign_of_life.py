@@ -3,7 +3,7 @@
 import multiprocessing
 
 from drivers.clock import SystemClock, nanoseconds
-from rover_hil.run.sign_of_life import LifeWatch, SignOfLife
+from rover_hil.run.sign_of_life import LifeWatch, LossLatch, SignOfLife
 
 LIMIT_NS = nanoseconds(0.5)
 START_NS = 1_000
@@ -81,3 +81,35 @@ def test_signs_are_seen_by_another_process_without_waiting() -> None:
         clock.sleep_until(clock.now_ns() + 5_000_000)
     process.join(PATIENCE_S)
     assert process.exitcode == 0
+
+
+def test_after_a_loss_the_reason_stays_until_it_is_confirmed_by_someone_who_knows_of_all_losses() -> None:
+    first, second = SignOfLife(), SignOfLife()
+    latch = LossLatch([watch(first), LifeWatch(second, 0.5, "page: other")])
+    now_ns = START_NS
+
+    def after_half_a_second(*living: SignOfLife) -> str:
+        nonlocal now_ns
+        now_ns += LIMIT_NS + 1
+        for sign in living:
+            sign.give()
+        return latch.check(now_ns)
+
+    assert after_half_a_second(first, second) == ""
+    assert after_half_a_second(first, second) == ""
+    assert latch.losses == 0
+    assert after_half_a_second(second) == "page: lost"
+    assert after_half_a_second() == "page: lost"  # one loss, until all are back
+    assert latch.losses == 1
+    assert not latch.confirm(1)
+    assert latch.reason == "page: lost"
+    assert after_half_a_second(first, second) == "page: lost"
+    assert not latch.confirm(0)
+    assert after_half_a_second(first) == "page: other"
+    assert after_half_a_second(first, second) == "page: other"
+    assert latch.losses == 2
+    assert not latch.confirm(1)
+    assert latch.reason == "page: other"
+    assert latch.confirm(2)
+    assert latch.reason == ""
+    assert after_half_a_second(first, second) == ""

@@ -15,7 +15,7 @@ from drivers.link import NoTap
 from rover_hil.bench.camera_frames import CameraFrame
 from rover_hil.bench.loop_process import MOST_NOTICES, NoticeSender, make_watches
 from rover_hil.bench.page_operator import VIEW_PERIOD_NS, PageOperator
-from rover_hil.bench.views import EndOrder, Notice, Picture, View
+from rover_hil.bench.views import Confirmation, EndOrder, Notice, Picture, View
 from rover_hil.config import BenchSettings
 from rover_hil.run.composition import build_virtual_rig
 from rover_hil.run.executive import CycleView, End
@@ -84,34 +84,77 @@ def test_orders_of_one_cycle_are_one_input_and_the_newest_wins() -> None:
     assert operator.end() == (End.EMERGENCY_STOP, "pressed")
 
 
-@pytest.mark.parametrize("lost", ["server", "browser"])
-def test_without_a_sign_of_life_the_rover_stops_until_it_is_back(lost: str) -> None:
-    orders, _ours = Pipe(duplex=False)
-    signs, clock = {"server": SignOfLife(), "browser": SignOfLife()}, VirtualClock()
-    watches = make_watches(BenchSettings(), *signs.values())
-    operator = PageOperator(orders, Kept(9), 3, None, watches=watches, real_clock=clock)
+class Rover:
+    """A page's operator on a clock of its own, with the page's end of the orders."""
 
-    def told(duration_s: float, *living: str) -> list[str | None]:
-        """Return what the loop is told within a time in which these give signs."""
-        reasons = []
+    def __init__(self) -> None:
+        theirs, self.page = Pipe(duplex=False)
+        self.signs = {"server": SignOfLife(), "page": SignOfLife()}
+        self.kept = Kept(999)
+        self._clock = VirtualClock()
+        watches = make_watches(BenchSettings(), *self.signs.values())
+        self._operator = PageOperator(theirs, self.kept, 3, None, watches=watches, real_clock=self._clock)
+
+    def pass_time(self, duration_s: float, *living: str) -> list[OperatorInput]:
+        """Return what is wanted within a time in which these give heartbeats."""
+        inputs = list[OperatorInput]()
         for _ in range(round(duration_s / 0.02)):
-            clock.sleep_until(clock.now_ns() + nanoseconds(0.02))
+            self._clock.sleep_until(self._clock.now_ns() + nanoseconds(0.02))
             for name in living:
-                signs[name].give()
-            wanted = operator.wanted()
-            reasons += [] if wanted is None else [wanted.stop_reason]
-        return reasons
+                self.signs[name].give()
+            inputs += filter(None, [self._operator.wanted()])
+        return inputs
 
-    limit_s = {"server": 0.5, "browser": 0.7}[lost]
-    others = [name for name in signs if name != lost]
-    assert told(2.0, *signs) == []
-    assert told(limit_s, *others) == []
-    (reason,) = told(0.02, *others)
-    assert reason is not None
-    assert reason.endswith(f"for {limit_s:g} s")
-    assert told(2.0, *others) == []  # it is told once
-    assert told(0.02, *signs) == [""]
-    assert told(2.0, *signs) == []
+    def view(self) -> View:
+        """Return what the page shows."""
+        output = replace(RUNNING.output, t_ns=self._clock.now_ns() + 10**12)
+        self._operator.show(RUNNING._replace(output=output))
+        return cast("View", self.kept.items[-1])
+
+
+@pytest.mark.parametrize("lost", ["server", "page"])
+def test_after_a_loss_the_rover_rests_until_the_operator_confirms(lost: str) -> None:
+    rover = Rover()
+    others = [name for name in rover.signs if name != lost]
+    assert rover.pass_time(2.0, *rover.signs) == []
+    assert not rover.view()["waits_for_operator"]
+    assert rover.pass_time(0.5, *others) == []
+    (stop,) = rover.pass_time(0.02, *others)
+    assert stop.stop_reason is not None
+    assert stop.stop_reason.endswith("for 0.5 s")
+    assert rover.pass_time(2.0, *others) == []  # it is ordered once
+    rover.page.send(Confirmation(losses=1))  # what is lost cannot confirm
+    assert rover.pass_time(0.04, *others) == []
+    assert rover.pass_time(60.0, *rover.signs) == []  # it is back: nothing moves
+    view = rover.view()
+    assert view["waits_for_operator"]
+    rover.page.send(Confirmation(losses=view["losses"]))
+    assert rover.pass_time(2.0, *rover.signs) == [OperatorInput(stop_reason="", is_confirmed=True)]
+    assert not rover.view()["waits_for_operator"]
+
+
+def test_a_confirmation_that_was_on_its_way_while_another_loss_began_does_not_count() -> None:
+    rover = Rover()
+    rover.pass_time(2.0, "server")
+    rover.pass_time(1.0, *rover.signs)
+    losses = rover.view()["losses"]
+    rover.pass_time(2.0, "page")
+    rover.page.send(Confirmation(losses=losses))
+    assert rover.pass_time(2.0, *rover.signs) == []
+    assert rover.view()["waits_for_operator"]
+    rover.page.send(Confirmation(losses=rover.view()["losses"]))
+    assert rover.pass_time(1.0, *rover.signs) == [OperatorInput(stop_reason="", is_confirmed=True)]
+
+
+def test_a_confirmation_of_nothing_and_other_orders_release_no_stop() -> None:
+    rover = Rover()
+    rover.page.send(Confirmation(losses=0))
+    assert rover.pass_time(1.0, *rover.signs) == []
+    rover.pass_time(2.0)
+    others = OperatorInput(is_paused=False, gains={"lookahead_m": 0.3})
+    rover.page.send(others)
+    assert rover.pass_time(1.0, *rover.signs) == [others]
+    assert rover.view()["waits_for_operator"]
 
 
 def test_a_run_for_which_no_page_is_required_goes_on_without_a_browser_but_not_without_the_server() -> None:

@@ -17,7 +17,7 @@ from rover_hil.bench.server import bind
 from rover_hil.bench.session import Kind, Session
 from rover_hil.bench.views import EndOrder
 from rover_hil.config import load_config
-from tests.rover_hil.bench.application import new_application
+from tests.rover_hil.bench.application import TOKEN, new_application
 from tests.rover_hil.bench.test_session import FakeProcess
 
 HOME = "http://localhost:8484"
@@ -81,6 +81,21 @@ def test_the_page_itself_stops_the_rover_and_may_load_from_nowhere_else(
     assert "default-src 'self'" in answer.headers["content-security-policy"]
     assert "http" not in answer.headers["content-security-policy"]
     assert answer.headers["x-frame-options"] == "DENY"
+
+
+def test_without_the_token_the_page_is_one_sentence(served: tuple[Client, Session]) -> None:
+    client, _ = served
+    for query in ("", "?token=another"):
+        answer = client.get(f"/{query}")
+        assert answer.status_code == 403
+        assert answer.text.startswith("refused: this address lacks the token of the running bench")
+        assert TOKEN not in answer.text
+
+
+def test_what_needs_no_token_does_not_contain_it(served: tuple[Client, Session]) -> None:
+    client, _ = served
+    for path in ("/static/stop.js", "/static/bench.js", "/camera/none", "/report/none"):
+        assert TOKEN not in client.get(path).text
 
 
 def test_the_newest_picture_of_a_camera(served: tuple[Client, Session]) -> None:

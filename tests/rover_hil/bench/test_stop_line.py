@@ -1,15 +1,16 @@
-"""The connection of the emergency stop: presses, pings, limits, foreign words."""
+"""The connection of the emergency stop: presses, questions to the page, limits, foreign words, the token."""
 
 import asyncio
 import json
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("nicegui", reason="the extra `bench` is not installed")
 
+import httpx
 import uvicorn
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -19,9 +20,9 @@ from rover_hil.bench import connection_limits
 from rover_hil.bench import session as session_module
 from rover_hil.bench.server import LIFE_PERIOD_S, bind, give_life, server_config
 from rover_hil.bench.session import Kind, Session
-from rover_hil.bench.views import EndOrder
+from rover_hil.bench.views import Confirmation, EndOrder
 from rover_hil.config import load_config
-from tests.rover_hil.bench.application import new_application
+from tests.rover_hil.bench.application import TOKEN, new_application
 from tests.rover_hil.bench.test_session import FakeProcess
 
 PATIENCE_S = 60.0
@@ -53,9 +54,13 @@ async def served(session: Session) -> AsyncIterator[int]:
             await task
 
 
+def address(port: int, token: str = TOKEN) -> str:
+    return f"ws://127.0.0.1:{port}/line?token={token}"
+
+
 @asynccontextmanager
 async def line_of(port: int, hello: object) -> AsyncIterator[ClientConnection]:
-    async with connect(f"ws://127.0.0.1:{port}/line", ping_interval=None) as line:
+    async with connect(address(port), ping_interval=None) as line:
         await line.send(hello if isinstance(hello, str | bytes) else json.dumps(hello))
         yield line
 
@@ -66,8 +71,38 @@ def run(work: Callable[[], Awaitable[None]]) -> None:
 
 async def press(line: ClientConnection, number: int, run: str) -> dict[str, object]:
     await line.send(json.dumps({"press": number, "run": run}))
-    answer: dict[str, object] = json.loads(await line.recv())
+    while "ask" in (answer := await heard(line)):
+        pass
     return answer
+
+
+async def heard(line: ClientConnection) -> dict[str, object]:
+    message: dict[str, object] = json.loads(await line.recv())
+    return message
+
+
+async def read_to_end(line: ClientConnection) -> None:
+    while True:
+        await line.recv()
+
+
+async def answer_questions(line: ClientConnection) -> None:
+    """Answer as the script of a page does, until the connection ends."""
+    with suppress(ConnectionClosed):
+        while True:
+            message = await heard(line)
+            if "ask" in message:
+                await line.send(json.dumps({"answer": message["ask"]}))
+
+
+@asynccontextmanager
+async def answering(port: int, browser: str) -> AsyncIterator[ClientConnection]:
+    async with line_of(port, {"browser": browser}) as line:
+        task = asyncio.create_task(answer_questions(line))
+        try:
+            yield line
+        finally:
+            task.cancel()
 
 
 async def until(condition: Callable[[], bool]) -> None:
@@ -90,43 +125,100 @@ def test_a_press_is_ordered_once_and_answered_each_time(session: Session) -> Non
     run(work)
 
 
-def test_a_browser_answers_pings_without_a_word_of_its_script(session: Session) -> None:
+def test_only_the_answers_of_the_page_in_control_are_its_heartbeat(session: Session) -> None:
     async def work() -> None:
         life = session._process.browser_life
         first = life.count
         async with served(session) as port:
-            async with line_of(port, {"browser": "another"}):
+            async with answering(port, "another"):
                 await asyncio.sleep(0.5)
                 assert life.count == first  # it is not in control
-            async with line_of(port, {"browser": "a"}):
+            async with answering(port, "a"):
                 await until(lambda: life.count >= first + 3)
             await until(lambda: session.snapshot().controller is None)
             count = life.count
             await asyncio.sleep(0.5)
             assert life.count == count  # it is gone
-            async with line_of(port, {"browser": "another"}):
+            async with answering(port, "another"):
                 await until(lambda: life.count > count)
             await until(lambda: session.snapshot().controller is None)
 
     run(work)
 
 
-def test_a_silent_connection_is_not_taken_for_a_browser(session: Session) -> None:
-    """Pings begin after the page has said who it is: a press that waits is sent before."""
+def test_a_page_whose_script_hangs_gives_no_heartbeat_though_its_browser_answers_pings(
+    session: Session,
+) -> None:
+    async def work() -> None:
+        life = session._process.browser_life
+        first = life.count
+        async with served(session) as port, line_of(port, {"browser": "a"}) as line, answering(port, "b"):
+            await (await line.ping())  # as a browser answers them
+            await asyncio.sleep(0.7)
+            assert life.count == first
+
+    run(work)
+
+
+def test_an_answer_to_an_old_question_or_to_none_does_not_count(session: Session) -> None:
+    """It may have waited in a network: a stop would be as late."""
 
     async def work() -> None:
         life = session._process.browser_life
         first = life.count
-        async with served(session) as port, connect(f"ws://127.0.0.1:{port}/line", ping_interval=None):
-            await asyncio.sleep(0.5)
-        assert life.count == first
+        async with served(session) as port, line_of(port, {"browser": "a"}) as line:
+            old = (await heard(line))["ask"]
+            assert old == 1
+            await line.send(json.dumps({"answer": 99}))
+            await asyncio.sleep(session.config.bench.page_timeout_s + 0.1)
+            await line.send(json.dumps({"answer": old}))
+            await press(line, 1, "")
+            assert life.count == first
+            asyncio.create_task(answer_questions(line))  # noqa: RUF006
+            await until(lambda: life.count > first)
+
+    run(work)
+
+
+def test_a_confirmation_is_passed_on_from_the_page_in_control_only(session: Session) -> None:
+    async def work() -> None:
+        async with served(session) as port, answering(port, "a") as line, answering(port, "b") as watching:
+            session.start("a", Kind.MISSION, is_real=False)
+            await watching.send(json.dumps({"confirm": 2}))
+            await line.send(json.dumps({"confirm": 3}))
+            await until(lambda: FakeProcess.orders[1:] == [Confirmation(losses=3)])
+
+    run(work)
+
+
+def test_a_silent_connection_is_not_taken_for_a_page(session: Session) -> None:
+    """Questions begin after the page has said who it is: a press that waits is sent before."""
+
+    async def work() -> None:
+        async with served(session) as port, connect(address(port), ping_interval=None) as line:
+            with pytest.raises(TimeoutError):
+                await asyncio.wait_for(line.recv(), 0.5)
+
+    run(work)
+
+
+@pytest.mark.parametrize("token", ["", "another"])
+def test_without_the_token_there_is_no_line_but_the_stop(session: Session, token: str) -> None:
+    async def work() -> None:
+        session.start("a", Kind.MISSION, is_real=False)
+        async with served(session) as port:
+            with pytest.raises(InvalidStatus):
+                await connect(address(port, token))
+            async with httpx.AsyncClient(base_url=f"http://localhost:{port}") as client:
+                assert (await client.post("/stop")).json()["answer"] == "sent"
+        assert isinstance(FakeProcess.orders[-1], EndOrder)
 
     run(work)
 
 
 def test_a_line_that_is_renewed_gives_control_to_nobody_else(session: Session) -> None:
     async def work() -> None:
-        async with served(session) as port, line_of(port, {"browser": "watching"}):
+        async with served(session) as port, answering(port, "watching"):
             async with line_of(port, {"browser": "a"}) as old, line_of(port, {"browser": "a"}) as new:
                 await press(new, 1, "")  # both have said hello
                 await press(old, 1, "")
@@ -151,6 +243,8 @@ def test_a_line_that_is_renewed_gives_control_to_nobody_else(session: Session) -
         '{"press": 1}',
         '{"browser": 1}',
         '{"press": 1, "run": NaN}',
+        '{"answer": "1"}',
+        '{"confirm": true}',
     ],
 )
 @pytest.mark.parametrize("is_first", [True, False])
@@ -163,7 +257,7 @@ def test_foreign_words_are_refused_and_counted_and_stop_nothing(
             if not is_first:
                 await line.send(words)
             with pytest.raises(ConnectionClosed) as closed:
-                await line.recv()
+                await read_to_end(line)
             assert closed.value.rcvd is not None
             assert closed.value.rcvd.code == 1008
         assert session.snapshot().refused == 1
@@ -176,7 +270,7 @@ def test_another_site_gets_no_connection(session: Session) -> None:
     async def work() -> None:
         async with served(session) as port:
             with pytest.raises(InvalidStatus):
-                await connect(f"ws://127.0.0.1:{port}/line", origin="http://evil.example")  # type: ignore[arg-type]
+                await connect(address(port), origin="http://evil.example")  # type: ignore[arg-type]
 
     run(work)
 
