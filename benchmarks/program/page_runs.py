@@ -2,8 +2,9 @@
 
     python -m benchmarks.program.page_runs [--times N] [--unloaded] [--width PX] [--hidden SECONDS]
 
-With --hidden each run lasts so long, and another tab hides that of the page meanwhile. Needs the extra `bench`, selenium, chromium and chromedriver. The rover is simulated, in real time; the load
-is that of `benchmarks.program.machine_load`.
+With --hidden each run lasts so long, and another tab hides that of the page meanwhile. Needs the extra
+`bench`, selenium, chromium and chromedriver. The rover is simulated, in real time; the load is that of
+`benchmarks.program.machine_load`.
 """
 
 import argparse

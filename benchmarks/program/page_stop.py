@@ -5,8 +5,9 @@
 The rover is a simulated Robotino behind its ports (`rover-hil simulate`); the run is a real one. Time is from
 the press until setpoints of zero were sent for good, by the log: the last setpoint that is not zero, and
 the next message on the bus. Page, network or server are also lost and come back; seconds later the user
-clicks that the rover may move. There time is from the loss until the last setpoint that is not zero, and until the
-last wheel that turns, before that click. Needs the extra `bench`, selenium, chromium and chromedriver.
+clicks that the rover may move. There time is from the loss until the last setpoint that is not zero and
+until the last wheel that turns, before that click. Needs the extra `bench`, selenium, chromium and
+chromedriver.
 """
 
 import argparse

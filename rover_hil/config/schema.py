@@ -64,7 +64,7 @@ class BenchSettings(Settings):
             the page.
         page_required: The rover also stops when the script of the page in control does not answer. Without it
             a mission drives on without a page.
-        page_timeout_s: It stops after this time without an answer of that script, which is asked every 0.2 s.
+        page_timeout_s: It stops after this time without an answer of that script, which is asked every 0.1 s.
     """
 
     server_timeout_s: Annotated[float, Field(ge=0.2, le=1.0)] = 0.5

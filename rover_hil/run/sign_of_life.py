@@ -83,7 +83,8 @@ class LossLatch:
     That what was lost is back is not enough: nobody may have seen what happened meanwhile.
 
     Args:
-        watches: Each of them reports a loss.
+        watches: Each of them reports a loss. Where several report the same loss, the first of them gives the
+            reason: without a server no page answers.
 
     Attributes:
         reason: Why the rover must not move; "" where it may.
@@ -92,17 +93,20 @@ class LossLatch:
 
     def __init__(self, watches: Sequence[LifeWatch]) -> None:
         self._watches = watches
-        self._is_lost = False
+        self._lost: int | None = None
         self.reason = ""
         self.losses = 0
 
     def check(self, now_ns: int) -> str:
         """Return `reason` after a look at all watches at `now_ns` of their clock."""
-        lost = next(filter(None, [watch.check(now_ns) for watch in self._watches]), "")
-        if lost and not self._is_lost:
-            self.reason = lost
-            self.losses += 1
-        self._is_lost = bool(lost)
+        reasons = [watch.check(now_ns) for watch in self._watches]
+        lost = next((number for number, reason in enumerate(reasons) if reason), None)
+        if lost is None:
+            self._lost = None
+        elif self._lost is None or lost < self._lost:
+            self.losses += self._lost is None
+            self._lost = lost
+            self.reason = reasons[lost]
         return self.reason
 
     def confirm(self, losses: int) -> bool:
@@ -112,7 +116,7 @@ class LossLatch:
             losses: Number of losses that the operator knew of: a confirmation that was on its way while
                 another loss began has no effect.
         """
-        counts = losses == self.losses and not self._is_lost
+        counts = losses == self.losses and self._lost is None
         if counts:
             self.reason = ""
         return counts

@@ -42,6 +42,18 @@ def test_no_side_releases_the_stop_of_another() -> None:
     assert both.wanted() == OperatorInput(stop_reason="")
 
 
+def test_a_confirmation_is_passed_on_and_releases_no_stop_of_another_side() -> None:
+    first, second = Side(), Side()
+    both = Operators([first, second])
+    first.next = OperatorInput(stop_reason="by the first")
+    second.next = OperatorInput(stop_reason="by the second")
+    both.wanted()
+    second.next = OperatorInput(stop_reason="", is_confirmed=True)
+    assert both.wanted() == OperatorInput(stop_reason="by the first", is_confirmed=True)
+    second.next = OperatorInput(is_confirmed=True)
+    assert both.wanted() == OperatorInput(is_confirmed=True)
+
+
 def test_of_what_both_change_the_last_side_counts_and_the_rest_is_kept() -> None:
     first, second = Side(), Side()
     both = Operators([first, second])

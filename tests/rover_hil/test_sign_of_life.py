@@ -98,8 +98,9 @@ def test_after_a_loss_the_reason_stays_until_it_is_confirmed_by_someone_who_know
     assert after_half_a_second(first, second) == ""
     assert after_half_a_second(first, second) == ""
     assert latch.losses == 0
-    assert after_half_a_second(second) == "page: lost"
-    assert after_half_a_second() == "page: lost"  # one loss, until all are back
+    assert after_half_a_second(first) == "page: other"
+    assert after_half_a_second() == "page: lost"  # the same loss, of which more is known now
+    assert after_half_a_second(first) == "page: lost"
     assert latch.losses == 1
     assert not latch.confirm(1)
     assert latch.reason == "page: lost"

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from controllers.control_loop import ControlLoop
 from controllers.motion.settings import WaypointsMission
 from controllers.operator import OperatorInput, check_gains, gain_ranges
 from controllers.safety import Mode
@@ -51,6 +52,12 @@ def drive(config: Config, folder: Path, script: Script) -> Path:
     return path
 
 
+def operator_records(path: Path) -> list[dict[str, object]]:
+    return [
+        json.loads(message.data) for message in LogReader(path).messages() if message.topic == "/operator"
+    ]
+
+
 def differences(path: Path) -> list[str]:
     log = LogReader(path)
     with restore_config(log) as config:
@@ -72,8 +79,8 @@ def test_a_pause_rests_and_a_new_gain_acts_and_all_replays(tmp_path: Path) -> No
 def test_while_the_operator_is_lost_the_rover_rests_and_then_drives_on_and_all_replays(
     tmp_path: Path,
 ) -> None:
-    lost = "page: the browser in control did not answer for 0.7 s"
-    plan = {60: OperatorInput(stop_reason=lost), 80: OperatorInput(stop_reason="")}
+    lost = "page: the script of the page in control did not answer for 0.5 s"
+    plan = {60: OperatorInput(stop_reason=lost), 80: OperatorInput(stop_reason="", is_confirmed=True)}
     script = Script(plan, 130)
     path = drive(quick(), tmp_path, script)
     outputs = [view.output for view in script.views]
@@ -83,6 +90,24 @@ def test_while_the_operator_is_lost_the_rover_rests_and_then_drives_on_and_all_r
     assert outputs[110].mode is Mode.RUNNING  # recover_s later
     assert any(script.views[-1].sent.speed_rad_s)
     assert differences(path) == []
+    records = operator_records(path)
+    assert ["is_confirmed" in record for record in records] == [False, True]
+    assert records[1]["is_confirmed"] is True
+
+
+def test_a_replay_passes_a_confirmation_to_the_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = {40: OperatorInput(is_confirmed=True), 50: OperatorInput(is_paused=True)}
+    path = drive(quick(), tmp_path, Script(plan, 60))
+    seen = list[bool]()
+    operate = ControlLoop.operate
+
+    def note(loop: ControlLoop, now_ns: int, wanted: OperatorInput) -> None:
+        seen.append(wanted.is_confirmed)
+        operate(loop, now_ns, wanted)
+
+    monkeypatch.setattr(ControlLoop, "operate", note)
+    assert differences(path) == []
+    assert seen == [True, False]
 
 
 def test_logs_from_before_the_operator_could_be_lost_replay(
@@ -99,9 +124,7 @@ def test_without_the_records_of_the_operator_the_replay_differs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = drive(quick(), tmp_path, Script(PLAN, 120))
-    records = [
-        json.loads(message.data) for message in LogReader(path).messages() if message.topic == "/operator"
-    ]
+    records = operator_records(path)
     assert [record["gains"] for record in records] == [PLAN[n].gains for n in (40, 60, 80)]
     monkeypatch.setattr("rover_hil.run.replay._Replayer._operate", lambda *arguments: None)
     assert "estimate.mode" in differences(path)
