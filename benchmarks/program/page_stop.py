@@ -24,6 +24,7 @@ from typing import TextIO
 from urllib.request import Request, urlopen
 
 from drivers.clock import SystemClock, nanoseconds, seconds
+from rover_hil.bench.session import LOG_NAME
 from rover_hil.recording.reader import LogReader
 from tests.rover_hil.bench.browser import CONFIG, ENVIRONMENT, PROGRAM, WAIT_S, Page, served, write_config
 from tests.rover_hil.bench.network import Network, port_of, through
@@ -255,28 +256,27 @@ def stop_by(press: str, folder: Path) -> Stop:
         return Stop(seconds(zero_ns(path) - press_ns), *ended(path), "")
 
 
-def losses_in(case: str, folder: Path, times: int) -> list[Loss]:
-    """Lose something so often while a rover drives, let it come back and confirm; return how it stopped."""
+def losses_in(case: str, folder: Path, times: int) -> Iterator[Loss]:
+    """Lose something in each of so many runs, let it come back and confirm; give how the rover stopped."""
     lose, mend = LOSSES[case]
-    spans = list[tuple[int, int, str]]()
     with bench_of(folder) as bench:
         page = bench.page
-        start_real_run(page)
         for _ in range(times):
+            before = set(folder.glob("runs/*"))
+            start_real_run(page)
             lost_ns = CLOCK.now_ns()
             lose(bench)
             wait_s(OUTAGE_S)
             mend(bench)
             reason = wait_until_asked(page)
             wait_s(BACK_S)
-            spans.append((lost_ns, CLOCK.now_ns(), reason))
+            click_ns = CLOCK.now_ns()
             page.confirm()
             page.wait(lambda: bool(page.driver.execute_script(MOVES)), "the rover does not move again")
-            wait_s(1.0)
-        page.click("Stop")
-        (path,) = folder.glob("runs/*/run.mcap")
-        wait_for_end(path)
-    return [Loss(*motion_s(path, lost_ns, click_ns), reason) for lost_ns, click_ns, reason in spans]
+            page.click("Stop")
+            page.wait(lambda: page.mode == "idle", "the run does not end")
+            (run,) = set(folder.glob("runs/*")) - before
+            yield Loss(*motion_s(run / LOG_NAME, lost_ns, click_ns), reason)
 
 
 def wait_until_asked(page: Page) -> str:
@@ -389,7 +389,7 @@ def main() -> None:
     for case in LOSSES:
         if chosen(f"{case}, and back"):
             with tempfile.TemporaryDirectory() as name:
-                are_good += [report_loss(case, loss) for loss in losses_in(case, Path(name), options.times)]
+                are_good += (report_loss(case, loss) for loss in losses_in(case, Path(name), options.times))
     print(f"{are_good.count(False)} of {len(are_good)} outside their bar")
     assert all(are_good)
 
