@@ -7,6 +7,7 @@ ROS 2 that dies, hangs or is fed with nonsense cannot release a stop.
 import math
 from collections import deque
 from dataclasses import dataclass, field
+from enum import Enum, auto
 from typing import NamedTuple
 
 from controllers.motion.body_motion import BodyMotion
@@ -15,6 +16,9 @@ from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds
 REST: BodyMotion = (0.0, 0.0, 0.0)
 FASTEST_MEMORY_NS = 60 * NANOSECONDS_PER_SECOND
 """How late a stamp is counts against the fastest command of this time: clocks of computers differ."""
+STEPPED_NS = 5 * NANOSECONDS_PER_SECOND
+"""How long the stamps of a clock that was set must fit each other before they count. It exceeds the longest
+`command_timeout_s`: the rover is stationary, and what a network delivers in disorder has arrived."""
 MOST_WRITERS = 64
 """Writers of stops that are remembered; a stop of one more still stops the rover."""
 MOST_STAMPS = 64
@@ -56,26 +60,94 @@ class Stop(NamedTuple):
     is_pressed: bool
 
 
+class _Order(Enum):
+    """What the stamp of a command says about it."""
+
+    TIMELY = auto()
+    LATE = auto()
+    STEPPED = auto()
+
+
+@dataclass(slots=True)
+class _NewTime:
+    """Stamps of one writer that do not fit its time until then, but each other."""
+
+    since_ns: int
+    arrival_ns: int
+    delay_ns: int
+    stamp_ns: int
+
+    def continues(self, arrival_ns: int, stamp_ns: int, limit_ns: int) -> bool:
+        """Take a stamp; return whether it is the next one of the same clock."""
+        is_next = (
+            arrival_ns - self.arrival_ns <= limit_ns
+            and abs(arrival_ns - stamp_ns - self.delay_ns) <= limit_ns
+            and stamp_ns >= self.stamp_ns
+        )
+        self.arrival_ns, self.stamp_ns = arrival_ns, stamp_ns
+        return is_next
+
+
 @dataclass(slots=True)
 class _Stamps:
-    """Stamps of one writer's commands: how late the fastest of a minute was, and the newest one."""
+    """Stamps of one writer's commands, by the delay of the fastest command of a minute.
+
+    A clock that is set back makes all commands late. Its new time counts once its stamps have gone back and
+    then increased with the arrivals for `STEPPED_NS`, without one of the time before. The stamps of a slow
+    network do not go back: its commands stay late until the fast ones are forgotten.
+    """
 
     fastest: deque[tuple[int, int]] = field(default_factory=deque)
     newest_ns: int = 0
+    former_ns: int = 0
+    """The newest stamp before the clock was set: up to here a stamp of the future is an old one."""
+    new_time: _NewTime | None = None
 
-    def is_late(self, arrival_ns: int, stamp_ns: int, limit_ns: int) -> bool:
-        """Take a stamp; return whether its command is too late, or older than the newest one."""
+    def judge(self, arrival_ns: int, stamp_ns: int, limit_ns: int) -> _Order:
+        """Take a stamp; return whether its command counts.
+
+        Args:
+            arrival_ns: Monotonic time of the arrival.
+            stamp_ns: Time of the sender's clock.
+            limit_ns: Greatest delay, compared with the fastest command.
+
+        Returns:
+            LATE for a command that is too late or older than the newest one; STEPPED for the last one that
+            does not count before those of a clock that was set do.
+        """
         delay_ns = arrival_ns - stamp_ns
+        before_ns = self.fastest[0][1] if self.fastest else delay_ns
         while self.fastest and self.fastest[0][0] < arrival_ns - FASTEST_MEMORY_NS:
             self.fastest.popleft()
-        while self.fastest and self.fastest[-1][1] >= delay_ns:
-            self.fastest.pop()
-        self.fastest.append((arrival_ns, delay_ns))
-        if delay_ns - self.fastest[0][1] > limit_ns:
-            return True
+        is_former = stamp_ns <= self.former_ns and before_ns - delay_ns > limit_ns
+        if not is_former:
+            while self.fastest and self.fastest[-1][1] >= delay_ns:
+                self.fastest.pop()
+            self.fastest.append((arrival_ns, delay_ns))
+            if self.fastest[0][1] - before_ns > limit_ns:
+                return self._step(arrival_ns, stamp_ns)
+        if is_former or delay_ns - self.fastest[0][1] > limit_ns:
+            return self._judge_untimely(arrival_ns, stamp_ns, limit_ns, is_former=is_former)
+        self.new_time = None
         is_overtaken = stamp_ns < self.newest_ns and self.newest_ns - stamp_ns <= limit_ns
         self.newest_ns = self.newest_ns if is_overtaken else stamp_ns
-        return is_overtaken
+        return _Order.LATE if is_overtaken else _Order.TIMELY
+
+    def _judge_untimely(self, arrival_ns: int, stamp_ns: int, limit_ns: int, *, is_former: bool) -> _Order:
+        if self.new_time is not None and self.new_time.continues(arrival_ns, stamp_ns, limit_ns):
+            if arrival_ns - self.new_time.since_ns < STEPPED_NS:
+                return _Order.LATE
+            return self._step(arrival_ns, stamp_ns)
+        delay_ns = arrival_ns - stamp_ns
+        has_gone_back = is_former or self.newest_ns - stamp_ns > limit_ns
+        self.new_time = _NewTime(arrival_ns, arrival_ns, delay_ns, stamp_ns) if has_gone_back else None
+        return _Order.LATE
+
+    def _step(self, arrival_ns: int, stamp_ns: int) -> _Order:
+        self.former_ns = max(self.former_ns, self.newest_ns)
+        self.fastest = deque([(arrival_ns, arrival_ns - stamp_ns)])
+        self.newest_ns, self.new_time = stamp_ns, None
+        return _Order.STEPPED
 
 
 class CommandGate:
@@ -84,6 +156,8 @@ class CommandGate:
     - A command holds for a time after its earliest possible arrival, whatever its stamp says.
     - The first writer is followed until its commands have expired; others are reported.
     - A command with a number that is not finite is rest.
+    - A command that is late by its stamp is ignored. A sender's clock that was set back is reported, and its
+      later commands count after `STEPPED_NS`.
     - After any stop, pause or timeout only a command that arrives later moves the rover.
     - A true on the topic of emergency stops latches. A false of the same writer releases it, at rest only.
       Then a zero command is needed, then a new one. A writer that disappears releases nothing.
@@ -223,10 +297,14 @@ class CommandGate:
             if len(self._stamps) >= MOST_WRITERS:
                 self._stamps.clear()
             self._stamps[command.writer] = _Stamps()
-        is_late = self._stamps[command.writer].is_late(command.arrival_ns, command.stamp_ns, self._timeout_ns)
-        if is_late:
+        order = self._stamps[command.writer].judge(command.arrival_ns, command.stamp_ns, self._timeout_ns)
+        if order is _Order.LATE:
             self.report("commands that came late or out of order")
-        return is_late
+        if order is _Order.STEPPED:
+            self.report(f"steps of the clock of {command.writer}: its later commands count by its new time")
+            self._command = None
+            self._valid_from_ns = max(self._valid_from_ns, command.arrival_ns)
+        return order is not _Order.TIMELY
 
     def report(self, words: str) -> None:
         """Count something that was wrong with what arrived."""

@@ -173,6 +173,119 @@ def test_a_step_of_the_commanders_clock_moves_nothing_and_ends(step_s: float) ->
     assert rover.cycle() == AHEAD
 
 
+class SteppingPlanner:
+    """Drives a rover with stamped commands, by a clock that is set while it drives."""
+
+    def __init__(self) -> None:
+        self.rover = Rover()
+        self.clock_ns, self.speed_m_s = nanoseconds(1e9), 0.1
+        assert self.drive(1.0) == 0.0
+
+    def stamp_ns(self) -> int:
+        return self.rover.now_ns + self.clock_ns
+
+    def drive(self, seconds: float) -> float | None:
+        """Send a command each 0.1 s; return after how many seconds the rover follows, None for not at all."""
+        self.speed_m_s += 0.001
+        wanted = (self.speed_m_s, 0.0, 0.0)
+        for number in range(round(seconds / 0.1)):
+            self.rover.send(wanted, stamp_ns=self.stamp_ns())
+            if self.rover.cycle() == wanted:
+                return number * 0.1
+            self.rover.cycle(0.08)
+        return None
+
+    def stop(self) -> None:
+        assert self.rover.cycle(1.0) is None
+
+
+STEPPED = {"steps of the clock of a: its later commands count by its new time": 1}
+
+
+@pytest.mark.parametrize("step_s", [1.0, 3.0, 30.0, 3600.0])
+def test_after_a_step_back_of_the_senders_clock_its_commands_count_again_in_5_s(step_s: float) -> None:
+    planner = SteppingPlanner()
+    planner.clock_ns -= nanoseconds(step_s)
+    assert planner.drive(20.0) == pytest.approx(5.1)
+    reports = planner.rover.gate.reports
+    assert reports.pop("commands that came late or out of order") == 50
+    assert reports == STEPPED
+
+
+def test_the_command_that_shows_the_new_time_and_those_before_it_move_nothing() -> None:
+    planner = SteppingPlanner()
+    planner.clock_ns -= nanoseconds(3600.0)
+    planner.stop()
+    for _ in range(51):
+        planner.rover.send(stamp_ns=planner.stamp_ns())
+        assert planner.rover.cycle(0.1) is None
+    assert STEPPED.items() <= planner.rover.gate.reports.items()
+    planner.rover.send(stamp_ns=planner.stamp_ns(), found_after_s=0.2)  # it may have arrived before
+    assert planner.rover.cycle(0.1) is None
+    planner.rover.send(stamp_ns=planner.stamp_ns())
+    assert planner.rover.cycle() == AHEAD
+
+
+def test_no_command_of_the_time_before_the_step_moves_the_rover_after_it() -> None:
+    planner = SteppingPlanner()
+    old_ns = planner.stamp_ns() - nanoseconds(1.0)
+    planner.clock_ns -= nanoseconds(3600.0)
+    planner.stop()
+    assert planner.drive(20.0) is not None
+    planner.rover.cycle(1.0)
+    for number in range(20):
+        planner.rover.send((0.3, 0.0, 0.0), stamp_ns=old_ns + nanoseconds(0.04 * number))
+        assert planner.rover.cycle(0.02) is None
+    planner.rover.send(stamp_ns=planner.stamp_ns())
+    assert planner.rover.cycle() == AHEAD
+
+
+def test_a_clock_that_is_set_forward_again_counts_at_once_beyond_the_time_before_and_else_in_5_s() -> None:
+    for forward_s, after_s in ((3600.0, 0.0), (1800.0, 5.1)):
+        planner = SteppingPlanner()
+        planner.clock_ns -= nanoseconds(3600.0)
+        planner.stop()
+        planner.drive(20.0)
+        planner.clock_ns += nanoseconds(forward_s)
+        planner.stop()
+        assert planner.drive(20.0) == pytest.approx(after_s)
+
+
+def test_commands_of_two_times_are_no_step() -> None:
+    planner = SteppingPlanner()
+    for number in range(200):
+        rover = planner.rover
+        rover.send((0.3, 0.0, 0.0), stamp_ns=planner.stamp_ns() - nanoseconds(30.0))
+        assert rover.cycle() != (0.3, 0.0, 0.0)
+        if number % 40 == 0:  # timely ones are rare
+            rover.send(stamp_ns=planner.stamp_ns())
+            assert rover.cycle() == AHEAD
+        rover.cycle(0.08)
+    assert set(planner.rover.gate.reports) == {"commands that came late or out of order"}
+
+
+@pytest.mark.parametrize("delay_s", [1.0, 3.0])
+def test_a_network_that_becomes_slow_is_no_step_until_the_fast_commands_are_forgotten(delay_s: float) -> None:
+    planner = SteppingPlanner()
+    planner.rover.cycle(delay_s)
+    planner.clock_ns -= nanoseconds(delay_s)
+    planner.rover.cycle(0.1)
+    after_s = planner.drive(100.0)
+    assert after_s is not None
+    assert 55.0 < after_s < 62.0
+    assert STEPPED.items() <= planner.rover.gate.reports.items()
+
+
+def test_a_burst_of_old_commands_is_no_step() -> None:
+    planner = SteppingPlanner()
+    old_ns = planner.stamp_ns() - nanoseconds(60.0)
+    planner.stop()
+    for number in range(500):
+        planner.rover.send(stamp_ns=old_ns + nanoseconds(0.1 * number))
+        assert planner.rover.cycle() is None
+    assert set(planner.rover.gate.reports) == {"commands that came late or out of order"}
+
+
 def released(rover: Rover, writer: str = "a") -> None:
     rover.press(writer=writer, is_pressed=False)
     rover.cycle(0.1)
