@@ -1,8 +1,10 @@
 """The participant in DDS: its writers and readers, configured so that programs of ROS 2 match them."""
 
+import os
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import Any, TypeVar
 
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
@@ -20,6 +22,7 @@ from rover_hil.connect.ros2.messages import TYPE_HASHES, Message
 MOST_PARTICIPANTS = 32
 """Programs on one computer in one domain; each takes ports of its own."""
 LOOPBACK = "lo"
+DESCRIPTORS = Path("/proc/self/fd")
 DEPTH = 10
 MOST_WRITERS = 1000
 
@@ -80,8 +83,45 @@ def configuration(settings: Ros2Settings, domain: int) -> str:
     )
 
 
+def datagram_sockets() -> dict[str, int]:
+    """Return the datagram sockets of IP in this process: file descriptors by their names in the kernel."""
+    found = {}
+    for path in DESCRIPTORS.iterdir():
+        number = int(path.name)
+        try:
+            name = os.readlink(path)  # noqa: PTH115 (the name is no path)
+        except FileNotFoundError:  # that of this list, which is closed
+            continue
+        if not name.startswith("socket:"):
+            continue
+        with socket.socket(fileno=os.dup(number)) as each:
+            if each.family in (socket.AF_INET, socket.AF_INET6) and each.type == socket.SOCK_DGRAM:
+                found[name] = number
+    return found
+
+
+def bind_to_loopback(descriptors: Iterable[int]) -> None:
+    """Bind sockets to the loopback: Cyclone binds those that receive to all addresses.
+
+    Raises:
+        ConfigError: The kernel does not allow it.
+    """
+    for descriptor in descriptors:
+        try:
+            with socket.socket(fileno=os.dup(descriptor)) as each:
+                each.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, LOOPBACK.encode())
+        except OSError as error:
+            raise ConfigError(
+                f"ros2.interface: cannot bind the sockets to '{LOOPBACK}': {error.strerror}; "
+                "Linux before 5.7 requires the capability CAP_NET_RAW"
+            ) from error
+
+
 class Node:
     """A participant of a domain.
+
+    On the loopback its sockets receive what programs on this computer send and nothing else: readers are
+    made after the sockets are bound.
 
     Args:
         settings: The section [ros2].
@@ -96,6 +136,7 @@ class Node:
         mistake = find_interface_mistake(settings)
         if mistake:
             raise ConfigError(mistake)
+        others = datagram_sockets()
         try:
             self._domain = Domain(domain, configuration(settings, domain))
             qos = Qos(Policy.Userdata(b"enclave=/;"), Policy.EntityName("rover_hil"))
@@ -106,6 +147,8 @@ class Node:
                 f"{MOST_PARTICIPANTS + 1} programs of ROS 2 may use it on one computer; end those that are "
                 "not needed, or choose another domain"
             ) from error
+        if settings.interface == LOOPBACK:
+            bind_to_loopback(each for name, each in datagram_sockets().items() if name not in others)
 
     def writer(self, name: str, message: type[Message], *, latched: bool = False) -> Send:
         """Return a function that sends messages on a topic; it never waits for a reader.
