@@ -1,7 +1,7 @@
 """Camera images in a log: the picture file as the camera sent it, or a PNG.
 
-A PNG of 640 x 480 pixels takes longer than a control period; the log's own thread makes it. Version 1 of the
-log held uncompressed bitmaps. Both give the same pixels again, bit for bit.
+A PNG of 640 x 480 pixels takes longer than a control period; the log's own thread makes it. Both give the
+same pixels again, bit for bit.
 """
 
 import base64
@@ -20,8 +20,6 @@ PNG_LEVEL = 1
 
 _STAMP = struct.Struct("<q")
 _NO_STAMP = -1
-_BITMAP = struct.Struct("<2s8xI4xiiHHI")
-"""Of a bitmap file: mark, offset of the pixels, width, height, planes, bits per pixel, packing."""
 _PNG = struct.Struct(">8s4x4sII")
 """Of a PNG file: mark, kind of the first part, width, height."""
 _PNG_MARK = b"\x89PNG\r\n\x1a\n"
@@ -80,7 +78,7 @@ def pixels_of(image: CameraImage) -> int:
 
 
 def pixels_in(data: bytes) -> int:
-    """Return how many pixels a payload of `decode_image` unpacks to; 0 for a bitmap, which is not packed.
+    """Return how many pixels a payload of `decode_image` unpacks to; 0 for what is no JPEG or PNG file.
 
     A JPEG frame that was damaged on its way is kept as it came, and has no pixels.
 
@@ -129,7 +127,7 @@ def decode_image(data: bytes) -> CameraImage:
         from drivers.camera.images import decode_jpeg
 
         return CameraImage(decode_jpeg(picture), t_capture_ns, picture)
-    if not picture.startswith(_PNG_MARK) and not _is_plain_bitmap(picture):
+    if not picture.startswith(_PNG_MARK):
         raise LogError(_DAMAGED)
     import cv2
 
@@ -144,7 +142,7 @@ def decode_picture(t_capture_ns: int | None, picture: bytes) -> CameraImage:
 
     Args:
         t_capture_ns: When it was taken, monotonic time; None where that is not known.
-        picture: A JPEG, PNG or bitmap file.
+        picture: A JPEG or PNG file.
     """
     import numpy as np
 
@@ -154,13 +152,3 @@ def decode_picture(t_capture_ns: int | None, picture: bytes) -> CameraImage:
         return decode_image(_STAMP.pack(_NO_STAMP if stamp_ns is None else stamp_ns) + picture)
     except LogError:
         return CameraImage(np.zeros((0, 0), np.uint8), stamp_ns)
-
-
-def _is_plain_bitmap(picture: bytes) -> bool:
-    """Return whether a bitmap file holds all of its pixels, unpacked."""
-    # Any other picture, or a packed bitmap, may unpack to much more than the log holds.
-    if len(picture) < _BITMAP.size:
-        return False
-    mark, offset, width, height, _, bits, packing = _BITMAP.unpack_from(picture)
-    needed = offset + abs(height) * ((width * bits + 31) // 32 * 4)
-    return mark == b"BM" and width > 0 and bits in (8, 24) and packing == 0 and needed <= len(picture)

@@ -12,6 +12,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 import zstandard
 from mcap.writer import Writer
@@ -293,9 +295,9 @@ def test_a_start_that_is_no_time_is_a_damaged_log(real: RealLog, tmp_path: Path,
         LogReader(path)
 
 
-def test_a_picture_in_a_log_is_a_plain_bitmap_with_all_its_pixels() -> None:
-    head = struct.pack("<2sIHHIIiiHHIIiiII", b"BM", 0, 0, 0, 54, 40, 32_000, 32_000, 1, 24, 0, 0, 0, 0, 0, 0)
-    for data in (head + bytes(1000), b"\x89PNG\r\n\x1a\n" + bytes(100)):
+def test_a_picture_in_a_log_is_a_jpeg_or_png_file_with_all_its_pixels() -> None:
+    bitmap = cv2.imencode(".bmp", np.zeros((4, 6, 3), np.uint8))[1].tobytes()
+    for data in (bitmap, b"\x89PNG\r\n\x1a\n" + bytes(100)):
         with pytest.raises(LogError, match="cannot be decoded"):
             decode_image(bytes(8) + data)
 
