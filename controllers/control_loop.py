@@ -153,7 +153,7 @@ class ControlLoop:
         self._limiter = WheelLimiter(settings.limits, settings.safety.expiry_s)
         shortest_age_s = min(roles.max_age_s(roles.wheels), roles.max_age_s(roles.gyro))
         self._pauses = PauseWatch(ESTIMATION.pose.pause_ages * shortest_age_s)
-        self._driven_to = Pose()
+        self._odometry = Pose()
         self._commanded_rad_s = (0.0,) * kinematics.wheel_count
         self._travel_rad_s = self._swing_rad_s = self._commanded_rad_s
         self._steering_rad: tuple[float, ...] = ()
@@ -212,10 +212,13 @@ class ControlLoop:
             for pair in self._estimator.ground.pairs:
                 self._effort.take_ground(pair)
         estimate = self._estimator.estimate(now_ns)
+        driven_from, self._odometry = self._odometry, self._estimator.odometry.pose
+        self._border.measure(estimate)
+        cycle = self._cycle(now_ns, estimate, innovations, driven_from)
         if self._check is not None:
-            is_wider = self._judge(self._check, self._cycle(now_ns, estimate, innovations))
+            is_wider = self._judge(self._check, cycle)
             estimate = self._estimator.estimate(now_ns) if is_wider else estimate
-        guidance = self._guide(now_ns, estimate, innovations)
+        guidance = self._guide(now_ns, estimate, cycle)
         estimate = _with_unjudged_yaw(estimate, self._supervisor.unjudged_rad)
         speed_rad_s, limit = self._set_points(now_ns, guidance)
         self._commanded_rad_s = speed_rad_s
@@ -223,7 +226,7 @@ class ControlLoop:
         self._travel_rad_s = tuple(map(operator.sub, speed_rad_s, self._swing_rad_s))
         odometry = self._estimator.odometry
         is_fresh = self._is_motion_fresh(now_ns)
-        ground = self._estimator.ground.report(now_ns)
+        ground, suspicion = self._estimator.ground.report(now_ns), self._estimator.suspicion
         return StepOutput(
             t_ns=now_ns,
             mode=self._mode(),
@@ -248,7 +251,7 @@ class ControlLoop:
             ground=ground,
             suspicion=self._announcement
             or (self._supervisor.suspicion if self._check is None else self._check.doubt)
-            or self._estimator.suspicion,
+            or ("" if suspicion is None else suspicion.text),
             dead_reckoned=self._estimator.dead_reckoned(),
             findings=None if self._check is None else self._check.findings or None,
             waits_for_operator=self._supervisor.waits_for_operator,
@@ -282,11 +285,16 @@ class ControlLoop:
         excited = None if self._effort is None else self._effort.excited
         return None if excited is None or excited.slip.reason else excited.slip.slip
 
-    def _cycle(self, now_ns: int, estimate: PoseEstimate, innovations: tuple[Innovation, ...]) -> Cycle:
-        """Return what the rules see of this cycle."""
+    def _cycle(
+        self,
+        now_ns: int,
+        estimate: PoseEstimate,
+        innovations: tuple[Innovation, ...],
+        driven_from: Pose,
+    ) -> Cycle:
+        """Return what the rules see of this cycle; `driven_from` is the odometry of the one before."""
         odometry, contradiction = self._estimator.odometry, self._estimator.contradiction.report
         excited = None if self._effort is None else self._effort.excited
-        driven_from, self._driven_to = self._driven_to, odometry.pose
         driven_m = complex(odometry.pose.x_m - driven_from.x_m, odometry.pose.y_m - driven_from.y_m)
         return Cycle(
             now_ns=now_ns,
@@ -324,14 +332,10 @@ class ControlLoop:
             is_confirmed=self._is_confirmed,
         )
 
-    def _guide(
-        self, now_ns: int, estimate: PoseEstimate, innovations: tuple[Innovation, ...]
-    ) -> Guidance | None:
+    def _guide(self, now_ns: int, estimate: PoseEstimate, cycle: Cycle) -> Guidance | None:
         if self._follower is None or self._maneuvers is None:
             return None
         supervisor, maneuvers = self._supervisor, self._maneuvers
-        self._border.measure(estimate)
-        cycle = self._cycle(now_ns, estimate, innovations)
         was_running = supervisor.mode is Mode.RUNNING
         supervisor.update(cycle)
         self._is_confirmed = self._is_led_out = False

@@ -23,6 +23,7 @@ from controllers.estimation.sample_intake import SampleIntake
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.slip_compensator import SlipCompensator
 from controllers.estimation.stuck_encoder_doubts import StuckEncoderDoubts
+from controllers.estimation.suspicion import Suspicion
 from controllers.estimation.transition import Turn
 from controllers.estimation.turn_evidence import TurnEvidence
 from controllers.estimation.turn_source import TurnSource
@@ -139,8 +140,8 @@ class Estimator:
         return self._turns.evidence
 
     @property
-    def suspicion(self) -> str:
-        """Why the wheels may not measure the motion of the rover; empty without a contradiction."""
+    def suspicion(self) -> Suspicion | None:
+        """Why the wheels may not measure the motion of the rover; None without a contradiction."""
         return self.rest.suspicion or self._stuck.suspicion
 
     def take(self, sample: Sample, t_ns: int) -> None:
@@ -164,7 +165,7 @@ class Estimator:
         self._steer(now_ns, set_steering_rad)
         increment = self.odometry.take(self.steering.angles_rad)
         self._turns.evidence = None
-        self._stuck.suspicion = ""
+        self._stuck.suspicion = None
         self._is_commanded = bool(set_speed_rad_s)
         set_speed_rad_s = set_speed_rad_s or (0.0,) * len(self._reach.effects)
         if any(set_speed_rad_s):

@@ -10,6 +10,7 @@ from controllers.estimation.odometry import WheelOdometry
 from controllers.estimation.pose_filter import PoseFilter
 from controllers.estimation.rest import Rest, RestWatch, Witness
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.suspicion import Contradiction, Suspicion
 from controllers.estimation.wheel_reach import WheelReach
 from drivers.clock import nanoseconds
 
@@ -35,7 +36,7 @@ class RestFollower:
     Attributes:
         is_still: Whether the wheels have been at rest for a while, as commanded, in the last cycle.
         is_resting: Whether the rover is taken to be at rest.
-        suspicion: Why the wheels may not measure the motion; empty without a contradiction.
+        suspicion: Why the wheels may not measure the motion; None without a contradiction.
     """
 
     def __init__(
@@ -56,7 +57,7 @@ class RestFollower:
         self._bias_seen_ns: int | None = None
         self._driven_ns: int | None = None
         self.is_still = self.is_resting = False
-        self.suspicion = ""
+        self.suspicion: Suspicion | None = None
 
     def note_drive(self, now_ns: int) -> None:
         """Take that the wheels are commanded to turn."""
@@ -85,7 +86,7 @@ class RestFollower:
             is_commanded=is_commanded,
             sees_motion=self._seen_m(now_ns) > 0.0,
         )
-        self.suspicion = ""
+        self.suspicion = None
         if rest.is_contradicted:
             self._doubt(rest, now_ns, path_m, is_commanded=is_commanded)
         else:
@@ -129,10 +130,7 @@ class RestFollower:
 
     def _doubt(self, rest: Rest, now_ns: int, path_m: float, *, is_commanded: bool) -> None:
         """Widen the estimate by what the rover may have moved during a rest that is contradicted."""
-        self.suspicion = (
-            f"the wheels are at rest, but motion is reported by {' and '.join(rest.moving)}; "
-            "the estimate is wider"
-        )
+        self.suspicion = Suspicion(Contradiction.MOTION_AT_REST, rest.moving)
         is_by_gyro = rest.moving == (Witness.GYRO,)
         if is_by_gyro and not (self._has_doubted_bias or self._is_bias_known or is_commanded):
             # A gyro that has never been seen at rest may have an offset.

@@ -7,6 +7,7 @@ from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.pose_filter import PoseFilter
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.stuck_encoder import StuckEncoders
+from controllers.estimation.suspicion import Contradiction, Suspicion
 from controllers.estimation.turn_evidence import TurnEvidence
 from controllers.estimation.wheel_reach import WheelReach
 
@@ -20,7 +21,7 @@ class StuckEncoderDoubts:
         reach: How far the wheels can have moved the body.
 
     Attributes:
-        suspicion: Why the wheels may not measure the motion; empty without a contradiction in this cycle.
+        suspicion: Why the wheels may not measure the motion; None without a contradiction in this cycle.
     """
 
     def __init__(self, settings: FilterSettings, pose_filter: PoseFilter, reach: WheelReach) -> None:
@@ -28,7 +29,7 @@ class StuckEncoderDoubts:
         self._stuck = StuckEncoders(settings, count)
         self._filter, self._reach = pose_filter, reach
         self._doubted_rad = (0.0,) * count
-        self.suspicion = ""
+        self.suspicion: Suspicion | None = None
 
     def follow(self, increment: BodyIncrement, evidence: TurnEvidence | None) -> None:
         """Take an increment, and the turn by gyro and wheels in its time; None where one is unknown."""
@@ -52,9 +53,6 @@ class StuckEncoderDoubts:
         ]
         if any(added_rad):
             self._filter.widen(*self._reach.beside_gyro(added_rad))
-        stuck = [str(wheel) for wheel, unknown in enumerate(unknown_rad) if unknown]
+        stuck = tuple(str(wheel) for wheel, unknown in enumerate(unknown_rad) if unknown)
         if stuck:
-            self.suspicion = (
-                f"wheel {', '.join(stuck)} does not turn, but the gyro contradicts the turn by the others; "
-                "the estimate is wider"
-            )
+            self.suspicion = Suspicion(Contradiction.STUCK_ENCODER, stuck)

@@ -142,7 +142,8 @@ class FreshnessRule(StopRule):
         for part, (limit_ns, text) in self._limits.items():
             received_ns = self._received_ns.get(part)
             if received_ns is None or cycle.now_ns - received_ns > limit_ns:
-                yield StopReason(text, text)
+                device, kind, wheel = part
+                yield StopReason(f"{device} not fresh: {kind.__name__} {wheel}", text)
 
 
 def _freshness_limits(roles: DeviceRoles, wheel_count: int) -> dict[Part, tuple[int, str]]:

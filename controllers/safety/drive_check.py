@@ -1,5 +1,6 @@
 """The stop rules on a drive that somebody else controls: what they find is told, and widens the estimate."""
 
+from controllers.estimation.suspicion import Suspicion
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason
 from controllers.safety.rule_set import Doubt, RuleSet
@@ -48,6 +49,7 @@ class DriveCheck:
     ) -> None:
         self._rules = RuleSet(make_drive_rules(settings, roles, wheel_count, heading_lag_s))
         self._lasting: set[str] = set()
+        self._suspicion: Suspicion | None = None
         self._suspected: dict[str, bool] = {}
         self.findings: tuple[Finding, ...] = ()
         self.doubt = ""
@@ -58,12 +60,12 @@ class DriveCheck:
         """Take one sample as of `t_ns`."""
         self._rules.observe(sample, t_ns)
 
-    def update(self, cycle: Cycle, suspicion: str = "") -> None:
+    def update(self, cycle: Cycle, suspicion: Suspicion | None = None) -> None:
         """Ask the rules about a cycle.
 
         Args:
             cycle: What they see.
-            suspicion: Why the wheels may not measure the motion, by the estimator; "" for no such reason.
+            suspicion: Why the wheels may not measure the motion, by the estimator; None for no such reason.
         """
         reasons = self._rules.reasons(cycle)
         confirmed_reasons = [reason for reason in reasons if self._is_found(reason)]
@@ -72,9 +74,10 @@ class DriveCheck:
             for reason in confirmed_reasons
             if reason.cause not in self._lasting
         )
-        if suspicion and suspicion not in self._lasting:
-            self.findings += (Finding(cause=SUSPICION, text=suspicion),)
-        self._lasting = {suspicion, *(reason.cause for reason in confirmed_reasons)}
+        if suspicion is not None and suspicion != self._suspicion:
+            self.findings += (Finding(cause=SUSPICION, text=suspicion.text),)
+        self._suspicion = suspicion
+        self._lasting = {reason.cause for reason in confirmed_reasons}
         self.doubts = list(self._rules.doubts(reasons))
         unfound = (
             each.text for each in reasons if each.severity is Severity.DOUBT and each not in confirmed_reasons

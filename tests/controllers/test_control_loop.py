@@ -5,6 +5,7 @@ import math
 import os
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from controllers.control_loop import ControlLoop, StepOutput
 from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
+from controllers.safety.reasons import Cycle
 from controllers.safety.settings import SafetySettings
 from drivers.errors import ConfigError
 from drivers.samples import (
@@ -82,6 +84,26 @@ def test_the_rectangle_closes(
     assert {output.mode for output in outputs} == {Mode.SETTLING, Mode.RUNNING, Mode.FINISHED}
     assert last.command.speed_rad_s == (0.0,) * len(geometry.drive)
     assert last.odometry_rebases == 0
+
+
+class AskedTwice(ControlLoop):
+    """Asks in each cycle twice what the rules see."""
+
+    def __init__(self) -> None:
+        super().__init__(make_settings(mission=LONG_WAY), ROLES)
+        self.driven_m = 0.0
+
+    def _cycle(self, *arguments: Any) -> Cycle:
+        first, second = super()._cycle(*arguments), super()._cycle(*arguments)
+        assert first == second
+        self.driven_m += second.distance_m
+        return second
+
+
+def test_what_the_rules_see_can_be_asked_again_within_a_cycle() -> None:
+    loop = AskedTwice()
+    run(loop, omni_rover(), 5.0)
+    assert loop.driven_m > 0.5
 
 
 def test_without_slip_and_noise_the_wheels_alone_close_the_rectangle() -> None:

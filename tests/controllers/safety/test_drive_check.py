@@ -1,7 +1,10 @@
 """The rules on a drive that somebody else controls."""
 
+import itertools
+
 import pytest
 
+from controllers.estimation.suspicion import Contradiction, Suspicion
 from controllers.roles import DeviceRoles
 from controllers.safety.drive_check import SUSPICION, DriveCheck
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
@@ -85,13 +88,34 @@ def test_a_doubt_that_is_no_finding_is_told_while_it_widens(scripted: tuple[Driv
     ]
 
 
-def test_a_suspicion_of_the_estimator_is_a_finding(scripted: tuple[DriveCheck, Scripted]) -> None:
+def test_a_suspicion_of_the_estimator_is_a_finding_when_it_begins(
+    scripted: tuple[DriveCheck, Scripted],
+) -> None:
     check, _ = scripted
-    told = []
-    for suspicion in ("", "wheels rest", "wheels rest", "", "again"):
+    gyro = Suspicion(Contradiction.MOTION_AT_REST, ("gyro",))
+    both = Suspicion(Contradiction.MOTION_AT_REST, ("gyro", "camera"))
+    stuck = Suspicion(Contradiction.STUCK_ENCODER, ("1",))
+    reported = []
+    for suspicion in (None, gyro, gyro, both, gyro, None, gyro, stuck, stuck):
         check.update(Cycle(now_ns=0), suspicion)
-        told += [(finding.cause, finding.text) for finding in check.findings]
-    assert told == [(SUSPICION, "wheels rest"), (SUSPICION, "again")]
+        reported.append([(finding.cause, finding.text) for finding in check.findings])
+    begun = [
+        [(SUSPICION, each.text)] if each else [] for each in (gyro, None, both, gyro, None, gyro, stuck, None)
+    ]
+    assert reported == [[], *begun]
+
+
+def test_the_wording_of_a_suspicion_does_not_decide_whether_it_is_the_same(
+    scripted: tuple[DriveCheck, Scripted], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    check, _ = scripted
+    counted = itertools.count()
+    monkeypatch.setattr(Suspicion, "text", property(lambda _: f"for {next(counted)} s"))
+    found = 0
+    for _ in range(5):
+        check.update(Cycle(now_ns=0), Suspicion(Contradiction.STUCK_ENCODER, ("1",)))
+        found += len(check.findings)
+    assert found == 1
 
 
 def test_rules_that_need_set_points_are_left_out_and_all_others_are_shared() -> None:
