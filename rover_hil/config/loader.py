@@ -156,7 +156,19 @@ def _simulate_the_same_wheels(table: Table) -> None:
         and plant.get("type") == "wheels"
         and "wheels" in rover
     ):
-        plant.setdefault("wheels", rover["wheels"])
+        plant.setdefault("wheels", _without_encoders(rover["wheels"]))
+
+
+def _without_encoders(wheels: object) -> object:
+    """Return wheels as a plant takes them: whether a wheel has an encoder is of no effect on its motion."""
+    if not isinstance(wheels, list):
+        return wheels
+    return [
+        {key: value for key, value in wheel.items() if key != "measured"}
+        if isinstance(wheel, dict)
+        else wheel
+        for wheel in wheels
+    ]
 
 
 def _find_beside(table: Table, folder: Path) -> None:

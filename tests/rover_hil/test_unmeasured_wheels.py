@@ -13,6 +13,7 @@ from rover_hil.config import load_config
 from rover_hil.datasets.csv_table import read_csv
 from rover_hil.run.checks import VIRTUAL_RUN_CHECKS
 from tests.rover_hil.command import Command, assert_one_sentence
+from tests.rover_hil.connect.by_hand import estimates_of
 
 BASE_M, TRACK_M, RADIUS_M = 0.6, 0.4, 0.1
 SPEED_M_S, TURN_RAD_S, PERIOD_S, ROWS = 0.5, 0.3, 0.02, 301
@@ -207,3 +208,29 @@ def test_a_mapping_and_a_rover_that_disagree_are_named(tmp_path: Path, *, in_map
         return
     with pytest.raises(ConfigError, match=r"wheel 1 has an encoder by rover\.wheels, and none by wheels"):
         load_config(str(tmp_path / "rover.toml"), VIRTUAL_RUN_CHECKS)
+
+
+def write_six_wheels(folder: Path) -> Path:
+    """Write the six-wheel rover without an encoder on its middle right wheel."""
+    config = (EXAMPLES / "six_wheels.toml").read_text("utf-8")
+    mapping = (EXAMPLES / "can" / "six_wheels.toml").read_text("utf-8")
+    (folder / "six_wheels.dbc").write_bytes((EXAMPLES / "can" / "six_wheels.dbc").read_bytes())
+    config = config.replace("docs/examples/can/six_wheels.toml", str(folder / "mapping.toml"))
+    for text, name, mark in ((config, "rover", "rover.wheels"), (mapping, "mapping", "wheel")):
+        line = f"[[{mark}]]   # middle right\n"
+        assert line in text
+        (folder / f"{name}.toml").write_text(text.replace(line, f"{line}measured = false\n"), "utf-8")
+    return folder / "rover.toml"
+
+
+def test_a_simulated_rover_with_a_wheel_without_an_encoder_drives(command: Command, tmp_path: Path) -> None:
+    path = str(write_six_wheels(tmp_path))
+    assert command("check", path) == 0, command.out
+    assert command("run", path, "--virtual", "--duration", "3", "--out", str(tmp_path / "run")) == 0
+    assert estimates_of(tmp_path / "run" / "run.mcap")[-1]["estimate"]["x_m"] > 0.1
+
+
+def test_gap_names_the_key_of_a_driven_wheel_without_an_encoder(command: Command, tmp_path: Path) -> None:
+    path = str(write_six_wheels(tmp_path))
+    assert command("gap", "rover", path, str(tmp_path), "--out", str(tmp_path / "gap")) == 2
+    assert_one_sentence(command.error, "rover.wheels.3.measured is false", "encoder")

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from controllers.motion.rover_geometry import RoverSettings, WheelsRoverSettings
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError, LogError
 from rover_hil.config import load_config
@@ -102,6 +103,7 @@ def rover_of(config: str, logs: Sequence[Path], cluster: str | None = None) -> S
             "and site of the rover; for a Robotino use robotino-drive, for four wheels that do not steer "
             "four-wheel-drive"
         )
+    _require_encoders(config, loaded.rover)
     model = WheelsModel(plant)
 
     def read(_: Model) -> list[Run]:
@@ -109,6 +111,15 @@ def rover_of(config: str, logs: Sequence[Path], cluster: str | None = None) -> S
             return read_rover_runs(model, logs, calls)
 
     return Subject(name=config, data=logs, make=lambda: model, read=read)
+
+
+def _require_encoders(config: str, rover: RoverSettings) -> None:
+    for number, wheel in enumerate(rover.wheels if isinstance(rover, WheelsRoverSettings) else ()):
+        if wheel.driven and not wheel.measured:
+            raise ConfigError(
+                f"gap rover {config}: rover.wheels.{number}.measured is false, but the model needs the speed "
+                "of each driven wheel: this rover can only be analysed with an encoder there"
+            )
 
 
 def find_gap(

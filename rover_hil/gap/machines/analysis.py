@@ -52,6 +52,7 @@ class MachineFindings:
         holdout: Result on the locked runs; None without explanation.
         rival_terms: Free-form terms that the runs do not distinguish from the explanation.
         drafts: Terms that are missing, where no effect explains the gap.
+        draft_failure: Why missing terms were not searched to the end; empty where they were.
         equations: Terms of the outputs in place of drafts, of a machine that has no equations.
         locations: Where the outputs of such a machine differ most at the base fit.
         tracked: The machine on its runs, with the force that keeps it there; None without a gap, without
@@ -77,6 +78,7 @@ class MachineFindings:
     holdout: Holdout | None = None
     rival_terms: tuple[str, ...] = ()
     drafts: tuple[DraftTerm, ...] = ()
+    draft_failure: str = ""
     equations: tuple[Equation, ...] = ()
     locations: tuple[ResidualLocation, ...] = ()
     tracked: Tracked | None = None
@@ -152,7 +154,7 @@ def analyse_machine(
     findings = _followed(findings, fits)
     if findings.p_remaining <= MACHINES.tests.alpha:
         advance("searching a missing term")
-        findings = _with_drafts(findings, fits, locked, rng)
+        findings = _with_any_drafts(findings, fits, locked, rng)
     if findings.best.names:
         best, problem = released_fit(problem, findings.best)
         findings = replace(findings, best=best, problem=problem)
@@ -280,6 +282,20 @@ def _followed(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
         if item.key.is_of_effect
     }
     return replace(findings, tracked=tracked, other_weighting=moved)
+
+
+def _with_any_drafts(
+    findings: MachineFindings, fits: MachineFits, locked: Sequence[Run], rng: np.random.Generator
+) -> MachineFindings:
+    """Search the terms that explain what is left; what is known before is kept, however that search ends."""
+    try:
+        return _with_drafts(findings, fits, locked, rng)
+    except KeyboardInterrupt:
+        return replace(findings, draft_failure="interrupted by ctrl-C")
+    except MemoryError:
+        raise
+    except Exception as error:  # noqa: BLE001 (equations that diverge fail in many ways)
+        return replace(findings, draft_failure=f"{type(error).__name__}: {error}")
 
 
 def _with_drafts(

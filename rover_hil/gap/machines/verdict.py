@@ -27,7 +27,7 @@ def decide_machine(findings: MachineFindings) -> Verdict:
         members += [one.names for one in found.alternatives]
     return Verdict(
         verdict=answer,
-        sentence=_sentence(findings, answer, reasons),
+        sentence=_sentence(findings, answer, reasons) + _draft_failure(findings),
         p_gap=findings.p_gap,
         where=_where(findings),
         effects=_effects(findings) if is_named else [],
@@ -44,6 +44,12 @@ def decide_machine(findings: MachineFindings) -> Verdict:
         weightings=_weightings(findings) if is_named else {},
         warnings=_warnings(findings) if is_named else [],
     )
+
+
+def _draft_failure(findings: MachineFindings) -> str:
+    if not findings.draft_failure:
+        return ""
+    return f" The search of a missing term did not end ({findings.draft_failure}): the rest is complete."
 
 
 def _unnamed(findings: MachineFindings) -> list[dict[str, str | float]]:

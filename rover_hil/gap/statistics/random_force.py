@@ -217,7 +217,11 @@ class _Likelihood:
 
 def root_of(covariance: Array) -> Array:
     """Return the factor of a covariance, also of one without full rank."""
-    return np.asarray(np.linalg.cholesky(covariance + 1e-12 * np.eye(covariance.shape[0])))
+    try:
+        return np.asarray(np.linalg.cholesky(covariance + 1e-12 * np.eye(covariance.shape[0])))
+    except np.linalg.LinAlgError:  # that of a large force, with rounding errors above the added term
+        variances, directions = np.linalg.eigh(covariance)
+        return np.asarray(directions * np.sqrt(np.maximum(variances, 0.0)))
 
 
 def _rows(problem: Problem, tables: Sequence[dict[str, Array]]) -> Array:

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from rover_hil.gap import Array, effects
+from rover_hil.gap.machines import analysis
 from rover_hil.gap.machines.analysis import MachineFindings, analyse_machine
+from rover_hil.gap.machines.verdict import decide_machine
+from rover_hil.gap.statistics import random_force
 from sim_backends.state_model.port_effect import PortEffect
 from tests.rover_hil.gap_machines.axis import axis_model, measured_runs
 
@@ -41,6 +44,35 @@ def test_a_term_with_which_the_locked_runs_need_no_smaller_force_is_not_confirme
     drafts = findings(locked_wear=-WEAR).drafts
     assert "acceleration += c speed voltage^2" in [one.equation for one in drafts]
     assert not any(one.is_confirmed for one in drafts)
+
+
+@pytest.mark.parametrize(
+    ("end", "words"),
+    [
+        (np.linalg.LinAlgError("SVD did not converge"), "LinAlgError: SVD did not converge"),
+        (KeyboardInterrupt(), "interrupted by ctrl-C"),
+    ],
+)
+def test_a_search_that_fails_leaves_the_analysis_complete(
+    monkeypatch: pytest.MonkeyPatch, end: BaseException, words: str
+) -> None:
+    def fail(*_: object) -> None:
+        raise end
+
+    monkeypatch.setattr(analysis, "find_drafts", fail)
+    found = findings()
+    assert found.drafts == ()
+    assert found.tracked is not None
+    sentence = decide_machine(found).sentence
+    assert sentence.startswith("There is a gap")
+    assert sentence.endswith(f"The search of a missing term did not end ({words}): the rest is complete.")
+
+
+def test_a_covariance_without_full_rank_has_a_factor() -> None:
+    covariance = 1e6 * np.ones((40, 40))
+    covariance[:20] *= 1.0 + 1e-13
+    root = random_force.root_of(0.5 * (covariance + covariance.T))
+    np.testing.assert_allclose(root @ root.T, covariance, rtol=1e-6)
 
 
 def test_a_source_may_be_a_difference() -> None:
