@@ -19,6 +19,7 @@ from rover_hil.connect.connections import connected
 from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.console.json_text import print_json
 from rover_hil.console.steps import show_steps
+from rover_hil.pages.add_page import add_page
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
@@ -233,7 +234,7 @@ class FileProcedure(Procedure[Record, Result]):
 def run(procedure: Procedure[Record, Result], request: Request) -> int:
     """Carry a calibration out; returns the exit code: 1, and no file, if its result is not sure.
 
-    The page with the pictures is written first, also where the result is not sure.
+    The page with the pictures is written last, also where the result is not sure.
 
     Raises:
         ConfigError: The configuration or an option cannot be used, or a file exists.
@@ -261,12 +262,12 @@ def run(procedure: Procedure[Record, Result], request: Request) -> int:
     facts = procedure.facts(record, result)
     entries = [] if result.problem else procedure.entries(record, result, results.out)
     edited = _edited(source, entries) if request.enter and entries else None
-    if results.page is not None:
-        write_file(results.page, _page(procedure, record, result, facts))
     if results.out is not None and isinstance(procedure, FileProcedure) and not result.problem:
         write_file(results.out, procedure.write(record, result))
     if edited is not None:
         write_file(Path(source), edited)
+    if results.page is not None:
+        add_page(results.page, lambda: _page(procedure, record, result, facts))
     if request.as_json:
         print_json(procedure.json(record, result, results.out))
     else:

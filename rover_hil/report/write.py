@@ -4,6 +4,7 @@ from pathlib import Path
 
 from pydantic_core import from_json, to_json
 
+from rover_hil.pages.add_page import add_page
 from rover_hil.pages.atomic_write import write_files
 from rover_hil.pages.render import render
 from rover_hil.report.curves import run_curves, viewer_data
@@ -19,7 +20,7 @@ STOPS_SHOWN = 8
 
 
 def write_report(log_path: Path, folder: Path) -> str:
-    """Write `summary.json` and `report.html` of the log at `log_path` into `folder`.
+    """Write `summary.json`, then `report.html` of the log at `log_path` into `folder`.
 
     Returns:
         The summary as JSON text, as in the file.
@@ -31,7 +32,8 @@ def write_report(log_path: Path, folder: Path) -> str:
     run = read_run(log_path)
     summary = summarise(run)
     summary_json = to_json(summary, indent=2, inf_nan_mode="null").decode()
-    write_files(folder, {SUMMARY_NAME: summary_json, REPORT_NAME: _render(run, summary)})
+    write_files(folder, {SUMMARY_NAME: summary_json})
+    add_page(folder / REPORT_NAME, lambda: _render(run, summary))
     return summary_json
 
 

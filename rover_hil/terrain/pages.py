@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
+from rover_hil.pages.add_page import add_page
 from rover_hil.pages.atomic_write import write_files
 from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
@@ -28,7 +29,7 @@ def write_page(
     tables: Sequence[Table],
     others: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
-    """Write `report.html`, and each table as CSV under its name, into a folder.
+    """Write each table as CSV under its name into a folder, then `report.html`.
 
     Args:
         folder: Made if needed; files of these names are replaced.
@@ -41,17 +42,20 @@ def write_page(
     Raises:
         ConfigError: The folder cannot be made or written to.
     """
-    page = render(
-        "terrain/report.html",
-        filters={"shown": shown},
-        grade="plain",
-        title=title,
-        facts=facts,
-        pictures=draw_pictures(drawings),
-        tables=tables,
-    )
     csv_texts = {f"{table.name}.csv": table.csv_text() for table in tables}
-    write_files(folder, {REPORT_NAME: page, **csv_texts, **others})
+    write_files(folder, {**csv_texts, **others})
+    add_page(
+        folder / REPORT_NAME,
+        lambda: render(
+            "terrain/report.html",
+            filters={"shown": shown},
+            grade="plain",
+            title=title,
+            facts=facts,
+            pictures=draw_pictures(drawings),
+            tables=tables,
+        ),
+    )
 
 
 def traverse_drawings(states: Sequence[Traverse]) -> list[Drawing]:

@@ -2,8 +2,9 @@
 
 import re
 import signal
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -37,10 +38,12 @@ from rover_hil.tune.results import (
     CONFIG_NAME,
     REPORT_NAME,
     RESULT_NAMES,
+    SEARCH_NAME,
     sentence,
     study_of,
     summarise,
     write_results,
+    write_search,
 )
 from rover_hil.tune.robustness import try_changed_rovers
 from rover_hil.tune.simulated_mission import SimulatedMission
@@ -77,23 +80,42 @@ def tune(
     """
     config, text = load_config(config_name, TUNE_CHECKS), read_config_text(config_name)
     settings = check_parameters(config)
-    tuned_text(text, start_values(config, settings), None)  # to fail now rather than after the search
+    start = start_values(config, settings)
+    tuned_text(text, start, None)  # to fail now rather than after the search
     folder = prepare_folder(study, out, force=force)
     trial_store = MissionStudy(folder / STUDY_NAME, study, config, settings)
     messages = Terminal(stderr=True)
     with open_missions(cluster, has_camera=config.roles.camera is not None) as drive:
         search(trial_store, drive, trials, minutes, messages)
         attempts = trial_store.attempts()
-        comparison = _compare(config, settings, trial_store.candidates(), drive)
-        tuned = with_values(config, comparison.values)
-        changed_rovers = (
-            try_changed_rovers(config, tuned, settings, drive)
-            if comparison.verdict is Verdict.IMPROVED
-            else ()
-        )
-    result = summarise(study, config_name, wall_time_text(), config, attempts, comparison, changed_rovers)
-    result_json = write_results(folder, text, config, attempts, comparison, result)
+        with search_kept(folder, text, start, settings, attempts):
+            comparison = _compare(config, settings, trial_store.candidates(), drive)
+        result = summarise(study, config_name, wall_time_text(), config, attempts, comparison)
+        result_json = write_results(folder, text, config, attempts, comparison, result)
+        if comparison.verdict is Verdict.IMPROVED:
+            tuned = with_values(config, comparison.values)
+            changed_rovers = try_changed_rovers(config, tuned, settings, drive)
+            result = replace(result, changed_rovers=changed_rovers)
+            result_json = write_results(folder, text, config, attempts, comparison, result)
     return tell_result(folder, result.verdict, sentence(result), result_json if as_json else None)
+
+
+@contextmanager
+def search_kept(
+    folder: Path, text: str, start: Mapping[str, float], settings: TuneSettings, attempts: Sequence[Attempt]
+) -> Iterator[None]:
+    """Write what a search found before the comparison that follows; report where it is if that fails."""
+    write_search(folder, text, start, settings, attempts)
+    try:
+        yield
+    except BaseException:
+        if (folder / SEARCH_NAME).exists():
+            Terminal(stderr=True).print(
+                f"the comparison did not end; the best trial is {folder / SEARCH_NAME}, and the same command "
+                "goes on with the comparison",
+                soft_wrap=True,
+            )
+        raise
 
 
 def tell_result(folder: Path, verdict: Verdict, words: str, result_json: str | None) -> int:
@@ -105,7 +127,8 @@ def tell_result(folder: Path, verdict: Verdict, words: str, result_json: str | N
         console = Terminal()
         console.print(words, soft_wrap=True)
         for name in (CONFIG_NAME, REPORT_NAME) if is_acceptable else (REPORT_NAME,):
-            console.print(str(folder / name), soft_wrap=True)
+            if (folder / name).exists():
+                console.print(str(folder / name), soft_wrap=True)
     return EXIT_OK if is_acceptable else EXIT_NO
 
 

@@ -1,6 +1,6 @@
 """Result of a tuning: as JSON, as a page, and as a new configuration."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +11,8 @@ from drivers.errors import ConfigError
 from drivers.files import parse_json, read_text
 from rover_hil.config import Config
 from rover_hil.config.tune_settings import ChangeRecord, ProvenanceRecord, StabilitySettings, TuneSettings
-from rover_hil.pages.atomic_write import write_files
+from rover_hil.pages.add_page import add_page
+from rover_hil.pages.atomic_write import write_file, write_files
 from rover_hil.pages.render import render
 from rover_hil.tune.comparison import Comparison, Verdict
 from rover_hil.tune.figures import TuningData, draw_report
@@ -27,6 +28,7 @@ from rover_hil.tune.tuned_config import tuned_text
 CONFIG_NAME = "tuned.toml"
 RESULT_NAME = "tuning.json"
 REPORT_NAME = "report.html"
+SEARCH_NAME = "best_trial.toml"
 RESULT_NAMES = (CONFIG_NAME, RESULT_NAME, REPORT_NAME)
 GRADES = {Verdict.IMPROVED: "good", Verdict.CONFIRMED: "neutral", Verdict.NONE_ACCEPTABLE: "bad"}
 
@@ -223,25 +225,64 @@ def write_results(
     data = TuningData(
         tune=config.tune, corners=config.mission.corners(), attempts=attempts, comparison=comparison
     )
-    page = render(
-        "tune/report.html",
-        result=result,
-        grade=GRADES[result.verdict],
-        sentence=sentence(result),
-        pictures=draw_report(data),
-    )
     provenance = result.provenance(
         train_seeds=result.train_seeds,
         ranking_seeds=result.ranking_seeds,
         held_out_seeds=result.held_out_seeds,
     )
-    return write_files_of(folder, config_text, result, page, provenance)
+    return write_files_of(
+        folder,
+        config_text,
+        result,
+        lambda: render(
+            "tune/report.html",
+            result=result,
+            grade=GRADES[result.verdict],
+            sentence=sentence(result),
+            pictures=draw_report(data),
+        ),
+        provenance,
+    )
+
+
+def write_search(
+    folder: Path,
+    config_text: str,
+    start: Mapping[str, float],
+    tune: TuneSettings,
+    attempts: Sequence[Attempt],
+) -> None:
+    """Write what a search found as `best_trial.toml`, before its comparison, which takes long.
+
+    It goes when the result of the comparison is written.
+
+    Raises:
+        ConfigError: The folder cannot be written to, or the configuration's text cannot be edited.
+    """
+    known = [(attempt.cost, attempt.number, attempt) for attempt in attempts if attempt.cost is not None]
+    if not known:
+        return
+    cost, number, best = min(known, key=lambda each: each[:2])
+    changed = {
+        key: each.after
+        for key, each in changes_of(start, best.values, tune).items()
+        if each.after != each.before
+    }
+    note = (
+        f"# The best of {len(attempts)} trials: trial {number}, cost {cost:.3g} in the search. It was not\n"
+        "# compared with the old values on cases that the search did not use: the same command does that.\n"
+    )
+    write_file(folder / SEARCH_NAME, note + tuned_text(config_text, changed, None))
 
 
 def write_files_of(
-    folder: Path, config_text: str, result: Result, page: str, provenance: ProvenanceRecord | None
+    folder: Path,
+    config_text: str,
+    result: Result,
+    make_page: Callable[[], str],
+    provenance: ProvenanceRecord | None,
 ) -> str:
-    """Write result and page, and the new configuration; without provenance there is none.
+    """Write the result and the new configuration, then the page; without provenance no configuration.
 
     Returns:
         The result as JSON text, as in the file.
@@ -250,13 +291,15 @@ def write_files_of(
         ConfigError: The folder cannot be written to, or the configuration's text cannot be edited.
     """
     result_json = to_json(result, indent=2, inf_nan_mode="null").decode()
-    texts = {RESULT_NAME: result_json, REPORT_NAME: page}
+    texts = {RESULT_NAME: result_json}
     if provenance is None:
         write_files(folder, texts)
         (folder / CONFIG_NAME).unlink(missing_ok=True)
     else:
         changed = {key: change.after for key, change in result.changes.items()}
         write_files(folder, {**texts, CONFIG_NAME: tuned_text(config_text, changed, provenance)})
+    (folder / SEARCH_NAME).unlink(missing_ok=True)
+    add_page(folder / REPORT_NAME, make_page)
     return result_json
 
 

@@ -189,6 +189,46 @@ def test_a_folder_that_was_finished_replaces_an_earlier_one(tmp_path: Path) -> N
     assert [path.name for path in tmp_path.rglob("*")] == ["pictures", "second.svg"]
 
 
+@pytest.mark.parametrize("failure", [ValueError("no axis"), KeyboardInterrupt()])
+@pytest.mark.parametrize(
+    ("line", "drawing", "kept"),
+    [
+        (
+            "run robotino --virtual --duration 0.5 --out a",
+            "rover_hil.report.write.run_curves",
+            {"run.mcap", "summary.json"},
+        ),
+        (
+            "terrain wheel --slip 0.1 --slip-angle-deg 0 --out a",
+            "rover_hil.terrain.pages.render",
+            {"wheel.csv"},
+        ),
+        (
+            "calibrate imu robotino --virtual --out a/gyro.toml",
+            "rover_hil.ready.procedure.draw_pictures",
+            {"gyro.toml", "gyro.mcap"},
+        ),
+    ],
+)
+def test_a_result_is_written_before_its_page(
+    command: Command,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    line: str,
+    drawing: str,
+    kept: set[str],
+    failure: BaseException,
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise failure
+
+    (tmp_path / "a").mkdir()
+    monkeypatch.setattr(drawing, fail)
+    code = command(*line.split())
+    assert code == 130 if isinstance(failure, KeyboardInterrupt) else "it cannot be drawn" in command.error
+    assert {path.name for path in (tmp_path / "a").iterdir()} == kept
+
+
 def test_ctrl_c_while_the_report_is_written_keeps_the_log(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

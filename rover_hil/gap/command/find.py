@@ -29,6 +29,7 @@ from rover_hil.gap.output.results import (
     RESULT_NAMES,
     plan_text,
     verdict_text,
+    write_report,
     write_results,
 )
 from rover_hil.gap.plan import Plan, TooFewRunsError, require_runs
@@ -152,6 +153,8 @@ def find_gap(
             plan_path.unlink(missing_ok=True)
         else:
             write_results(out, analysis, subject.name, wall_time_text())
+    if not is_bad:
+        write_report(out, analysis)
     if as_json:
         print_json_text(verdict_text(analysis))
     else:

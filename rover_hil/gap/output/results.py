@@ -12,6 +12,7 @@ from rover_hil.gap.output.machines.next_run_file import NEXT_RUN_NAME, next_run_
 from rover_hil.gap.output.machines.report import report_text
 from rover_hil.gap.output.model_file import ModelFile, Provenance, describe_model, model_file_text, with_found
 from rover_hil.gap.plan import Plan
+from rover_hil.pages.add_page import add_page
 from rover_hil.pages.atomic_write import write_files
 
 VERDICT_NAME = "verdict.json"
@@ -32,7 +33,7 @@ def verdict_text(analysis: Analysis) -> str:
 
 
 def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> None:
-    """Write `verdict.json`, `model.toml` and `report.html`, and why there is no plan where there is none.
+    """Write `verdict.json` and `model.toml`, and why there is no plan where there is none.
 
     Missing terms that were found in the equations of a machine are written to `draft_effects.py`, its next
     run to `next_run.csv`; without them a file of an earlier analysis is removed.
@@ -45,7 +46,6 @@ def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> Non
     texts = {
         VERDICT_NAME: verdict_text(analysis) + "\n",
         MODEL_NAME: _model_text(analysis, base, date),
-        REPORT_NAME: report_text(analysis),
     }
     if analysis.verdict.draft:
         texts[DRAFT_NAME] = draft_text(analysis.verdict)
@@ -57,6 +57,15 @@ def write_results(folder: Path, analysis: Analysis, base: str, date: str) -> Non
     for name in (DRAFT_NAME, NEXT_RUN_NAME):
         if name not in texts:
             (folder / name).unlink(missing_ok=True)
+
+
+def write_report(folder: Path, analysis: Analysis) -> None:
+    """Write `report.html` beside the results of an analysis.
+
+    Raises:
+        ConfigError: The folder cannot be written to.
+    """
+    add_page(folder / REPORT_NAME, lambda: report_text(analysis))
 
 
 def _model_text(analysis: Analysis, base: str, date: str) -> str:

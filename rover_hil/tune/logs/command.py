@@ -21,6 +21,7 @@ from rover_hil.tune.command import (
     TrialsOption,
     prepare_folder,
     search,
+    search_kept,
     tell_result,
 )
 from rover_hil.tune.comparison import compare_by
@@ -75,7 +76,7 @@ def tune_by_logs(
         search(trial_store, replays_on(executor, train), trials, minutes, Terminal(stderr=True))
         attempts = trial_store.attempts()
         drive = replays_on(executor, held)
-        with show_steps("comparing on held-out logs"):
+        with search_kept(folder, text, start, settings, attempts), show_steps("comparing on held-out logs"):
             comparison = compare_by(
                 lambda values, _: evaluate_logs(drive(values, range(len(held))), by_logs.objective),
                 config,

@@ -103,15 +103,20 @@ def write_log_results(
         ConfigError: The folder cannot be written to, or the configuration's text cannot be edited.
     """
     data = LogTuningData(tune=tune, attempts=attempts, comparison=comparison)
-    page = render(
-        "tune/logs/report.html",
-        result=result,
-        grade=GRADES[result.verdict],
-        sentence=log_sentence(result),
-        pictures=draw_log_report(data),
-    )
     provenance = result.provenance(train_logs=result.train_logs, held_out_logs=result.held_out_logs)
-    return write_files_of(folder, config_text, result, page, provenance)
+    return write_files_of(
+        folder,
+        config_text,
+        result,
+        lambda: render(
+            "tune/logs/report.html",
+            result=result,
+            grade=GRADES[result.verdict],
+            sentence=log_sentence(result),
+            pictures=draw_log_report(data),
+        ),
+        provenance,
+    )
 
 
 def log_sentence(result: LogTuningResult) -> str:

@@ -13,7 +13,7 @@ import pytest
 
 from drivers.errors import ConfigError
 from rover_hil.config import load_config
-from rover_hil.tune import command
+from rover_hil.tune import command, results
 from rover_hil.tune.command import tune
 from rover_hil.tune.objective import MissionRunner
 from tests.rover_hil.tune.tuning import MISSION, TUNE, FakeRuns, write_config
@@ -146,6 +146,66 @@ def test_ctrl_c_ends_the_search_after_the_trial_and_still_writes_everything(
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert run(trials=6) == 0
     assert result_in(tmp_path)["trials"] == 6
+
+
+def interrupted(*_: object, **__: object) -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_ctrl_c_in_the_comparison_keeps_the_best_trial(
+    parallel_runs: FakeRuns,
+    run: Callable[..., int],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    write_config(tmp_path)
+    folder = tmp_path / "tuning" / "first"
+    with monkeypatch.context() as patch:
+        patch.setattr(command, "compare", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            run()
+    assert "the best trial is tuning/first/best_trial.toml" in capsys.readouterr().err
+    kept = load_config(str(folder / "best_trial.toml"))
+    assert kept.mission != load_config(str(tmp_path / "rover.toml")).mission
+    assert not (folder / "tuning.json").exists()
+    assert run() == 0  # the same command goes on with the comparison
+    assert sorted(path.name for path in folder.iterdir()) == [
+        *("report.html", "study.jsonl", "tuned.toml", "tuning.json")
+    ]
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_a_result_is_written_before_it_is_tried_on_changed_rovers(
+    parallel_runs: FakeRuns, run: Callable[..., int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_config(tmp_path)
+    monkeypatch.setattr(command, "try_changed_rovers", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run()
+    assert result_in(tmp_path)["verdict"] == "improved"
+    assert (tmp_path / "tuning" / "first" / "tuned.toml").exists()
+
+
+def test_a_page_that_cannot_be_drawn_leaves_the_result(
+    parallel_runs: FakeRuns,
+    run: Callable[..., int],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def fail(*_: object) -> None:
+        raise ValueError("no axis")
+
+    write_config(tmp_path)
+    monkeypatch.setattr(results, "draw_report", fail)
+    assert run() == 0
+    assert (
+        "no page tuning/first/report.html: it cannot be drawn (ValueError: no axis)"
+        in capsys.readouterr().err
+    )
+    assert result_in(tmp_path)["verdict"] == "improved"
 
 
 @pytest.mark.usefixtures("unrendered")
