@@ -4,7 +4,7 @@
 const MOST_POINTS = 6000, SHOWN_S = 60, DRIVE_MS = 50, SILENT_MS = 1500;
 const RUN_COLOURS = ["#9b4dca", "#0f8a5f"];
 const live = { run: null, state: {}, last: null, x: [], y: [], ox: [], oy: [], tx: [], ty: [], series: {} };
-let opened = [], points = [], heardMs = performance.now(), view = null;
+let opened = [], points = [], heardMs = performance.now(), askedMs = Infinity, view = null;
 const byId = (id) => document.getElementById(id);
 
 // ---- stream ----
@@ -83,6 +83,7 @@ function showWords() {
 
 function showWait() {
   const v = live.last, waits = live.state.state === "running" && Boolean(v?.waits_for_operator);
+  if (waits && byId("bench-wait").hidden) askedMs = performance.now();
   byId("bench-wait").hidden = !waits;
   if (!waits) return;
   const hasControl = live.state.controller === byId("bench-bar").dataset.browser;
