@@ -1,4 +1,5 @@
 # make setup | run | test | test-slow | test-nightly | test-kernel | test-ros2 | gates | gates-full | safety-coverage | check | reference | site | wheel | release | mutation
+# make setup | run | test | test-slow | test-nightly | test-kernel | test-ros2 | gates | gates-full | safety-coverage | check | reference | results | site | wheel | mutation
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -7,6 +8,7 @@ SLOW_FILES = $(shell grep -rl "mark\.slow" tests --include "test_*.py" --exclude
 STAMP := $(VENV)/.installed
 
 .PHONY: setup run test test-slow test-nightly test-kernel test-ros2 gates gates-full safety-coverage check reference site wheel release mutation
+.PHONY: setup run test test-slow test-nightly test-kernel test-ros2 gates gates-full safety-coverage check reference results site wheel mutation
 
 setup: $(STAMP)
 
@@ -50,11 +52,11 @@ test-ros2: setup
 	$(BIN)/python -m tests.ros2_peer.build .cache/ros2_peer
 	ROS2_PEER=.cache/ros2_peer/peer $(BIN)/python -m pytest -n 0 -s tests/ros2_peer tests/rover_hil/connect
 
-# What must not get worse, against docs/results/gates.md: a quarter of an hour on two cores.
+# What must not get worse, against benchmarks/results/gates.md: a quarter of an hour on two cores.
 gates: setup
 	$(BIN)/python -m benchmarks.gates
 
-# Prints the table "Versions" of docs/results/gates.md: 60 other floors, all versions. Nothing is tuned on it.
+# Prints the figures of benchmarks/results/floors.csv: 60 other floors, all versions. Nothing is tuned on it.
 gates-full: setup
 	$(BIN)/python -m benchmarks.gates --full
 	$(BIN)/python -m benchmarks.safety.faults --two-processes
@@ -81,6 +83,10 @@ check: setup
 
 reference: setup
 	$(BIN)/python -m docs.generate docs/reference
+
+# The pages of recorded figures, from the CSV files beside them.
+results: setup
+	$(BIN)/python -m benchmarks.results
 
 # The documents as a searchable site: build/site/index.html.
 site: setup

@@ -1,6 +1,6 @@
 """The driver contract: a link below, a pure codec inside, samples and health facts above.
 
-A new device is a settings model, a codec and a registry line; `docs/how-to/add_a_device.md` is the form.
+A new device is a settings model, a codec and a registry line: `docs/contributing/add_a_device.md`.
 """
 
 import math

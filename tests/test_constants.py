@@ -13,9 +13,15 @@ NUMBERS = {number.title: number for number in numbers()}
 GAP_NUMBERS = {number.title: number for number in numbers(folders=gap_constants.FOLDERS)}
 
 
+PAGES = {
+    "constants.md": ROOT / "benchmarks/results",
+    "gap_constants.md": ROOT / "docs/results",
+}
+
+
 def rows_of(page: str) -> dict[str, list[str]]:
     """Return the rows of the table of numbers of a page, by number."""
-    text = (ROOT / "docs/results" / page).read_text(encoding="utf-8").split("## Numbers")[1]
+    text = (PAGES[page] / page).read_text(encoding="utf-8").split("## Numbers")[1]
     lines = [line for line in text.splitlines() if line.startswith("|")][2:]
     cells = [[cell.strip() for cell in line.strip().strip("|").split("|")] for line in lines]
     return {first: others for first, *others in cells}

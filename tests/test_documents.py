@@ -7,11 +7,11 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-DOCUMENTS = [*ROOT.glob("*.md"), *DOCS.rglob("*.md")]
+DOCUMENTS = [*ROOT.glob("*.md"), *DOCS.rglob("*.md"), *(ROOT / "benchmarks").rglob("*.md")]
 CODE = ("drivers", "controllers", "sim_backends", "rover_hil", "benchmarks", "tests")
 BASES = ("", "docs", "rover_hil")
 """Folders from which the contributor guide names paths."""
-KINDS = ("tutorials", "how-to", "explanation", "reference", "results", "decisions")
+KINDS = ("tutorials", "how-to", "explanation", "reference", "results", "contributing", "decisions")
 
 
 def name_of(path: Path) -> str:
@@ -40,7 +40,11 @@ def test_every_document_that_the_code_names_exists() -> None:
         path for folder in CODE for path in (ROOT / folder).rglob("*.*") if path.suffix in (".py", ".toml")
     ]
     texts = [path.read_text("utf-8") for path in files]
-    names = {name for text in texts for name in re.findall(r"docs/[\w/-]+\.(?:md|jpg|png)", text)}
+    names = {
+        name
+        for text in texts
+        for name in re.findall(r"(?:docs|benchmarks)/[\w/-]+\.(?:md|jpg|png|csv)", text)
+    }
     assert len(names) > 20
     assert sorted(name for name in names if not (ROOT / name).is_file()) == []
 
@@ -92,7 +96,7 @@ def test_the_contributor_guide_names_files_and_names_that_exist() -> None:
 
 
 def test_the_tests_that_prove_what_deleted_ones_proved_exist() -> None:
-    page = (ROOT / "docs/reference/tests.md").read_text("utf-8")
+    page = (ROOT / "docs/contributing/tests.md").read_text("utf-8")
     named = set(re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", page))
     assert len(named) > 30
     missing = [

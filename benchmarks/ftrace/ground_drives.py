@@ -6,7 +6,7 @@
 
 The renderer was written without knowledge of the estimator. Seeds from 100 are held out: nothing was tuned on
 them. Prints the figures of every scene type and of all together, and how often the trace was right for each
-range of the confidence. Definitions: docs/results/ftrace.md and `benchmarks/ftrace/scores.py`. With
+range of the confidence. Definitions: `benchmarks/ftrace/scores.py`. With
 `--drives`, rendered drives are kept in that folder and used again; with `--folders`, drives that are there
 are judged and nothing is rendered. One seed of all scene types takes about
 ten minutes on one core.

@@ -8,7 +8,7 @@ from 1000 are held out: nothing was tuned on them. Prints one table per set, one
 image every 32 cm) together, and as JSON what misses a bar; exit code 1 when anything does. One seed of all
 sets takes about five minutes; `--sets easy,curved --seconds 20` one.
 
-Definitions: docs/results/ftrace.md and `benchmarks/ftrace/scores.py`.
+Definitions: `benchmarks/ftrace/scores.py`.
 """
 
 import argparse

@@ -1,4 +1,16 @@
-"""Scores of a trace finder, by the definitions of docs/results/ftrace.md."""
+"""Scores of a trace finder.
+
+- A trace is present when at least 0.20 m of it is visible in a usable frame; missed: present, not detected;
+  run: the largest number of consecutive misses; false: detected and not present, of all frames.
+- Misidentified: more than 5 deg from the current direction and from the chord, or more than half a wheel's
+  width from both lines.
+- Hold: error against the current direction; the last angle is held where none is given. Chord: error
+  against the chord of the visible trace.
+- ROC: area under the curve of the confidence for "trace present, error below 5 deg", over the frames with
+  an angle.
+- Calibration: mean difference of the confidence and the share of right traces, over ranges of the
+  confidence.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields

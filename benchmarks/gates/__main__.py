@@ -1,6 +1,6 @@
 """What must not get worse, in one command: floors that nobody fitted, field figures, faults.
 
-    make gates                                            # compares with docs/results/gates.md
+    make gates                                            # compares with benchmarks/results/gates.md
     python -m benchmarks.gates --only Floors --write      # writes what was measured into that page
     make gates-full                                       # 60 other floors and all versions; prints the table
 

@@ -4,11 +4,11 @@
     python -m benchmarks.gates.constants --only slip.effort.parameters.GyroInPlace
     python -m benchmarks.gates.constants --only safety.entrapment --factors 0.5 2
 
-Prints a row for each number that `numbers` finds, as in docs/results/constants.md: its value, and by how many
-mm the path of the shipped Robotino changes at 0.8 and at 1.2 of it (whole numbers change by 1) on a simulated
-site. Those of sComp are of another rover, see docs/results/scomp.md; those of the motion over the ground
-are of a rover with a camera. Those of the wheel's trace change the error of its angle and the share of missed
-frames on two drives of ../shared/data/trace_drives.
+Prints a row for each number that `numbers` finds, as in benchmarks/results/constants.md: its value, and by
+how many mm the path of the shipped Robotino changes at 0.8 and at 1.2 of it (whole numbers change by 1) on
+a simulated site. Those of sComp are of another rover; those of the motion over the ground are of a rover
+with a camera. Those of the wheel's trace change the error of its angle and the share of missed frames on
+two drives of ../shared/data/trace_drives.
 """
 
 import argparse

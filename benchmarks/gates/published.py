@@ -1,10 +1,10 @@
-"""The published tables in `docs/results/gates.md`: read, compared, written."""
+"""The published tables in `benchmarks/results/gates.md`: read, compared, written."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TypeAlias
 
-PAGE = Path(__file__).parents[2] / "docs" / "results" / "gates.md"
+PAGE = Path(__file__).parents[1] / "results" / "gates.md"
 FLOORS, FIELDS, FAULTS = "Floors", "Field figures", "Faults"
 CAMERA_FLOORS = "Floors with a ground camera"
 LOST_FLOORS = 3.0 / 20.0

@@ -5,7 +5,7 @@
 
 A folder is a drive (`rig.json`, `telemetry.csv`, `truth.csv`, `frames/`) or holds drives. A drive whose
 `scene.json` names a `look` counts under that look. `--looks` changes clean frames. Definitions:
-docs/results/ground_motion.md. About 1 s of a core per drive of 100 frames and look.
+`benchmarks/ground_motion/scores.py`. About 1 s of a core per drive of 100 frames and look.
 """
 
 import argparse

@@ -1,4 +1,16 @@
-"""Scores of measured motion, by the definitions of docs/results/ground_motion.md."""
+"""Scores of measured motion.
+
+- Window: consecutive pairs over 0.5 m of reported wheel travel. Its slip is 1 - ground travel / wheel
+  travel over its valid pairs, compared with the true slip of the whole window. It is valid with at least 80
+  % of its wheel travel in valid pairs; rms, 95 % and greatest error are of the valid windows.
+- Bias: mean error of the valid windows of a drive; of several drives, the largest.
+- Distance: travel over 2 m of true travel, or over a drive from 0.8 m on. Sideways: travel to the left over
+  0.5 m of true travel, rms.
+- Within two standard deviations: error forward over a length of wheel travel, against `hypot(scale_sd *
+  travel, root of the sum of squares of the pairs)`.
+- Standstill: the rover moves less than 0.3 mm in a pair. Reported as motion: more than 0.6 mm and 10 % of
+  the wheels' travel.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

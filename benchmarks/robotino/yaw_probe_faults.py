@@ -411,7 +411,7 @@ def main() -> int:
         "--first",
         type=int,
         default=3000,
-        help="first seed; 0 to 19: development, 9100 to 9159: in docs/results",
+        help="first seed; 0 to 19: development, 9100 to 9159: in benchmarks/results",
     )
     titles = [case.title for case in CASES]
     parser.add_argument("--only", nargs="+", choices=titles, default=titles, metavar="CASE")

@@ -62,7 +62,7 @@ KEPT_BYTES = 1 << 22
 CASE_S = 4.0
 MOST_TRIES = 5
 UNWRITTEN_S = 0.6
-"""So much of the log's end is lost where a loop is killed (docs/results/benchmarks.md)."""
+"""So much of the log's end is lost where a loop is killed (benchmarks/results/program.md)."""
 LAST_LINES = 3
 STALL_S = 0.15
 """The simulator writes its wheels' speed every 0.01 s."""

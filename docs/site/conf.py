@@ -16,14 +16,18 @@ exclude_patterns = ["site", "generate", "examples"]
 myst_heading_anchors = 3
 suppress_warnings = ["myst.header"]
 
-FOLDERS = ("tutorials", "how-to", "explanation", "reference", "results", "decisions")
-OUTSIDE = re.compile(r"\[([^\]]*)\]\((?:\.\./)*(?:CONTRIBUTING\.md|(?:examples|tests)/)[^)]*\)")
+FOLDERS = ("tutorials", "how-to", "explanation", "reference", "results", "contributing", "decisions")
+PAGES = ("results",)
+"""Pages that are in no folder."""
+OUTSIDE = re.compile(r"\[([^\]]*)\]\((?:\.\./)*(?:CONTRIBUTING\.md|(?:examples|tests|benchmarks)/)[^)]*\)")
 """Links to files that are not pages of the site: their text is kept."""
 
 
 def _read(app: Sphinx, page: str, text: list[str]) -> None:
     text[0] = OUTSIDE.sub(r"\1", text[0])
     if page == root_doc:
+        names = "\n".join(PAGES)
+        text[0] += f"\n```{{toctree}}\n:hidden:\n\n{names}\n```\n"
         for folder in FOLDERS:
             pages = sorted(path.stem for path in (Path(app.srcdir) / folder).glob("*.md"))
             names = "\n".join(f"{folder}/{name}" for name in pages)

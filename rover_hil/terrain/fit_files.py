@@ -1,7 +1,7 @@
 """Reads plate and wheel tests from the files of the CMU single-wheel test bed.
 
 Source: GitHub robomechanics/3d-terramechanics @ 55a6e92 (MIT-style licence), as CSV; see
-docs/results/terrain.md.
+benchmarks/results/terrain.md.
 """
 
 from pathlib import Path

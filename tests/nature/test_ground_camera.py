@@ -13,7 +13,7 @@ DRIVES = Path(__file__).parents[3] / "shared" / "data" / "trace_drives"
 DRAWS = 10
 ALIKE = {"bias": (0.8, 2.5), "over_01_m": (0.9, 1.6), "over_05_m": (0.9, 1.6), "pair_mm": (0.8, 1.5)}
 """Least and greatest error of the model, over that of the pictures. On these drives nothing sinks; the model
-also stands for such as do, see docs/results/ground_motion.md: its bias is greater."""
+also stands for such as do, see benchmarks/results/ground_motion.md: its bias is greater."""
 CORRELATION = 0.35
 """Greatest difference of the correlation of neighbouring pairs."""
 

@@ -1,6 +1,8 @@
 """The fault matrix: device x fault x rover, run and judged.
 
-    python -m benchmarks.safety.faults [--only robotino/imu] [--json faults.json] [--markdown faults.md]
+    python -m benchmarks.safety.faults [--only robotino/imu] [--json faults.json]
+    python -m benchmarks.safety.faults --markdown benchmarks/results/faults.md
+    python -m benchmarks.safety.faults --two-processes --markdown benchmarks/results/faults_two_processes.md
 
 Every case is one run of a shipped rover with one fault between an emulator and its driver, three seconds
 after the rover first moves, on simulated time with fixed seeds; `--two-processes` runs the cases that make
@@ -24,13 +26,23 @@ from rover_hil.parallel.executor import open_executor
 
 COLUMNS = (
     "rover | device | fault | must | detectable s | zero ms after | stop s | driven m | invented | error m | "
-    "error deg | NEES then | NEES later | sigma m | sigma deg | unseen m | added/unseen | unseen deg | "
-    "added/unseen | outcome | replay | verdict | message"
+    "error deg | NEES then | NEES later | sigma m | sigma deg | unseen m | added/unseen m | unseen deg | "
+    "added/unseen deg | outcome | replay | verdict"
+)
+TITLES = {False: "Faults, simulated time", True: "Faults, two processes in real time"}
+ABOUT = (
+    "Each case is one run with one fault, three seconds after the rover first moves; the columns are those "
+    "of `Row` in `benchmarks/safety/faults/measures.py`, and `--json` has the messages."
 )
 
 
+def page(rows: Sequence[Row], *, is_real_time: bool) -> str:
+    """Return the page of recorded results."""
+    return f"# {TITLES[is_real_time]}\n\n{ABOUT}\n\n{markdown(rows)}"
+
+
 def markdown(rows: Sequence[Row]) -> str:
-    """Return the rows as a table."""
+    """Return the rows as a table, with one number in a cell at most."""
     lines = [f"| {COLUMNS} |", "|" + "---|" * (COLUMNS.count("|") + 1)]
     lines += [f"| {' | '.join(_cells(row))} |" for row in rows]
     return "\n".join(lines) + "\n"
@@ -43,7 +55,7 @@ def _cells(row: Row) -> Iterable[str]:
     yield from (row.rover, row.device, row.fault, row.duty)
     yield from ("-" if number is None else f"{number:g}" for number in (*numbers, *errors, *widths))
     replay = {True: "identical", False: "DIFFERS", None: "-"}[row.replays]
-    yield from (row.outcome, replay, row.verdict, row.message.replace("|", "/"))
+    yield from (row.outcome, replay, "MISSED" if row.failures else row.verdict)
 
 
 def run_virtual_cases(cases: Sequence[Case], processes: int, cluster: str | None) -> Iterator[Row]:
@@ -80,10 +92,9 @@ def main() -> int:
         console.print(f"{title}: {row.verdict}", soft_wrap=True, highlight=False)
         if arguments.json is not None:  # after each, so that a run that is ended has a result
             arguments.json.write_text(json.dumps([row.as_json() for row in rows], indent=1))
-    table = markdown(rows)
     if arguments.markdown is not None:
-        arguments.markdown.write_text(table)
-    print(table)
+        arguments.markdown.write_text(page(rows, is_real_time=arguments.two_processes), encoding="utf-8")
+    print(markdown(rows))
     missed = sum(bool(row.failures) for row in rows)
     refused = sum(row.is_refused for row in rows)
     console.print(f"{refused} of {len(rows)} logs refused by their own readers")

@@ -1,0 +1,81 @@
+"""Recorded figures of the benchmarks: a CSV file per subject, and the page that is generated from it.
+
+`gates.md`, `constants.md`, `faults.md` and `faults_two_processes.md` have columns of their own: their
+benchmarks write them.
+"""
+
+from typing import Final
+
+TITLES: Final[dict[str, tuple[str, str]]] = {
+    "consistency": (
+        "Consistency of the covariance",
+        "Missions on grounds that nothing was tuned on: NEES is the squared error over the reported "
+        "covariance, over its dimension.",
+    ),
+    "field_tests": (
+        "The two field tests of the sComp paper, simulated",
+        "Medians over seeds that were not used for development; test 1 is the fit, test 2 the transfer.",
+    ),
+    "floors": (
+        "Missions on floors that no estimator was fitted to",
+        "A rectangle of 900 x 400 mm on four contact models, without pose measurements unless stated; bars: "
+        "path 45 mm rms, closure 100 mm.",
+    ),
+    "ftrace": (
+        "Slip angle from the trace of a wheel",
+        "Rendered drives that were judged once; 'missed' counts frames with a visible trace.",
+    ),
+    "gap": (
+        "Verdicts of gap on simulated machines with hidden effects",
+        "Six independent simulators, on which nothing was tuned; effects of at least three times the noise.",
+    ),
+    "ground_motion": (
+        "Motion over the ground by a camera",
+        "Rendered drives on seeds that were judged once, and a real road; slip is that of windows of 0.5 m.",
+    ),
+    "measured_slip": (
+        "Slip measured by a ground camera, in the estimate",
+        "Missions of simulated rovers whose camera measures the motion over the ground.",
+    ),
+    "motor_identification": (
+        "Motor identification",
+        "Simulated motors with known parameters (100 of each case), and published records.",
+    ),
+    "program": (
+        "The program: time, memory, logs and malformed input",
+        "Times are of two shared cores; ratios to the peer are comparable on other computers.",
+    ),
+    "recorded_drives": (
+        "Recorded third-party drives",
+        "Measured drives of three robots with motion capture, a robot mower and a car.",
+    ),
+    "robotino_plant": (
+        "The simulated Robotino against measured runs",
+        "Measured runs of BrOleg5/research-wheel-slippage; the peer is the measured value.",
+    ),
+    "ros2": (
+        "ROS 2",
+        "The peer program is Fast DDS 2.9.1 over the loopback interface.",
+    ),
+    "safety": (
+        "Stops, false stops and ends of a run",
+        "Simulated missions with fixed seeds, or two processes in real time.",
+    ),
+    "scomp": (
+        "sComp in an independent simulator",
+        "Medians over 20 seeds; all parameters are from test 1, and test 2 is the transfer.",
+    ),
+    "slip_maps": (
+        "Slip from motor currents and from the yaw excitation",
+        "Maps on measured runs that they were not trained on, and missions on simulated grounds.",
+    ),
+    "terrain": (
+        "Wheel-soil models",
+        "Comparison with published tables and with the CMU single-wheel data.",
+    ),
+    "tuning": (
+        "Tuning, and its size",
+        "Costs are 0.9 quantiles on missions that decided nothing.",
+    ),
+}
+"""Title and introduction of each page, by the name of its CSV file."""
