@@ -1,8 +1,8 @@
-"""What the models of `rover-hil gap` know, what they say of measured data, and how long they take.
+"""Verdicts of the models of `rover-hil gap` on measured data, and how long they take.
 
-`python -m benchmarks.gap.models cards` prints the tables of docs/reference/gap_models.md; `measured DATA`
-asks for verdicts on the measured runs (the page names their sources), and again with what was named;
-`speed` times whole verdicts on 50 drives.
+`python -m benchmarks.gap.models measured DATA` asks for verdicts on the measured runs
+(docs/reference/gap_data.md names their sources), and again with what was named; `speed` times whole verdicts
+on 50 drives.
 """
 
 import argparse
@@ -19,10 +19,9 @@ from rover_hil.gap.output.model_file import ExtendedModel, read_model_file
 from rover_hil.gap.output.results import MODEL_NAME, write_results
 from rover_hil.gap.verdict import Verdict
 from rover_hil.gap.workflow import analyse
-from sim_backends.models.interface import Model, Parameter, Run
+from sim_backends.models.interface import Model, Run
 from tests.nature import four_wheel_drive, omni_drive
 
-MODELS = ("robotino-motor", "robotino-drive", "four-wheel-drive", "single-wheel")
 MEASURED = (
     ("robotino-motor", "robotino_2023/motor_identification"),
     ("robotino-drive", "robotino_2023/one_surface_type/table_surface"),
@@ -30,26 +29,6 @@ MEASURED = (
     ("single-wheel", "cmu_single_wheel"),
 )
 DRIVES = 50
-
-
-def card_lines(name: str) -> list[str]:
-    """Return the table of a model's effects, in Markdown."""
-    lines = [
-        "| effect | physics | parameters | claims | distinguished by |",
-        "|---|---|---|---|---|",
-    ]
-    for card in load_model(name).effects:
-        numbers = ", ".join(_shown(item) for item in card.parameters)
-        frees = f"; sets `{card.releases}` free" if card.releases else ""
-        claims = "; ".join(card.claims)
-        lines.append(f"| `{card.name}` | {card.sentence} | {numbers}{frees} | {claims} | {card.experiment} |")
-    return lines
-
-
-def _shown(item: Parameter) -> str:
-    unit = "" if item.unit == "1" else f" {item.unit}"
-    sign = " ≥ 0" if item.lower == item.nominal == 0.0 else ""
-    return f"{item.name}{unit}{sign}"
 
 
 def extended(base: Model, analysis: Analysis, name: str) -> Model | None:
@@ -119,14 +98,10 @@ def _time(name: str, folder: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("cards", "measured", "speed"))
+    parser.add_argument("what", choices=("measured", "speed"))
     parser.add_argument("data", type=Path, nargs="?", default=Path("../shared/data"))
     arguments = parser.parse_args()
     match arguments.what:
-        case "cards":
-            for name in MODELS:
-                print(f"\n### {name}\n")
-                print("\n".join(card_lines(name)))
         case "measured":
             measured(arguments.data)
         case _:

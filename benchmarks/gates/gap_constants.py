@@ -3,8 +3,8 @@
     python -m benchmarks.gates.gap_constants > rows.md
     python -m benchmarks.gates.gap_constants --measure --only rover_hil.gap.machines.fits.descent
 
-Prints a row for each number of the folders, as in docs/results/gap_constants.md. What it decides is told by
-the comment or text at the number itself. With `--measure` the figures of `benchmarks.sensitivity machines` on
+Prints a row for each number of the folders, as in docs/contributing/gap_constants.md. What it decides is the
+comment or text at the number itself. With `--measure` the figures of `benchmarks.sensitivity machines` on
 one small cart (`cart:1`) are computed at 0.8 and 1.2 of it; two seconds each.
 """
 
@@ -24,6 +24,7 @@ from drivers.errors import RoverHilError
 
 FOLDERS = ("rover_hil/gap", "sim_backends/state_model")
 CASE = "cart:1"
+NOT_MEASURED = "-"
 LEAST_CHANGE = 1e-3
 """Smallest relative change of a figure that is told."""
 COMPILED = "sim_backends.state_model.tape_kernel"
@@ -31,17 +32,17 @@ BY_KIND = {
     "definition": "HALF_WIDTHS NORMAL_95 CLEAR_T MINUTE_S RPM_TO_WHEEL VOTE",
     "arithmetic": "ROUNDING RIDGE LARGEST FAR FAR_NOISES STILL NULL_TOLERANCE CLOSE SATURATED LEAST_SPREAD "
     "FLOOR_SHARE MOST_DIGITS",
-    "memory and speed": "VALUES_AT_ONCE POINTS_AT_ONCE VALUES_TOGETHER POINTS_OF_A_DESCENT MOST_DENSE "
+    "memory": "VALUES_AT_ONCE POINTS_AT_ONCE VALUES_TOGETHER POINTS_OF_A_DESCENT MOST_DENSE "
     "LEAST_WORK LEAST_LANES BLOCK",
     "layout": "SHOWN MOST_LINES MOST_PAIRS WIDTH_IN MOST_CHANNELS MOST_RUNS BAND_SD TIME_BINS MANY "
     "LEAST_SCALE MOST_INPUTS",
-    "calibration of the camera": "NOMINAL_M_PER_PX",
+    "calibration": "NOMINAL_M_PER_PX",
 }
-"""Sources other than "by hand"; `layout` changes no verdict."""
+"""Sources other than "hand"; `layout` changes no verdict."""
 
 
 def meaning(number: Number) -> str:
-    """Return what a number decides, as its comment or text says; else what its class is for."""
+    """Return what a number decides: its text or comment, without both what its class is for."""
     text = (ROOT / number.module.replace(".", "/")).with_suffix(".py").read_text(encoding="utf-8")
     body = ast.parse(text).body
     owner = next((one for one in body if isinstance(one, ast.ClassDef) and one.name == number.owner), None)
@@ -50,9 +51,9 @@ def meaning(number: Number) -> str:
     after = statements[place + 1] if place + 1 < len(statements) else None
     if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
         return " ".join(str(after.value.value).split())
-    about = (ast.get_docstring(owner) or "").splitlines()[0] if owner else ""
     comment = _comment(text, statements[place])
-    return f"{about} {comment[:1].upper()}{comment[1:]}".strip()
+    about = (ast.get_docstring(owner) or "").splitlines()[0] if owner else ""
+    return f"{comment[:1].upper()}{comment[1:]}" if comment else about
 
 
 def _name(node: ast.stmt) -> str:
@@ -83,7 +84,7 @@ def _comments(text: str) -> Mapping[int, tuple[bool, str]]:
 
 def source(number: Number) -> str:
     """Return where the value of a number is from."""
-    return next((kind for kind, names in BY_KIND.items() if number.name in names.split()), "by hand")
+    return next((kind for kind, names in BY_KIND.items() if number.name in names.split()), "hand")
 
 
 @cache
@@ -96,7 +97,7 @@ def change(number: Number) -> str:
     """Return the relative changes of the figures at 0.8 / 1.2 of a number; `0 / 0` below a thousandth."""
     usual, found = usual_figures(), []
     if number.module == COMPILED:
-        return "not measured"
+        return NOT_MEASURED
     for factor in FACTORS:
         try:
             with changed(number, factor):
@@ -120,7 +121,7 @@ def rows(begins: tuple[str, ...], *, is_measured: bool) -> Iterator[str]:
     today = f"{day[:4]}-{day[4:6]}-{day[6:8]}"
     for number in numbers(folders=FOLDERS):
         if number.title.startswith(begins):
-            found = change(number) if is_measured else "not measured"
+            found = change(number) if is_measured else NOT_MEASURED
             cells = (number.title, number.text, meaning(number), source(number), found, today)
             yield f"| {' | '.join(cells)} |"
 

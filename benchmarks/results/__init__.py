@@ -29,6 +29,24 @@ TITLES: Final[dict[str, tuple[str, str]]] = {
         "Verdicts of gap on simulated machines with hidden effects",
         "Six independent simulators, on which nothing was tuned; effects of at least three times the noise.",
     ),
+    "gap_duration": (
+        "Duration of gap",
+        "On two shared cores; the peer is solve_ivp (RK45, tolerance 1e-6), one run after the other.",
+    ),
+    "gap_measured": (
+        "Verdicts of gap on measured machines and robots",
+        "The peer is the published value or an independent fit; benchmarks/gap/references has a second fit "
+        "of the robots.",
+    ),
+    "gap_next_run": (
+        "The next run that gap proposes",
+        "Carts 90 to 119 with a hidden resistance, run once; the peer is the best repetition of a "
+        "measured run.",
+    ),
+    "gap_shipped_models": (
+        "Verdicts of gap on simulated rovers with hidden effects",
+        "Independent simulators, except the six-wheel rover, which shares its contact laws with the model.",
+    ),
     "ground_motion": (
         "Motion over the ground by a camera",
         "Rendered drives on seeds that were judged once, and a real road; slip is that of windows of 0.5 m.",

@@ -108,15 +108,16 @@ class Part(NamedTuple):
 
 def configuration_page() -> str:
     """Return the page of a configuration in Markdown."""
-    return _keys_page(INTRODUCTION, Config)
+    return keys_page(INTRODUCTION, Config)
 
 
 def mapping_page() -> str:
     """Return the page of a mapping of CAN signals in Markdown."""
-    return _keys_page(MAPPING_INTRODUCTION, CanWheelsMapping)
+    return keys_page(MAPPING_INTRODUCTION, CanWheelsMapping)
 
 
-def _keys_page(introduction: str, root: type[Settings]) -> str:
+def keys_page(introduction: str, root: type[Settings]) -> str:
+    """Return the page of the keys of a table and of those inside it."""
     parts = [Part("", root)]
     texts = [introduction]
     for part in parts:  # it grows meanwhile

@@ -1,6 +1,6 @@
 """The model-gap workflow: where model and measurement disagree, and which effect is missing.
 
-A model of your own imports what it needs from here; see docs/tutorials/gap_tutorial.md.
+A model of your own imports what it needs from here; see docs/tutorials/gap.md.
 """
 
 from sim_backends.models.interface import (

@@ -15,14 +15,26 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 
 
 class Quantity(Settings):
-    """A variable of the unit; by default it has the name of the quantity, and its unit is that of the FMU."""
+    """A variable of the unit.
+
+    Attributes:
+        variable: Variable of the unit, a floating-point number of 64 bits, no array; without it, the
+            name of the quantity.
+        unit: Without it, that of the FMU; it must be the same, since values are not converted.
+    """
 
     variable: str = ""
     unit: str = ""
 
 
 class ChannelEntry(Quantity):
-    """What is measured."""
+    """What is measured: a column of the data, read at each sample after the input of this sample was set.
+
+    Attributes:
+        sigma: Standard deviation of one reading; `sigma` or `quantum` is needed.
+        quantum: Step of the sensor.
+        tolerance: Greatest model error that counts as agreement; 0 is the noise of the sensor.
+    """
 
     sigma: NotNegative | None = None
     quantum: NotNegative = 0.0
@@ -30,7 +42,17 @@ class ChannelEntry(Quantity):
 
 
 class ParameterEntry(Quantity):
-    """A base parameter; nominal value and bounds are those of the FMU where they are left out."""
+    """A base parameter.
+
+    Attributes:
+        prior_sd: Standard deviation of the nominal value; 0 keeps it fixed.
+        nominal: Value without other knowledge; without it, the start value of the unit.
+        lower: Least possible value; without it, `min` of the unit.
+        upper: Greatest possible value; without it, `max` of the unit.
+        meaning: One sentence for the page.
+        scatter_sd: Standard deviation between runs, or between units under test.
+        scatter_by: Condition with the number of the unit under test; without it, each run is separate.
+    """
 
     prior_sd: NotNegative
     nominal: float | None = None
@@ -42,7 +64,15 @@ class ParameterEntry(Quantity):
 
 
 class RunParameterEntry(Quantity):
-    """An unknown of each run."""
+    """An unknown of each run, usually where it starts.
+
+    Attributes:
+        prior_sd: Standard deviation of the nominal value.
+        nominal: Value without other knowledge; without it, the start value of the unit.
+        channel: The nominal value is the first reading of this channel.
+        lower: Least possible value; without it, `min` of the unit.
+        upper: Greatest possible value; without it, `max` of the unit.
+    """
 
     prior_sd: Positive
     nominal: float | None = None
@@ -52,7 +82,19 @@ class RunParameterEntry(Quantity):
 
 
 class StrengthEntry(Settings):
-    """The parameter of the FMU that is the strength of an effect."""
+    """The parameter of the FMU that is the strength of an effect.
+
+    Attributes:
+        variable: Parameter of the unit; not with `releases`.
+        name: Name in the verdict; without it, the last part of the variable.
+        unit: Without it, that of the FMU.
+        size: Natural size, one that is plausible.
+        null: Value without the effect.
+        lower: Least possible value; equal to `null` it is a sign rule: the other sign is never named.
+        upper: Greatest possible value.
+        scatter_sd: Standard deviation between runs, or between units under test.
+        scatter_by: Condition with the number of the unit under test.
+    """
 
     variable: str = ""
     name: Name | None = None
@@ -66,7 +108,15 @@ class StrengthEntry(Settings):
 
 
 class ShapeEntry(Quantity):
-    """A further parameter of an effect."""
+    """A further parameter of an effect.
+
+    Attributes:
+        prior_sd: Standard deviation of the nominal value.
+        nominal: Value without other knowledge; without it, the start value of the unit.
+        lower: Least possible value.
+        upper: Greatest possible value.
+        grid: Values to search where the effect is not smooth at its null, for example places of thresholds.
+    """
 
     prior_sd: NotNegative
     nominal: float | None = None
@@ -76,7 +126,18 @@ class ShapeEntry(Quantity):
 
 
 class EffectEntry(Settings):
-    """A physical effect that may be missing; without it, its strength is null."""
+    """A physical effect that may be missing; without it, its strength is null.
+
+    Attributes:
+        sentence: The physics.
+        strength: Its size.
+        shapes: Further parameters.
+        place: Where it acts, for the page.
+        claims: What it does to the readings, for the page.
+        experiment: What separates it from others, for the page.
+        source: Literature, for the page.
+        releases: A base parameter instead of `strength.variable`: the effect is its error beyond its prior.
+    """
 
     sentence: str
     strength: StrengthEntry
@@ -89,7 +150,25 @@ class EffectEntry(Settings):
 
 
 class UnitFile(Settings):
-    """Content of the file; see docs/reference/gap_fmu.md."""
+    """Names of quantities have letters, digits and `_`; they are columns of the data or names in the verdict.
+
+    Attributes:
+        fmu: The unit, relative to this file.
+        name: Name of the model; without it, that of this file.
+        step_s: Time between samples; without it, from the column `time [s]`.
+        communication_step_s: Step of the unit; it must divide the time between the samples of each run.
+            Without it, the step is halved until predictions move by less than a tenth of the sensor noise.
+        held: Inputs keep their value until the next sample; false: straight lines between samples.
+        reset: One instance is reset for each run; false: a new instance for each run.
+        inputs: Series in the data that are inputs of the unit.
+        conditions: Numbers that were set once per run: parameters of the unit.
+        signals: Variables that the page compares the error with.
+        channels: What is measured.
+        parameters: Numbers that are known, more or less.
+        run_parameters: Unknowns of each run.
+        fixed: Parameters of the unit with another value than its start value, the same in every run.
+        effects: What may be missing.
+    """
 
     fmu: str
     name: str = ""

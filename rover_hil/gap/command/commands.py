@@ -79,7 +79,7 @@ def gap_find(
 
     Example: `rover-hil gap find side-slope measured/ --out gap`
 
-    Data: `rover-hil sample slope` writes runs; of your own: docs/reference/gap_models.md names the columns.
+    Data: `rover-hil sample slope` writes runs; of your own: docs/reference/gap_data.md names the columns.
     """
     shortening = Shortening(cut_s=cut, warm_up_s=warm_up)
     if config is None and len(data or ()) != 1:
@@ -156,7 +156,7 @@ def gap_check(
 
     Example: `rover-hil gap check my_machine.py:make axis.csv`
 
-    docs/tutorials/gap_machine.md writes such a model and its runs.
+    docs/tutorials/gap.md writes such a model and its runs.
     """
     shortening = Shortening(cut_s=cut, warm_up_s=warm_up)
     return check_effects(model, data, as_json=as_json, shortening=shortening)

@@ -2,19 +2,17 @@
 
 import csv
 import io
-import re
-import types
 from pathlib import Path
 
 import numpy as np
 
+from rover_hil.gap.data.load import load_model
 from sim_backends.models.interface import Model, Run
 from tests.nature.axis import Drive, measure_axis, some_axis
 from tests.nature.cart import Experiment, measure, some_nature
 from tests.rover_hil.gap.gap_models import Cart
 
-TUTORIAL = Path(__file__).resolve().parents[3] / "docs/tutorials/gap_tutorial.md"
-BLOCK = re.compile(r"```python\n# (?P<name>\S+)\n(?P<text>.*?)```", re.DOTALL)
+EXAMPLES = Path(__file__).resolve().parents[3] / "docs/examples/gap"
 
 
 def cart_rows(
@@ -59,14 +57,6 @@ def axis_runs(seed: int, drive: Drive | None = None, **hidden: float) -> list[Ru
     ]
 
 
-def tutorial_files() -> dict[str, str]:
-    """Return the files that the tutorial asks its reader to save."""
-    return {match["name"]: match["text"] for match in BLOCK.finditer(TUTORIAL.read_text("utf-8"))}
-
-
 def make_axis() -> Model:
-    """Return the tutorial's model."""
-    module = types.ModuleType("my_axis")
-    exec(compile(tutorial_files()["my_axis.py"], "my_axis.py", "exec"), module.__dict__)  # noqa: S102
-    model: Model = module.__dict__["make"]()
-    return model
+    """Return the model of the example of a simulator that can only be called."""
+    return load_model(f"{EXAMPLES / 'my_axis.py'}:make")

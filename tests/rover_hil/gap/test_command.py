@@ -15,7 +15,7 @@ from rover_hil.gap.command.find import find_gap, named_model
 from rover_hil.gap.data.load import check_model, load_model, read_runs
 from rover_hil.gap.output.model_file import ExtendedModel, read_model_file
 from tests.nature.axis import Drive, measure_axis, some_axis, table
-from tests.rover_hil.gap.gap_data import cart_rows, cart_runs, tutorial_files, write_cart
+from tests.rover_hil.gap.gap_data import EXAMPLES, cart_rows, cart_runs, write_cart
 from tests.rover_hil.gap.gap_models import Cart
 
 CART = f"{Path(__file__).parent / 'gap_models.py'}:make_cart"
@@ -204,24 +204,22 @@ def test_bad_tables_get_a_verdict_with_the_reason(
 
 
 def test_series_need_units_in_their_header(run: Run, tmp_path: Path) -> None:
-    (tmp_path / "my_axis.py").write_text(tutorial_files()["my_axis.py"])
     import numpy as np
 
     rng = np.random.default_rng(1)
     text = table(measure_axis(some_axis(rng), Drive(), rng))
     (tmp_path / "axis.csv").write_text(text.replace("voltage [V]", "voltage"))
-    code, verdict = run(tmp_path / "axis.csv", model=f"{tmp_path / 'my_axis.py'}:make")
+    code, verdict = run(tmp_path / "axis.csv", model=f"{EXAMPLES / 'my_axis.py'}:make")
     assert code == 1
     assert "column 'voltage' has no unit; write 'voltage [V]'" in str(verdict["sentence"])
 
 
 def test_one_file_per_run(tmp_path: Path) -> None:
-    (tmp_path / "my_axis.py").write_text(tutorial_files()["my_axis.py"])
     folder = tmp_path / "data"
     folder.mkdir()
     for name in ("b", "a"):
         (folder / f"{name}.csv").write_text("load [kg],voltage [V],speed [rad/s]\n1,2,3\n1,2,4\n")
-    runs = read_runs(load_model(f"{tmp_path / 'my_axis.py'}:make"), folder)
+    runs = read_runs(load_model(f"{EXAMPLES / 'my_axis.py'}:make"), folder)
     assert [one.name for one in runs] == ["a", "b"]
     assert runs[0].measured["speed"].tolist() == [3.0, 4.0]
 

@@ -14,7 +14,7 @@ from sim_backends.models.interface import Machine, Run
 
 Shape = Literal["repeat", "step", "ramp", "sine", "sweep", "multi_sine", "square"]
 SHAPES: tuple[Shape, ...] = ("repeat", "step", "ramp", "sine", "sweep", "multi_sine", "square")
-FIX = "see docs/how-to/gap.md, The next run"
+FIX = "see docs/reference/gap_verdict.md, Keys of allowed.toml"
 
 
 class Range(Settings):
@@ -53,7 +53,7 @@ class InputRange(Range):
 
 
 class Allowed(Settings):
-    """Which runs may be made next; see `docs/how-to/gap.md`.
+    """Which runs may be made next; see `docs/reference/gap_verdict.md`.
 
     Attributes:
         inputs: Inputs that may be chosen, by name; the others are those of a measured run. Without any, the

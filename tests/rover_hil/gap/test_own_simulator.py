@@ -1,9 +1,10 @@
-"""The tutorial, step by step as written."""
+"""The how-to on simulators of your own, step by step as written, with the examples that it names."""
 
 import json
 import re
 import runpy
 import shlex
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -13,22 +14,22 @@ import pytest
 
 from rover_hil.app.app import main
 from tests.rover_hil.command import PROGRAM
-from tests.rover_hil.gap.gap_data import TUTORIAL, tutorial_files
+from tests.rover_hil.gap.gap_data import EXAMPLES
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
+PAGE = Path(__file__).resolve().parents[3] / "docs/how-to/gap_own_simulator.md"
 COMMAND = re.compile(r"^(python|rover-hil) .*$", re.MULTILINE)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Do what the tutorial says, in its order."""
-    folder = tmp_path_factory.mktemp("tutorial")
-    for name, text in tutorial_files().items():
-        (folder / name).write_text(text)
+    """Do what the page says, in its order."""
+    folder = tmp_path_factory.mktemp("simulator")
+    shutil.copytree(EXAMPLES, folder, dirs_exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        for match in COMMAND.finditer(TUTORIAL.read_text("utf-8")):
+        for match in COMMAND.finditer(PAGE.read_text("utf-8")):
             words = shlex.split(match[0])
             if words[0] == "python":
                 runpy.run_path(words[1])
@@ -68,7 +69,7 @@ def test_with_the_friction_nothing_is_left(folder: Path) -> None:
     assert verdict_in(folder / "second")["verdict"] == "NO_GAP"
 
 
-def test_without_the_card_it_is_an_equation(folder: Path) -> None:
+def test_without_the_effect_it_is_an_equation(folder: Path) -> None:
     text = (folder / "my_axis.py").read_text()
     start, end = (
         text.index(f'        EffectCard(\n            name="{name}"') for name in ("dry_friction", "delay")
