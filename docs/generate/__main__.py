@@ -5,6 +5,7 @@ from pathlib import Path
 
 from docs.generate.commands_page import commands_page
 from docs.generate.configuration_page import configuration_page, mapping_page
+from docs.generate.effects_page import effects_page
 from docs.generate.gap_pages import models_page, unit_page
 from docs.generate.man_page import man_page
 from docs.generate.schema_file import schema_text
@@ -15,6 +16,7 @@ PAGES = {
     "can_mapping.md": mapping_page,
     "commands.md": commands_page,
     "gap_models.md": models_page,
+    "gap_effects.md": effects_page,
     "gap_fmu.md": unit_page,
 }
 

@@ -26,6 +26,9 @@ def two_body_backlash(
 ) -> PortEffect:
     """Return play between a driven body and its load, which flies freely while the play is crossed.
 
+    Signal: the total torque on the driven body, without what the flying load takes; play >= 0,
+    load_share 0.1 to 0.9.
+
     The base model takes both for one body. Contact is rigid and does not bounce. At the start the driven body
     touches the forward side, and the load is half of the play behind the middle.
 

@@ -22,6 +22,8 @@ def coulomb_friction(
 ) -> PortEffect:
     """Return dry friction: a constant force against the motion.
 
+    Signal: `s - level tanh(v / slow)`; level >= 0, unit of the port.
+
     Args:
         port: Where it brakes.
         velocity: State that it opposes.
@@ -50,7 +52,10 @@ def coulomb_friction(
 def asymmetric_friction(
     port: str, *, velocity: str, size: float, slow: float, name: str = "asymmetric_friction"
 ) -> PortEffect:
-    """Return the even part of dry friction, equal in both directions; see `coulomb_friction`."""
+    """Return the even part of dry friction, equal in both directions; see `coulomb_friction`.
+
+    Signal: `s - excess tanh(v / slow)^2`; excess of any sign.
+    """
     require_positive(f"effect {name}", size=size, slow=slow)
 
     return PortEffect(
@@ -73,6 +78,8 @@ def stribeck_friction(
     port: str, *, velocity: str, size: float, speed: float, slow: float, name: str = "stribeck_friction"
 ) -> PortEffect:
     """Return the part of dry friction that disappears with speed.
+
+    Signal: `s - excess tanh(v / slow) exp(-(v / speed)^2)`; excess >= 0. Add it to Coulomb friction.
 
     Args:
         port: Where it brakes.
@@ -110,6 +117,9 @@ def presliding(
     port: str, *, velocity: str, size: float, distance: float, name: str = "presliding"
 ) -> PortEffect:
     """Return dry friction that builds up over a distance, like a spring before it slips (Dahl's model).
+
+    Signal: `s - level z`, `dz/dt = (v - abs(v) z) / distance`, `z = 0` at the start; level >= 0. Call
+    the port in `derivative`; the machine moves less than about `distance` per sample.
 
     Args:
         port: Where it brakes.
@@ -149,6 +159,8 @@ def presliding(
 def viscous_friction(port: str, *, velocity: str, size: float, name: str = "viscous_friction") -> PortEffect:
     """Return friction in proportion to speed.
 
+    Signal: `s - coefficient v`; coefficient >= 0.
+
     Args:
         port: Where it brakes.
         velocity: State that it opposes.
@@ -169,7 +181,10 @@ def viscous_friction(port: str, *, velocity: str, size: float, name: str = "visc
 
 
 def quadratic_drag(port: str, *, velocity: str, size: float, name: str = "quadratic_drag") -> PortEffect:
-    """Return drag with the square of speed; `size` in the unit of the port per unit of velocity squared."""
+    """Return drag with the square of speed; `size` in the unit of the port per unit of velocity squared.
+
+    Signal: `s - coefficient v abs(v)`; coefficient >= 0.
+    """
     return _power(
         port,
         velocity,
@@ -185,6 +200,8 @@ def quadratic_drag(port: str, *, velocity: str, size: float, name: str = "quadra
 
 def cubic_stiffness(port: str, *, position: str, size: float, name: str = "cubic_stiffness") -> PortEffect:
     """Return a restoring force with the cube of a position; it may harden or soften.
+
+    Signal: `s - coefficient q^3`; coefficient of any sign.
 
     Args:
         port: Where it acts.
@@ -237,6 +254,8 @@ def _power(
 def cogging(port: str, *, position: str, period: float, size: float, name: str = "cogging") -> PortEffect:
     """Return a force that repeats with position.
 
+    Signal: `s - amplitude sin(2 pi q / period + phase)`; amplitude >= 0.
+
     Args:
         port: Where it acts.
         position: State that it depends on.
@@ -275,6 +294,9 @@ def end_stop(
     port: str, *, position: str, size: float, places: tuple[float, ...], name: str = "end_stop"
 ) -> PortEffect:
     """Return a stiff stop beyond a position.
+
+    Signal: `s - stiffness (q - place)` beyond the place; stiffness >= 0. A negative place is a lower
+    stop.
 
     Args:
         port: Where it pushes back.

@@ -11,6 +11,8 @@ from sim_backends.state_model.port_effect import PortEffect
 def scattering(effect: PortEffect, *, sd: float, by: str = "") -> PortEffect:
     """Return an effect whose strength has a deviation of its own in each run, or in each unit under test.
 
+    Signal: that of the effect. Not for `delay`, `lag`, `play` and `wrong_parameter`.
+
     The units share one prior: their mean and their common standard deviation. So does a unit that is measured
     for the first time.
 

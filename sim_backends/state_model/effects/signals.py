@@ -42,7 +42,10 @@ def _signal(
 
 
 def offset(port: str, *, size: float, name: str = "offset") -> PortEffect:
-    """Return a constant added to a signal; `size` in its unit."""
+    """Return a constant added to a signal; `size` in its unit.
+
+    Signal: `s + offset`; any sign.
+    """
     return _signal(
         port,
         name,
@@ -55,7 +58,10 @@ def offset(port: str, *, size: float, name: str = "offset") -> PortEffect:
 
 
 def gain_error(port: str, *, size: float, name: str = "gain_error") -> PortEffect:
-    """Return a wrong scale of a signal; `size` is a share."""
+    """Return a wrong scale of a signal; `size` is a share.
+
+    Signal: `s (1 + share)`; any sign.
+    """
     return _signal(
         port,
         name,
@@ -68,7 +74,10 @@ def gain_error(port: str, *, size: float, name: str = "gain_error") -> PortEffec
 
 
 def supply_sag(port: str, *, size: float, name: str = "supply_sag") -> PortEffect:
-    """Return a supply that falls under load; `size` is the relative loss per unit of the signal."""
+    """Return a supply that falls under load; `size` is the relative loss per unit of the signal.
+
+    Signal: `s (1 - per_unit abs(s))`; per_unit >= 0.
+    """
     return _signal(
         port,
         name,
@@ -81,7 +90,10 @@ def supply_sag(port: str, *, size: float, name: str = "supply_sag") -> PortEffec
 
 
 def dead_zone(port: str, *, size: float, name: str = "dead_zone") -> PortEffect:
-    """Return a zone around zero where the signal has no effect; `size` is its half width."""
+    """Return a zone around zero where the signal has no effect; `size` is its half width.
+
+    Signal: zero inside `half_width`; outside, closer to zero by it; half_width >= 0.
+    """
     return _signal(
         port,
         name,
@@ -94,7 +106,10 @@ def dead_zone(port: str, *, size: float, name: str = "dead_zone") -> PortEffect:
 
 
 def backlash(port: str, *, size: float, name: str = "backlash") -> PortEffect:
-    """Return play in a coupling whose port is the twist between its sides; `size` is half of the play."""
+    """Return play in a coupling whose port is the twist between its sides; `size` is half of the play.
+
+    Signal: zero inside `half_play`, as a dead zone; half_play >= 0.
+    """
     return _signal(
         port,
         name,
@@ -108,6 +123,8 @@ def backlash(port: str, *, size: float, name: str = "backlash") -> PortEffect:
 
 def play(port: str, *, size: float, name: str = "play") -> PortEffect:
     """Return play in a linkage without inertia: an input or channel follows only when the play is crossed.
+
+    Signal: follows only when the play is crossed; half_play >= 0. At an input or channel only.
 
     Args:
         port: The input or channel.
@@ -135,6 +152,8 @@ def _numbered(key: str, values: tuple[float, ...]) -> dict[str, float]:
 def saturation(port: str, *, limits: tuple[float, ...], name: str = "saturation") -> PortEffect:
     """Return a limit of a signal.
 
+    Signal: between `-limit` and `limit` for share 1; share 0 to 2.
+
     Args:
         port: The signal.
         limits: Where its size may be limited, inside the range that the runs use.
@@ -153,6 +172,8 @@ def overflow(
     port: str, *, level: str, limits: tuple[float, ...], weir: float = 0.0, name: str = "overflow"
 ) -> PortEffect:
     """Return an overflow: above a level, what flows in runs off.
+
+    Signal: above `limit` of the level the positive part of `s` is lost, for share 1; share 0 to 2.
 
     Args:
         port: The net inflow.
@@ -205,7 +226,10 @@ def _limit_card(
 
 
 def quantisation(port: str, *, step: float, name: str = "quantisation") -> PortEffect:
-    """Return a signal rounded to steps; the strength is the share of the rounding, 1 for whole steps."""
+    """Return a signal rounded to steps; the strength is the share of the rounding, 1 for whole steps.
+
+    Signal: rounded to `step` for share 1; share 0 to 2.
+    """
     require_positive(f"effect {name}", step=step)
 
     build = card(
@@ -227,6 +251,8 @@ def quantisation(port: str, *, step: float, name: str = "quantisation") -> PortE
 def delay(port: str, *, size: float, longest: float, name: str = "delay") -> PortEffect:
     """Return a delay of an input or a channel.
 
+    Signal: later by `time`, 0 to `longest`. At an input or channel only.
+
     Args:
         port: The input or channel.
         size: Natural size, s.
@@ -237,7 +263,11 @@ def delay(port: str, *, size: float, longest: float, name: str = "delay") -> Por
 
 
 def lag(port: str, *, size: float, longest: float, name: str = "lag") -> PortEffect:
-    """Return a first-order lag of an input or a channel; see `delay`."""
+    """Return a first-order lag of an input or a channel; see `delay`.
+
+    Signal: behind a first-order lag of `time`, 0 to `longest`, that starts settled. At an input or
+    channel only.
+    """
     return _time(port, name, "The signal follows with a first-order lag.", Action.LAG, size, longest)
 
 
@@ -258,6 +288,8 @@ def _time(port: str, name: str, sentence: str, action: Action, size: float, long
 
 def wrong_parameter(parameter: str, *, size: float, name: str = "") -> PortEffect:
     """Return an error of a base parameter beyond its prior.
+
+    Signal: the base parameter plus `error` of any sign.
 
     Args:
         parameter: The base parameter.

@@ -36,6 +36,9 @@ MINUS = " - "
 def term(port: str, *, source: str, form: str, size: float, scale: float, name: str = "") -> PortEffect:
     """Return a term added to the signal at a port.
 
+    Signal: `s + coefficient f(x)`; any sign. `form`: `constant`, `linear`, `sign`, `square`,
+    `signed_square`, `cube`, `root` (`sign(x) sqrt(abs(x))`), `size` (`abs(x)`).
+
     Args:
         port: The signal.
         source: State or input that the term depends on, or a difference.
@@ -76,7 +79,10 @@ def _term_card(
 
 
 def threshold(port: str, *, source: str, place: float, size: float, name: str = "") -> PortEffect:
-    """Return a term that grows beyond a value of its source; see `term`."""
+    """Return a term that grows beyond a value of its source; see `term`.
+
+    Signal: `s + coefficient (x - place)` beyond the place, away from zero; any sign.
+    """
     require_positive(f"effect {name or 'threshold'}", size=size)
 
     formula = f"max({_text(source)} {'>' if place > 0.0 else '<'} {place:.3g})"
@@ -92,7 +98,10 @@ def threshold(port: str, *, source: str, place: float, size: float, name: str = 
 
 
 def product(port: str, *, sources: tuple[str, ...], size: float, name: str = "") -> PortEffect:
-    """Return a product of sources added to the signal at a port; see `term`. A source may appear again."""
+    """Return a product of sources added to the signal at a port; see `term`. A source may appear again.
+
+    Signal: `s + coefficient x y ...`; any sign.
+    """
     require_positive(f"effect {name or 'product'}", size=size)
     powers = Counter(sources)
     text = " ".join(_power(_text(one), power) for one, power in powers.items())
