@@ -9,7 +9,7 @@ from sim_backends.state_model.port_effect import PortEffect
 
 
 def scattering(effect: PortEffect, *, sd: float, by: str = "") -> PortEffect:
-    """Return an effect whose strength has a deviation of its own in each run, or in each unit under test.
+    """Return an effect whose strength differs between runs, or between units under test.
 
     Signal: that of the effect. Not for `delay`, `lag`, `play` and `wrong_parameter`.
 
@@ -19,7 +19,7 @@ def scattering(effect: PortEffect, *, sd: float, by: str = "") -> PortEffect:
     Args:
         effect: Any effect but a delay, a lag, a play or a wrong parameter.
         sd: Standard deviation between units, in the unit of the strength.
-        by: Condition that tells which unit was under test; empty where every run deviates by itself.
+        by: Condition with the number of the unit under test; without it, each run is separate.
     """
     require_not_negative(f"scattering effect at {effect.port}", sd=sd)
 
