@@ -11,7 +11,7 @@ DOCUMENTS = [*ROOT.glob("*.md"), *DOCS.rglob("*.md"), *(ROOT / "benchmarks").rgl
 CODE = ("drivers", "controllers", "sim_backends", "rover_hil", "benchmarks", "tests")
 BASES = ("", "docs", "rover_hil")
 """Folders from which the contributor guide names paths."""
-KINDS = ("tutorials", "how-to", "explanation", "reference", "results", "contributing", "decisions")
+KINDS = ("tutorials", "how-to", "explanation", "reference", "contributing", "decisions")
 
 
 def name_of(path: Path) -> str:

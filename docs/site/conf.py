@@ -16,7 +16,7 @@ exclude_patterns = ["site", "generate", "examples"]
 myst_heading_anchors = 3
 suppress_warnings = ["myst.header"]
 
-FOLDERS = ("tutorials", "how-to", "explanation", "reference", "results", "contributing", "decisions")
+FOLDERS = ("tutorials", "how-to", "explanation", "reference", "contributing", "decisions")
 PAGES = ("results",)
 """Pages that are in no folder."""
 OUTSIDE = re.compile(r"\[([^\]]*)\]\((?:\.\./)*(?:CONTRIBUTING\.md|(?:examples|tests|benchmarks)/)[^)]*\)")
