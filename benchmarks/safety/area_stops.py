@@ -63,14 +63,14 @@ ROVERS = {
         14.0,
     ),
     "el-dorado": Rover(
-        math.hypot(0.33, 0.092), ("length_m = 3.0", "length_m = 0.8"), ((0.0, 0.0), (0.8, 0.0)), 14.0
+        math.hypot(0.33, 0.092), ("length_m = 3.0", "length_m = 0.8"), ((0.0, 0.0), (0.8, 0.0)), 24.0
     ),
 }
 
 
 def make_area(rover: Rover, rng: np.random.Generator) -> tuple[str, Over]:
     """Return the lines of a random area around a mission, and what measures the excess over its border."""
-    margin_m = rover.body_m + float(rng.uniform(0.02, 0.06))
+    margin_m = rover.body_m + float(rng.uniform(0.01, 0.03))
     xs, ys = (np.array(values) for values in zip(*rover.corners, strict=True))
     if rng.integers(2):
         left, right, bottom, top = (

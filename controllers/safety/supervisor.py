@@ -121,11 +121,12 @@ class SafetySupervisor:
         if self.mode is Mode.RUNNING:
             self._forget_stops(cycle.distance_m, {reason.cause for reason in reasons})
         if stops:
-            self._stop(self._count(_most_severe(stops)))
+            stop = self._count(_most_severe(stops))
+            self._stop(stop)
+            waiting = any(each.waits_for_operator for each in stops)
+            self.waits_for_operator = waiting and stop.severity is not Severity.FINAL
         else:
             self._resume(cycle)
-        if self.mode is not Mode.EMERGENCY_STOP:
-            self.waits_for_operator = any(stop.waits_for_operator for stop in stops)
 
     def finish(self) -> None:
         """End the mission."""

@@ -3,6 +3,7 @@
 import cmath
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -177,7 +178,7 @@ def test_no_step_against_the_outward_direction_makes_the_excess_grow(
     ],
 )
 def test_a_position_that_is_not_known_is_outside(
-    area: CircleArea | PolygonArea, change: dict[str, float | complex]
+    area: CircleArea | PolygonArea, change: dict[str, Any]
 ) -> None:
     assert area.excess(Region(0j, 0.0, 0.0, 0.0, 0.1)._replace(**change)) == Excess(math.inf, 0j)
 

@@ -23,13 +23,12 @@ BODY_M = math.hypot(0.125, 0.04)
 """Outermost point of the wheels of the simulated rover."""
 
 
-KNOWN = {"motion_ns": 0, "measured_rad_s": MOVES}
-
-
 def cycle(over_m: float, *, is_confirmed: bool = False, is_led_out: bool = False) -> Cycle:
     return Cycle(
         now_ns=0,
+        motion_ns=0,
         commanded_rad_s=MOVES,
+        measured_rad_s=MOVES,
         over_border_m=over_m,
         position_m=1.0 - 2.0j,
         is_confirmed=is_confirmed,
@@ -129,27 +128,24 @@ def test_stops_that_an_operator_ends_are_never_final_and_a_final_stop_waits_for_
     settings = SafetySettings(settle_s=0.0, recover_s=0.0)
     supervisor = SafetySupervisor(settings, DeviceRoles(wheels="wheels", required={}), 1)
 
-    def update(over_m: float, *, is_confirmed: bool = False) -> Mode:
-        supervisor.update(cycle(over_m, is_confirmed=is_confirmed)._replace(**KNOWN))
-        return supervisor.mode
+    def update(
+        over_m: float, *, is_confirmed: bool = False, estimate_is_finite: bool = True
+    ) -> tuple[Mode, bool]:
+        seen = cycle(over_m, is_confirmed=is_confirmed)
+        supervisor.update(seen._replace(estimate_is_finite=estimate_is_finite))
+        return supervisor.mode, supervisor.waits_for_operator
 
     for _ in range(5):
-        assert update(-0.1) is Mode.RUNNING
-        assert not supervisor.waits_for_operator
-        assert update(0.1) is Mode.SAFE_STOP
-        assert supervisor.waits_for_operator
-        assert update(0.1, is_confirmed=True) is Mode.RUNNING
-        assert not supervisor.waits_for_operator
-    assert update(0.2) is Mode.SAFE_STOP
+        assert update(-0.1) == (Mode.RUNNING, False)
+        assert update(0.1) == (Mode.SAFE_STOP, True)
+        assert update(0.1, is_confirmed=True) == (Mode.RUNNING, False)
+    assert update(0.2) == (Mode.SAFE_STOP, True)
     for over_m in (-0.1, 0.3):
-        supervisor.update(cycle(over_m)._replace(**KNOWN, estimate_is_finite=False))
-        assert supervisor.waits_for_operator
+        assert update(over_m, estimate_is_finite=False) == (Mode.SAFE_STOP, True)
     for _ in range(4):
         update(-0.1, is_confirmed=True)
-        supervisor.update(cycle(-0.1)._replace(**KNOWN, estimate_is_finite=False))
-    assert supervisor.mode is Mode.EMERGENCY_STOP
-    update(0.5)
-    assert not supervisor.waits_for_operator
+        update(-0.1, estimate_is_finite=False)
+    assert update(0.5) == (Mode.EMERGENCY_STOP, False)
 
 
 # ---- the loop ----
