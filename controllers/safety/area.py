@@ -2,7 +2,6 @@
 
 import cmath
 import math
-from collections.abc import Iterator
 from itertools import combinations, pairwise
 from typing import Annotated, Literal, NamedTuple, Self, TypeAlias
 
@@ -72,7 +71,8 @@ class PolygonArea(Settings):
 
     @model_validator(mode="after")
     def _check_shape(self) -> Self:
-        for conflict in _find_shape_conflicts(self._corners()):
+        conflict = _shape_conflict(self._corners())
+        if conflict:
             raise ValueError(conflict)
         return self
 
@@ -172,25 +172,23 @@ def _holds(edges: list[tuple[complex, complex]], point: complex) -> bool:
     return is_inside
 
 
-def _find_shape_conflicts(corners: list[complex]) -> Iterator[str]:
-    """Yield why corners are no polygon, with the fix."""
+def _shape_conflict(corners: list[complex]) -> str:
+    """Return why corners are no polygon, with the fix; empty for a polygon."""
     edges = list(pairwise([*corners, corners[0]]))
     last = len(edges) - 1
     for start, end in edges:
         if start == end:
-            yield f"points_m: {_name(start)} is there twice in a row: leave it out once"
-            return
+            return f"points_m: {_name(start)} is there twice in a row: leave it out once"
     if _signed_area(corners) == 0.0:
-        yield "points_m: they enclose no area: give the corners in their order along the border"
-        return
+        return "points_m: they enclose no area: give the corners in their order along the border"
     for (number, edge), (other_number, other) in combinations(enumerate(edges), 2):
         is_next = other_number - number == 1 or (number == 0 and other_number == last)
         if _turn_back(edge, other) if is_next else _touch(edge, other):
-            yield (
+            return (
                 f"points_m: the line from {_name(edge[0])} to {_name(edge[1])} meets that from "
                 f"{_name(other[0])} to {_name(other[1])}: give the corners in their order along the border"
             )
-            return
+    return ""
 
 
 def _turn_back(edge: tuple[complex, complex], other: tuple[complex, complex]) -> bool:
