@@ -289,7 +289,7 @@ def test_nothing_is_driven_outside_the_free_place(
 ) -> None:
     """A rover that turns on the spot needs no room for that; one that cannot drives rings."""
     monkeypatch.setattr(procedure, "run_virtual", lambda *arguments: pytest.fail("driven"))
-    area = "points_m = [[-1.2, -1.2], [1.2, -1.2], [1.2, 1.2], [-1.2, 1.2]]"
+    area = "points_m = [[-1.5, -1.5], [1.5, -1.5], [1.5, 1.5], [-1.5, 1.5]]"
     text = read_config_text("robotino" if rover == "robotino" else "el-dorado-crab")
     text = (
         re.sub(r"length_m = [\d.]+", "length_m = 0.9", text) + f'\n[safety.area]\ntype = "polygon"\n{area}\n'
