@@ -23,6 +23,7 @@ class DeviceRoles:
         wheel_wraps_rad: Angle after which the position of each wheel wraps in its device, inf for never, None
             where it is unknown; empty where all are.
         unmeasured_wheels: Wheels without an encoder.
+        undriven_wheels: Wheels that no motor turns.
     """
 
     wheels: str
@@ -35,6 +36,7 @@ class DeviceRoles:
     wheel_age_s: float | None = None
     wheel_wraps_rad: tuple[float | None, ...] = ()
     unmeasured_wheels: frozenset[int] = frozenset()
+    undriven_wheels: frozenset[int] = frozenset()
 
     @property
     def motion_age_s(self) -> float:

@@ -46,6 +46,14 @@ class DeviceSettings(Settings):
         """Return key and path of the port that only one device can open; None where devices may share it."""
         return None
 
+    def reports_supply(self) -> bool:
+        """Return whether the device reports its supply voltage.
+
+        Raises:
+            ConfigError: A data file that the settings name is missing or wrong.
+        """
+        return False
+
 
 class ByteDeviceSettings(DeviceSettings):
     """A device that sends bytes: serial chunks or CAN frames."""

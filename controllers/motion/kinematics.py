@@ -22,10 +22,12 @@ class Kinematics(Mobility, Protocol):
         steering_rates_rad_s: Greatest steering speed of each wheel, 0 for one that does not steer; empty
             where none steers.
         unmeasured: Wheels without an encoder; their values have no effect on `body_motion`.
+        undriven: Wheels that no motor turns.
     """
 
     wheel_count: int
     unmeasured: frozenset[int]
+    undriven: frozenset[int]
     steering_rates_rad_s: tuple[float, ...]
 
     def wheel_speeds(
@@ -76,6 +78,7 @@ class _FixedWheels(ABC):
     crab_limit_rad = 0.0
     steering_rates_rad_s: tuple[float, ...] = ()
     unmeasured: frozenset[int] = frozenset()
+    undriven: frozenset[int] = frozenset()
 
     @abstractmethod
     def wheel_speeds(

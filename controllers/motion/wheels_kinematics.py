@@ -54,6 +54,7 @@ class WheelsKinematics:
         steering_rates_rad_s: Greatest steering speed of each wheel, 0 for one that does not steer; empty
             where none steers.
         unmeasured: Wheels without an encoder.
+        undriven: Wheels that no motor turns.
     """
 
     def __init__(self, settings: WheelsRoverSettings) -> None:
@@ -66,6 +67,7 @@ class WheelsKinematics:
         self._steers = any(wheel.steering is not None for wheel in wheels)
         self.wheel_count = len(wheels)
         self.unmeasured = frozenset(place for place, wheel in enumerate(wheels) if not wheel.measured)
+        self.undriven = frozenset(place for place, wheel in enumerate(wheels) if not wheel.driven)
         self.steering_rates_rad_s = tuple(
             0.0 if wheel.steering is None else math.radians(wheel.steering.rate_deg_s) for wheel in wheels
         )

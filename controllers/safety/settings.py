@@ -39,8 +39,10 @@ from controllers.safety.missed_turn_rule import MissedTurnRule
 from controllers.safety.operator_rule import OperatorRule
 from controllers.safety.reasons import StopRule
 from controllers.safety.recorded_rules import StandingWheelsRule, ZeroReadingsRule
-from controllers.safety.stall_monitor import StallMonitor, StallSettings
+from controllers.safety.response_rule import ResponseRule, ResponseSettings
+from controllers.safety.stall_monitor import StallMonitor
 from controllers.safety.steering_monitor import SteeringMonitor, SteeringReportRule, SteeringSettings
+from controllers.safety.supply_rule import SupplyRule, SupplySettings
 from controllers.safety.turn_comparison import TurnComparison
 from controllers.safety.unproven_turn import UnprovenTurn
 
@@ -48,8 +50,9 @@ from controllers.safety.unproven_turn import UnprovenTurn
 class SafetySettings(
     AreaSettings,
     BumperSettings,
+    SupplySettings,
     InnovationSettings,
-    StallSettings,
+    ResponseSettings,
     SteeringSettings,
     GyroTurnSettings,
     GyroReadingSettings,
@@ -95,6 +98,7 @@ def make_rules(
         AreaRule(),
         LinkRule(roles),
         FaultRule(roles),
+        SupplyRule(settings),
         FreshnessRule(roles, wheel_count),
         SteeringReportRule(roles),
         MotionRule(roles),
@@ -113,6 +117,7 @@ def make_rules(
         DisplacedFixRule(settings),
         FixJumpRule(settings),
         StallMonitor(settings, wheel_count),
+        ResponseRule(settings, roles, wheel_count),
         EntrapmentRule(settings, roles),
         SteeringMonitor(settings),
         UnseenMotionRule(settings, roles),

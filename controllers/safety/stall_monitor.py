@@ -41,6 +41,11 @@ class StallSettings(Settings):
     creep_rad: Annotated[float, Field(ge=0.1, le=100.0)] = 1.5
     reverse_s: Annotated[float, Field(ge=0.1, le=10.0)] = 0.5
 
+    def least_speed_rad_s(self, set_point_rad_s: float) -> float:
+        """Return the speed above which a wheel follows a setpoint of this size."""
+        share_rad_s = self.stall_ratio * (set_point_rad_s - self.stall_set_point_rad_s)
+        return max(self.stall_speed_rad_s, share_rad_s)
+
 
 @dataclass(slots=True)
 class _Wheel:
@@ -103,7 +108,7 @@ class StallMonitor(StopRule):
             turning = math.copysign(1.0, commanded) * measured
             if is_at_rest:
                 self._wheels[index] = wheel = _Wheel()
-            elif turning > self._least_speed(abs(commanded)):
+            elif turning > self._settings.least_speed_rad_s(abs(commanded)):
                 wheel.clear(kept)
             else:
                 self._count(wheel, elapsed_ns, commanded, turning)
@@ -111,11 +116,6 @@ class StallMonitor(StopRule):
         for index, (commanded, measured) in enumerate(pairs):
             if self._wheels[index].has_not_followed:
                 yield from self._judge(index, commanded, measured)
-
-    def _least_speed(self, set_point_rad_s: float) -> float:
-        settings = self._settings
-        share_rad_s = settings.stall_ratio * (set_point_rad_s - settings.stall_set_point_rad_s)
-        return max(settings.stall_speed_rad_s, share_rad_s)
 
     def _count(self, wheel: _Wheel, elapsed_ns: int, commanded: float, turning: float) -> None:
         settings, set_point = self._settings, abs(commanded)

@@ -33,6 +33,16 @@ class CanWheelsSettings(CanDeviceSettings, DriveSettings):
         bus = load_mapping(self.mapping)
         return {"mapping": (bus.mapping_file, *bus.dbc_files)}
 
+    def reports_supply(self) -> bool:
+        """Return whether the mapping has the supply voltage.
+
+        Raises:
+            ConfigError: The mapping is missing or wrong.
+        """
+        from drivers.can_wheels.mapping_file import load_mapping
+
+        return load_mapping(self.mapping).mapping.power is not None
+
     def make_codec(self, name: str) -> DriveCodec:
         """Build the codec of the bus called `name`.
 

@@ -17,6 +17,10 @@ class RobotinoBoardSettings(RobotinoBoardParameters):
         reply_s = REPLY_DELAY_S + BITS_PER_BYTE * REPLY_BYTES / self.baud_rate
         return reply_s + (request_period_s if self.board == "EA05" else 0.0)
 
+    def reports_supply(self) -> bool:
+        """Return True."""
+        return True
+
     def make_codec(self, name: str) -> DriveCodec:
         """Build the codec of the board called `name`."""
         from drivers.robotino_board.codec import RobotinoBoardCodec

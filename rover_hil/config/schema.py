@@ -159,6 +159,7 @@ class Config(ControlSettings):
         """Return the roles as the controller needs them."""
         wheels = self.devices[self.roles.wheels]
         gyro = None if self.roles.gyro is None else self.devices[self.roles.gyro]
+        kinematics = make_kinematics(self.rover)
         return DeviceRoles(
             wheels=self.roles.wheels,
             wheel_age_s=(
@@ -170,7 +171,8 @@ class Config(ControlSettings):
             headings=self.roles.headings,
             fixes=self.fix_sources,
             camera=self.roles.camera,
-            unmeasured_wheels=make_kinematics(self.rover).unmeasured,
+            unmeasured_wheels=kinematics.unmeasured,
+            undriven_wheels=kinematics.undriven,
         )
 
     def require_simulation(self) -> SimulationSettings:

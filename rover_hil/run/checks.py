@@ -132,6 +132,21 @@ def _find_motor_field_mistakes(draft: Draft) -> Iterator[str]:
         )
 
 
+def _find_missing_supply(draft: Draft) -> Iterator[str]:
+    least_v = draft.config.safety.least_supply_v
+    if least_v is None or draft.broken_devices:
+        return
+    try:
+        if any(device.reports_supply() for device in draft.config.devices.values()):
+            return
+    except ConfigError:
+        return  # reported with the data files
+    yield (
+        f"safety.least_supply_v is {least_v:g} V, but no device reports its supply voltage: remove the key, "
+        "or map the voltage in [power] of a can_wheels mapping"
+    )
+
+
 def _find_mission_conflicts(draft: Draft) -> Iterator[str]:
     mission = draft.config.mission
     if mission is not None:
@@ -199,6 +214,7 @@ ROVER_CHECKS = (
     Rule(("rover", "roles", "devices"), _find_unmeasured_conflict),
     Rule(("rover", "roles", "devices"), _find_steering_mistakes),
     Rule(("rover", "roles", "filter"), _find_motor_field_mistakes),
+    Rule(("safety", "devices"), _find_missing_supply),
     Rule(("rover", "mission"), _find_mission_conflicts),
     Rule(("rover", "mission", "safety"), _find_area_conflicts),
     Rule(("scomp", "ground_motion"), _find_rig_mistakes),

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
+from drivers.clock import seconds
 from drivers.record import record
 
 
@@ -35,6 +36,11 @@ class Truth:
     battery_v: float
     bumper_pressed: bool
     steering_rad: tuple[float, ...] | None = None
+
+
+def fallen_v(battery_v: float, fall_v_s: float, since_start_ns: int) -> float:
+    """Return the voltage that the devices report of a battery whose voltage falls since the start."""
+    return max(0.0, battery_v - fall_v_s * seconds(since_start_ns))
 
 
 class Plant(Protocol):

@@ -23,7 +23,7 @@ from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.el_dorado.wheel_table import WheelTable, load_table
 from sim_backends.terramechanics.soil.library import load_soil, load_wheel
 from sim_backends.world.coloured_noise import ColouredNoise
-from sim_backends.world.plant import Truth
+from sim_backends.world.plant import Truth, fallen_v
 
 STEP_NS = 10_000_000
 LEAST_STRENGTH = 0.3
@@ -69,7 +69,7 @@ class ElDoradoPlant:
         self._wheels = WheelState(*(np.zeros(4) for _ in WheelState._fields))
         self._current_a = np.zeros(4)
         self._noise = ColouredNoise(4, settings.fluctuation_time_s, rng, start_ns)
-        self._now_ns = self._reached_ns = start_ns
+        self._now_ns = self._reached_ns = self._start_ns = start_ns
         self._truth: Truth | None = None
         self._constants = (self._rover, self._drives, self._ground, self._table)
 
@@ -164,7 +164,11 @@ class ElDoradoPlant:
             wheel_speed_rad_s=tuple(speeds),
             motor_current_a=tuple(currents),
             slip=tuple(state.slip.tolist()),
-            battery_v=settings.battery_v - settings.battery_resistance_ohm * supply_a,
+            battery_v=fallen_v(
+                settings.battery_v - settings.battery_resistance_ohm * supply_a,
+                settings.battery_fall_v_s,
+                self._now_ns - self._start_ns,
+            ),
             bumper_pressed=False,
             steering_rad=tuple(wheels.steer_rad.tolist()),
         )

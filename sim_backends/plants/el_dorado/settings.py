@@ -66,6 +66,8 @@ class ElDoradoPlantSettings(Settings):
         torque_per_ampere_nm: Torque at the wheel per current, with gear and efficiency.
         resistance_ohm: Resistance of a motor.
         battery_v: Voltage of the battery without load.
+        battery_fall_v_s: By how much the voltage that the devices report falls per second from the start; the
+            motors keep their power.
         battery_resistance_ohm: Internal resistance of the battery.
         idle_current_a: Current of the electronics.
     """
@@ -89,5 +91,6 @@ class ElDoradoPlantSettings(Settings):
     torque_per_ampere_nm: Annotated[float, Field(gt=0)] = 1.8
     resistance_ohm: Annotated[float, Field(gt=0)] = 1.0
     battery_v: Annotated[float, Field(gt=0)] = 25.0
+    battery_fall_v_s: Annotated[float, Field(ge=0)] = 0.0
     battery_resistance_ohm: Annotated[float, Field(ge=0)] = 0.1
     idle_current_a: Annotated[float, Field(ge=0)] = 1.0

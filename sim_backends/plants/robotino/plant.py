@@ -14,7 +14,7 @@ from sim_backends.jit import specialised
 from sim_backends.plants.robotino.dynamics import Observed, Rover, State, advance, observe
 from sim_backends.plants.robotino.ground import rasterise
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
-from sim_backends.world.plant import Truth
+from sim_backends.world.plant import Truth, fallen_v
 
 WHEEL_ANGLES_DEG = (60.0, 180.0, 300.0)
 
@@ -49,7 +49,7 @@ class RobotinoPlant:
         rate_hz = loop.rate_hz * (1.0 + loop.rate_error * rng.standard_normal())
         self._step_ns = nanoseconds(1.0 / rate_hz / loop.steps_per_period)
         self._grid_ns = start_ns - round(rng.random() * loop.steps_per_period * self._step_ns)
-        self._t_ns = start_ns
+        self._t_ns = self._start_ns = start_ns
         self._rover = make_rover(settings, seconds(self._step_ns))
         self._state = _initial_state(settings)
         self._encoder_zeros = rng.uniform(0.0, self._rover.tick_rad, 3)
@@ -121,7 +121,7 @@ class RobotinoPlant:
             wheel_speed_rad_s=seen.speed_rad_s,
             motor_current_a=seen.current_a,
             slip=seen.slip,
-            battery_v=seen.supply_v,
+            battery_v=fallen_v(seen.supply_v, self._settings.battery_fall_v_s, self._t_ns - self._start_ns),
             bumper_pressed=bumper_x_m is not None and x_m > bumper_x_m,
         )
 

@@ -86,6 +86,8 @@ class RobotinoPlantSettings(Settings):
             loads. The fitted value is behind the centre.
         yaw_inertia_kg_m2: Inertia about the centre of mass; the default is a disc of 12.6 kg and 0.185 m.
         battery_v: Voltage of the battery without load.
+        battery_fall_v_s: By how much the voltage that the devices report falls per second from the start; the
+            motors keep their power.
         battery_resistance_ohm: Internal resistance of the battery.
         idle_current_a: Current of the electronics.
         bumper_x_m: Position of the rover at which it touches a wall, which presses the bumper; without it
@@ -105,6 +107,7 @@ class RobotinoPlantSettings(Settings):
     centre_of_mass_x_m: Annotated[float, Field(gt=-0.06, lt=0.06)] = -0.017
     yaw_inertia_kg_m2: Annotated[float, Field(gt=0)] = 0.216
     battery_v: Annotated[float, Field(gt=0)] = 26.0
+    battery_fall_v_s: Annotated[float, Field(ge=0)] = 0.0
     battery_resistance_ohm: Annotated[float, Field(ge=0)] = 0.15
     idle_current_a: Annotated[float, Field(ge=0)] = 1.5
     bumper_x_m: float | None = None

@@ -14,7 +14,7 @@ from sim_backends.arrays import Array
 from sim_backends.plants.robotino.ground import rasterise
 from sim_backends.plants.wheels.dynamics import Rover, State, advance
 from sim_backends.plants.wheels.settings import WheelMotor, WheelsPlantSettings
-from sim_backends.world.plant import Truth
+from sim_backends.world.plant import Truth, fallen_v
 
 STEP_NS = 1_000_000
 SLIP_FLOOR_M_S = 0.02
@@ -55,7 +55,7 @@ class WheelsPlant:
         motors = [wheel.motor or WheelMotor() for wheel in settings.wheels]
         self._stall_a = self._rover.driven * [motor.stall_current_a for motor in motors]
         self._ground = rasterise(settings.site, float(np.mean(self._rover.radius_m)), rng)
-        self._grid_ns = self._t_ns = start_ns
+        self._grid_ns = self._t_ns = self._start_ns = start_ns
         self._offset_rad = np.radians(
             [0.0 if wheel.steering is None else wheel.steering.offset_deg for wheel in settings.wheels]
         )
@@ -139,7 +139,11 @@ class WheelsPlant:
             wheel_speed_rad_s=tuple(state.speed_rad_s.tolist()),
             motor_current_a=tuple(currents),
             slip=self._slips(),
-            battery_v=settings.battery_v - settings.battery_resistance_ohm * supply_a,
+            battery_v=fallen_v(
+                settings.battery_v - settings.battery_resistance_ohm * supply_a,
+                settings.battery_fall_v_s,
+                self._t_ns - self._start_ns,
+            ),
             bumper_pressed=False,
             steering_rad=steering_rad,
         )

@@ -105,6 +105,8 @@ class WheelsPlantSettings(Settings):
         speed_integral_per_s: Their integral gain, over the proportional one.
         set_point_delay_s: Delay from the host's command to the speed loops.
         battery_v: Voltage of the supply without load.
+        battery_fall_v_s: By how much the voltage that the devices report falls per second from the start; the
+            motors keep their power.
         battery_resistance_ohm: Its internal resistance.
         idle_current_a: Current of the electronics.
     """
@@ -127,5 +129,6 @@ class WheelsPlantSettings(Settings):
     speed_integral_per_s: Annotated[float, Field(ge=0)] = 5.0
     set_point_delay_s: Annotated[float, Field(ge=0, le=1)] = 0.02
     battery_v: Positive = 24.0
+    battery_fall_v_s: Annotated[float, Field(ge=0)] = 0.0
     battery_resistance_ohm: Annotated[float, Field(ge=0)] = 0.05
     idle_current_a: Annotated[float, Field(ge=0)] = 0.5

@@ -1,0 +1,148 @@
+"""Stop rule about drives that turn their wheels more slowly than commanded, without reporting it."""
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
+
+from pydantic import Field
+
+from controllers.roles import DeviceRoles
+from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.safety.stall_monitor import StallSettings
+from drivers.clock import nanoseconds, seconds
+
+WARNING_RATIO = 0.6
+"""A wheel that turns at less than this share of its setpoints is a warning."""
+
+LAG_S = 0.3
+"""A drive may follow a change of its setpoint as slowly as a low-pass with this time constant."""
+
+PARTS = 20
+"""Of the window, so that old cycles leave it in steps."""
+
+
+class ResponseSettings(StallSettings):
+    """When a wheel that turns more slowly than commanded stops the rover.
+
+    Attributes:
+        response_s: The ratio of measured speed to setpoint of each wheel is that of the least squares
+            through zero over this time of driving: with setpoints above `stall_set_point_rad_s` that the
+            wheel follows in the sense of `stall_ratio`.
+        response_ratio: The rover stops when the ratio of a wheel is below this. Below 0.6 it is a warning.
+            Both only where the wheel lacks more than `stall_set_point_rad_s` on average, which its load may
+            take. Without a value the rover is not stopped.
+    """
+
+    response_s: Annotated[float, Field(ge=1.0, le=600.0)] = 5.0
+    response_ratio: Annotated[float | None, Field(ge=0.01, le=1.0)] = None
+
+
+class _Sums(NamedTuple):
+    """Integrals over a time of driving: of setpoint times speed, of both setpoints squared and their size."""
+
+    t_s: float = 0.0
+    speed: float = 0.0
+    square: float = 0.0
+    size: float = 0.0
+
+    def plus(self, other: "_Sums") -> "_Sums":
+        """Return the sums over both times."""
+        return _Sums(
+            self.t_s + other.t_s,
+            self.speed + other.speed,
+            self.square + other.square,
+            self.size + other.size,
+        )
+
+
+class _Wheel:
+    """The newest `response_s` of a wheel's driving, in parts."""
+
+    def __init__(self, response_s: float) -> None:
+        self._part_s = response_s / PARTS
+        self._parts: deque[_Sums] = deque(maxlen=PARTS - 1)
+        self._full = self._newest = _Sums()
+        self.slow_rad_s = 0.0
+
+    def count(self, elapsed_s: float, set_point_rad_s: float, speed_rad_s: float) -> None:
+        """Count a cycle."""
+        self._newest = self._newest.plus(
+            _Sums(
+                elapsed_s,
+                elapsed_s * set_point_rad_s * speed_rad_s,
+                elapsed_s * set_point_rad_s**2,
+                elapsed_s * abs(set_point_rad_s),
+            )
+        )
+        if self._newest.t_s >= self._part_s:
+            self._parts.append(self._newest)
+            self._newest, self._full = _Sums(), _Sums()
+            for part in self._parts:
+                self._full = self._full.plus(part)
+
+    def response(self, load_rad_s: float) -> float | None:
+        """Return the ratio of speed to setpoint; None where the load may explain it or the time is short."""
+        if len(self._parts) < PARTS - 1:
+            return None
+        sums = self._full.plus(self._newest)
+        if sums.speed + load_rad_s * sums.size >= sums.square:
+            return None
+        return sums.speed / sums.square
+
+
+class ResponseRule(StopRule):
+    """Measures the ratio of speed to setpoint of each wheel while it follows."""
+
+    is_for_drives = False
+
+    def __init__(self, settings: ResponseSettings, roles: DeviceRoles, wheel_count: int) -> None:
+        self._settings = settings
+        self._longest_cycle_ns = nanoseconds(settings.response_s / PARTS)
+        judged = frozenset(range(wheel_count)) - roles.unmeasured_wheels - roles.undriven_wheels
+        self._wheels = {wheel: _Wheel(settings.response_s) for wheel in sorted(judged)}
+        self._checked_ns: int | None = None
+        self._has_stopped = False
+
+    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+        """Return a reason for every wheel that turns more slowly than commanded."""
+        checked_ns = cycle.now_ns if self._checked_ns is None else self._checked_ns
+        elapsed_s = seconds(max(0, min(cycle.now_ns - checked_ns, self._longest_cycle_ns)))
+        self._checked_ns = cycle.now_ns
+        if not any(cycle.commanded_rad_s):
+            # After a stop for this the wheels must show again how they respond.
+            forgets, self._has_stopped = self._has_stopped, False
+            for index, wheel in self._wheels.items():
+                self._wheels[index] = _Wheel(self._settings.response_s) if forgets else wheel
+                self._wheels[index].slow_rad_s = 0.0
+        for index, pair in enumerate(zip(cycle.commanded_rad_s, cycle.measured_rad_s, strict=True)):
+            wheel = self._wheels.get(index)
+            if wheel is not None:
+                self._count(wheel, elapsed_s, *pair)
+                yield from self._judge(index, wheel)
+
+    def _count(self, wheel: _Wheel, elapsed_s: float, commanded: float, measured: float) -> None:
+        settings = self._settings
+        wheel.slow_rad_s += (commanded - wheel.slow_rad_s) * -math.expm1(-elapsed_s / LAG_S)
+        if commanded * wheel.slow_rad_s <= 0.0:
+            return
+        set_point = min(commanded, wheel.slow_rad_s, key=abs)
+        turning = math.copysign(1.0, commanded) * measured
+        size = abs(set_point)
+        if size >= settings.stall_set_point_rad_s and turning > settings.least_speed_rad_s(size):
+            wheel.count(elapsed_s, set_point, measured)
+
+    def _judge(self, index: int, wheel: _Wheel) -> Iterator[StopReason]:
+        settings = self._settings
+        ratio = wheel.response(settings.stall_set_point_rad_s)
+        if ratio is None:
+            return
+        text = (
+            f"wheel {index}: turns at {100.0 * ratio:.0f} % of its setpoints over {settings.response_s:g} s "
+            "of driving; drive, motor or supply is weak, or wheel_radius_m or the mapping is wrong"
+        )
+        if settings.response_ratio is not None and ratio < settings.response_ratio:
+            self._has_stopped = True
+            yield StopReason("response", text, Severity.RECOVERABLE)
+        elif ratio < WARNING_RATIO:
+            yield StopReason("response", text, Severity.SUSPICION)
