@@ -25,7 +25,7 @@ from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 from rover_hil.ready.room import require_room
 from rover_hil.ready.turns import on_firm_floor
-from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS
+from rover_hil.run.checks import ROVER_CHECKS, VIRTUAL_RUN_CHECKS, find_too_fast
 from rover_hil.run.drive_order import DriveOrder
 from rover_hil.run.drive_permission import permit_drive
 from rover_hil.run.driving import require_finished, require_uninterrupted, run_real, run_virtual
@@ -318,6 +318,8 @@ def _drive_all(
         procedure.record_by_hand(config, logs[0])
         return
     require_room(config, [drive.config.mission for drive in drives], procedure.room_fix)
+    for conflict in dict.fromkeys(line for drive in drives for line in find_too_fast(drive.config)):
+        raise ConfigError(conflict)
     order = permit_drive(request.source, config, virtual=request.virtual, drive=request.drive)
     for drive, log in zip(drives, logs, strict=True):
         procedure.begin(drive, is_virtual=order is None)

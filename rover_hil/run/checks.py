@@ -5,19 +5,21 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from controllers.motion.kinematics import make_kinematics
-from controllers.motion.rover_geometry import WheelsRoverSettings
+from controllers.motion.rover_geometry import OmniRoverSettings, WheelsRoverSettings
 from controllers.settings import find_area_conflicts
+from controllers.slip.effort.settings import YAW_PROBE
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.device_settings import DriveSettings
 from drivers.driver import SteeringCodec
 from drivers.errors import ConfigError
-from rover_hil.config import Draft, Rule
+from rover_hil.config import Config, Draft, Rule
 from rover_hil.config.ros2_joints import find_command_conflicts, find_connection_conflicts
 from rover_hil.config.schema import MISSING_SIMULATION, find_rigs
 from rover_hil.run.composition import find_wheel_count_conflict
 from sim_backends.build import find_simulation_conflicts
 from sim_backends.serving.server import find_unservable
 
+ROUNDING = 1.0 + 1e-9
 ROUNDING_DEG = 0.1
 """A steering set-point may miss a limit of the wheel by this much: signals count in coarse steps."""
 
@@ -158,6 +160,44 @@ def _find_area_conflicts(draft: Draft) -> Iterator[str]:
     return find_area_conflicts(config.rover, config.mission, config.safety)
 
 
+def find_too_fast(config: Config) -> Iterator[str]:
+    """Yield which wheel speeds a mission needs that `limits` does not allow, with the fix.
+
+    A curve or a correction that needs more for moments is driven more slowly; a whole leg is not as planned.
+    """
+    mission, limit_rad_s = config.mission, config.limits.wheel_speed_rad_s
+    if mission is None:
+        return
+    kinematics = make_kinematics(config.rover)
+    excited = _excitation_rad_s(config)
+    fastest: dict[str, float] = {}
+    for cause, motion in mission.motions(kinematics):
+        speed_rad_s = max(map(abs, kinematics.wheel_speeds(*motion)))
+        added_rad_s = excited if any(motion[:2]) else 0.0
+        added = " and the yaw excitation" if added_rad_s else ""
+        fastest[cause + added] = max(fastest.get(cause + added, 0.0), speed_rad_s + added_rad_s)
+    for cause, speed_rad_s in fastest.items():
+        if speed_rad_s > ROUNDING * limit_rad_s:
+            verb = "need" if " and " in cause else "needs"
+            yield (
+                f"{cause} {verb} wheel speeds of {speed_rad_s:.3g} rad/s with the wheel radius of "
+                f"{config.rover.wheel_radius_m:g} m, above limits.wheel_speed_rad_s = {limit_rad_s:g} rad/s: "
+                "correct the geometry in [rover], drive more slowly, or raise the limit to what the drives do"
+            )
+
+
+def _excitation_rad_s(config: Config) -> float:
+    """Return what the yaw excitation adds to the wheel speeds of a mission."""
+    slip, mission, rover = config.slip, config.mission, config.rover
+    if slip is None or slip.use != YAW_PROBE or mission is None or not isinstance(rover, OmniRoverSettings):
+        return 0.0
+    return slip.excitation.rim_m_s(mission.speed_m_s) / rover.wheel_radius_m
+
+
+def _find_too_fast(draft: Draft) -> Iterator[str]:
+    return find_too_fast(draft.config)
+
+
 def _find_rig_mistakes(draft: Draft) -> Iterator[str]:
     rigs = find_rigs(draft.config)
     if not rigs:
@@ -217,6 +257,7 @@ ROVER_CHECKS = (
     Rule(("safety", "devices"), _find_missing_supply),
     Rule(("rover", "mission"), _find_mission_conflicts),
     Rule(("rover", "mission", "safety"), _find_area_conflicts),
+    Rule(("rover", "mission", "limits", "slip"), _find_too_fast, is_last=True),
     Rule(("scomp", "ground_motion"), _find_rig_mistakes),
     Rule(("devices", "simulation"), _find_simulation_conflicts),
 )

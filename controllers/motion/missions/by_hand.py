@@ -5,10 +5,12 @@ from collections.abc import Iterator
 from typing import Literal
 
 from controllers.motion.body_motion import BodyMotion
-from controllers.motion.missions.mission import Follower, Guidance, Mission, Mobility
+from controllers.motion.missions.mission import Follower, Guidance, Mission, Mobility, NeededMotion
 from controllers.motion.planar import Pose
 from drivers.clock import nanoseconds
 
+DIRECTIONS = 24
+"""Of the motions whose wheel speeds are compared with the limit: 15 deg apart they differ by 1 %."""
 EXPIRY_S = 0.2
 """A command by hand holds this long: whoever drives repeats it, or the rover stops."""
 
@@ -34,6 +36,17 @@ class ByHandMission(Mission):
     def turns_beside_travel(self, mobility: Mobility) -> bool:
         """Return False: nobody knows before."""
         return False
+
+    def motions(self, mobility: Mobility) -> Iterator[NeededMotion]:
+        """Yield the greatest velocity in each direction that the rover has, and the turn."""
+        cause = f"mission.speed_m_s = {self.speed_m_s:g} m/s"
+        for direction in range(DIRECTIONS if mobility.moves_sideways else 1):
+            angle_rad = math.tau * direction / DIRECTIONS
+            velocity = (self.speed_m_s * math.cos(angle_rad), self.speed_m_s * math.sin(angle_rad))
+            yield NeededMotion(cause, (*velocity, 0.0))
+        rate_rad_s = self.yaw_rate_limit_rad_s
+        if mobility.turns_on_spot:
+            yield NeededMotion(f"mission.yaw_rate_limit_rad_s = {rate_rad_s:g} rad/s", (0.0, 0.0, rate_rad_s))
 
 
 class ByHand(Follower[ByHandMission]):

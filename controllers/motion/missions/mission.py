@@ -44,6 +44,18 @@ class Leg(NamedTuple):
     wait_s: float
 
 
+class NeededMotion(NamedTuple):
+    """A body velocity that a mission commands for more than moments.
+
+    Attributes:
+        cause: Key of the configuration with its value and unit.
+        motion: The velocity.
+    """
+
+    cause: str
+    motion: BodyMotion
+
+
 class Mobility(Protocol):
     """What the wheels of a rover let it do; the kinematics of a rover have it.
 
@@ -135,6 +147,10 @@ class Mission(PathSettings, ABC):
     def turns_beside_travel(self, mobility: Mobility) -> bool:
         """Return whether the rover turns in place, or while it moves on sideways."""
 
+    @abstractmethod
+    def motions(self, mobility: Mobility) -> Iterator[NeededMotion]:
+        """Yield the fastest motions of each kind: straight on, aside, in place, on the tightest arc."""
+
     def legs(self) -> tuple[Leg, ...]:
         """Return the legs of the path, which begins at (0, 0); one of no length where there is no path."""
         return (Leg((0.0, 0.0), None, 0.0),)
@@ -156,6 +172,11 @@ class Mission(PathSettings, ABC):
 class TurnsInPlace(Mission, ABC):
     """A mission of turns on the spot, for which there is nothing to change while it is driven."""
 
+    @property
+    @abstractmethod
+    def fastest_turn_rad_s(self) -> float:
+        """Greatest commanded yaw rate, `turn_rate_rad_s`."""
+
     def conflicts(self, mobility: Mobility) -> Iterator[str]:
         """Yield why a rover cannot follow it, with the fix."""
         if not mobility.turns_on_spot:
@@ -164,6 +185,11 @@ class TurnsInPlace(Mission, ABC):
     def turns_beside_travel(self, mobility: Mobility) -> bool:
         """Return True."""
         return True
+
+    def motions(self, mobility: Mobility) -> Iterator[NeededMotion]:
+        """Yield the turn."""
+        rate_rad_s = self.fastest_turn_rad_s
+        yield NeededMotion(f"mission.turn_rate_rad_s = {rate_rad_s:g} rad/s", (0.0, 0.0, rate_rad_s))
 
     def gains(self) -> tuple[str, ...]:
         """Return that nothing may be changed while it is driven."""

@@ -9,7 +9,15 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from controllers.motion.missions.mission import Follower, Guidance, Mission, Mobility, Point
+from controllers.motion.missions.mission import (
+    Follower,
+    Guidance,
+    Leg,
+    Mission,
+    Mobility,
+    NeededMotion,
+    Point,
+)
 from controllers.motion.planar import Pose, wrap_angle
 from drivers.clock import seconds
 
@@ -69,6 +77,30 @@ class CornersMission(Mission, ABC):
         ways_m = [1.0 + 0j, *(end - start for start, end in pairwise(corners_m) if end != start)]
         turns_rad = [abs(cmath.phase(after / before)) for before, after in pairwise(ways_m)]
         return max(turns_rad, default=0.0) > SPOT_TURN_RAD
+
+    def motions(self, mobility: Mobility) -> Iterator[NeededMotion]:
+        """Yield the speed of each leg in its direction, and the turns in place or on the tightest arc."""
+        legs = dict.fromkeys(zip(pairwise(self.corners()), self.legs(), strict=True))
+        needed: dict[NeededMotion, None] = {}
+        for line, leg in legs:
+            needed.update(dict.fromkeys(self._motions_on(line, leg, mobility)))
+        yield from needed
+        rate_rad_s = self.yaw_rate_limit_rad_s
+        if self.turns_beside_travel(mobility):
+            yield NeededMotion(f"mission.yaw_rate_limit_rad_s = {rate_rad_s:g} rad/s", (0.0, 0.0, rate_rad_s))
+
+    def _motions_on(self, line: tuple[Point, Point], leg: Leg, mobility: Mobility) -> Iterator[NeededMotion]:
+        key = "speed_m_s" if leg.speed_m_s is None else "speeds_m_s"
+        speed_m_s = leg.speed_m_s or self.speed_m_s
+        cause = f"mission.{key} = {speed_m_s:g} m/s"
+        course_rad = _direction(line) if self.heading == "hold" else 0.0
+        crab_rad = mobility.crab_limit_rad if self.heading == "crab" else 0.0
+        for angle_rad in dict.fromkeys((course_rad, crab_rad)):
+            yield NeededMotion(cause, (speed_m_s * math.cos(angle_rad), speed_m_s * math.sin(angle_rad), 0.0))
+        if not mobility.turns_on_spot and mobility.turn_radius_m > 0.0:
+            slow_m_s = SLOWEST_SHARE * speed_m_s
+            turn_rad_s = min(self.yaw_rate_limit_rad_s, slow_m_s / mobility.turn_radius_m)
+            yield NeededMotion(cause, (slow_m_s, 0.0, turn_rad_s))
 
 
 class PathFollower(Follower[CornersMission]):

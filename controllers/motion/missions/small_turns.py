@@ -34,6 +34,11 @@ class SmallTurnsMission(TurnsInPlace):
         """What is driven, in a few words that begin a sentence."""
         return "Small turns in place"
 
+    @property
+    def fastest_turn_rad_s(self) -> float:
+        """Greatest commanded yaw rate."""
+        return self.turn_rate_rad_s
+
     def follower(self, mobility: Mobility) -> "SmallTurns":
         """Return what drives it."""
         return SmallTurns(self, mobility)

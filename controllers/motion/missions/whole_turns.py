@@ -37,6 +37,11 @@ class WholeTurnsMission(TurnsInPlace):
         """What is driven, in a few words that begin a sentence."""
         return f"{self.turns} turns in place in each sense"
 
+    @property
+    def fastest_turn_rad_s(self) -> float:
+        """Greatest commanded yaw rate."""
+        return self.turn_rate_rad_s
+
     def follower(self, mobility: Mobility) -> "WholeTurns":
         """Return what drives it."""
         return WholeTurns(self, mobility)
