@@ -87,6 +87,8 @@ class RoleSettings(Settings):
             [scomp].
         require_camera: The rover also stops when this camera sends nothing or breaks. Otherwise slip is then
             not measured, and the estimate is less certain.
+        required: Other devices that the rover needs: it also stops when one of them sends nothing. A
+            calibration adds those that it reads.
     """
 
     wheels: str
@@ -96,6 +98,7 @@ class RoleSettings(Settings):
     require_fixes: bool = False
     camera: str | None = None
     require_camera: bool = False
+    required: tuple[str, ...] = ()
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all devices that the rover needs for moving, each once."""
@@ -105,6 +108,7 @@ class RoleSettings(Settings):
             *self.headings,
             *(self.fixes if self.require_fixes else ()),
             self.camera if self.require_camera else None,
+            *self.required,
         )
         return tuple(dict.fromkeys(name for name in candidates if name is not None))
 
@@ -122,6 +126,7 @@ ROLE_KINDS: dict[str, tuple[type[DeviceSettings] | tuple[type[DeviceSettings], .
     "headings": (ByteDeviceSettings, "is a camera and measures no heading"),
     "fixes": ((OverheadCameraSettings, NmeaGnssSettings), "is neither an overhead_camera nor an nmea_gnss"),
     "camera": (CameraSettings, "is not a camera that looks back"),
+    "required": (DeviceSettings, "is no device"),
 }
 """Per role the kind of device it needs, and what any other device lacks."""
 

@@ -90,6 +90,7 @@ class Drive:
         status: Returns what is shown of a cycle.
         simulated: Returns the simulation to drive in.
         must_finish: A drive that ends early is of no use.
+        needs: Devices that the procedure reads: the rover stops without one, as without those with a role.
     """
 
     name: str
@@ -99,6 +100,7 @@ class Drive:
     status: Callable[[StepOutput], str]
     simulated: Callable[[SimulationSettings], SimulationSettings] = on_firm_floor
     must_finish: bool = True
+    needs: Sequence[str] = ()
 
 
 class Entry(NamedTuple):
@@ -329,22 +331,24 @@ def _drive_all(
 
 def _drive(procedure: Procedure[Record, Result], drive: Drive, log: Path, order: DriveOrder | None) -> None:
     """Drive once, on firm ground where that is simulated: a user, too, has to choose such a place."""
+    roles = drive.config.roles.model_copy(update={"required": (*drive.config.roles.required, *drive.needs)})
+    config = drive.config.model_copy(update={"roles": roles})
     with show_steps(drive.words) as step:
 
         def show(output: StepOutput) -> None:
             step(drive.status(output))
 
         if order is None:
-            simulation = drive.simulated(drive.config.require_simulation())
-            virtual = drive.config.model_copy(update={"simulation": simulation})
+            simulation = drive.simulated(config.require_simulation())
+            virtual = config.model_copy(update={"simulation": simulation})
             result = run_virtual(virtual, log, drive.limit_s, show)
         else:
             connection: AbstractContextManager[Operator | None] = (
-                connected(drive.config) if procedure.is_connected else nullcontext()
+                connected(config) if procedure.is_connected else nullcontext()
             )
             with connection as operator:
-                result = run_real(drive.config, log, drive.limit_s, show, order=order, operator=operator)
-    if drive.must_finish:
+                result = run_real(config, log, drive.limit_s, show, order=order, operator=operator)
+    if drive.must_finish or result.has_lost_device:
         require_finished(result, drive.name)
     require_uninterrupted(result)
     if result.end is not End.FINISHED:

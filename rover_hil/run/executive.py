@@ -62,6 +62,12 @@ class RunResult:
     watchdog_interventions: int = 0
     log_pause_s: float = 0.0
 
+    @property
+    def has_lost_device(self) -> bool:
+        """Whether a device was lost for good, or the rover was still stopped when its time was over."""
+        was_stopped = self.end is End.TIME_OVER and self.mode is not Mode.RUNNING
+        return was_stopped or self.end is End.DEVICE_FAILED
+
 
 class CycleView(NamedTuple):
     """What an operator sees of a cycle.

@@ -207,6 +207,7 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
                 words=f"driving {name}",
                 status=partial(self._status, name),
                 simulated=lambda simulation: simulation,
+                needs=() if config.roles.camera is None else (config.roles.camera,),
             )
             for name in self.plan.names()
         ]

@@ -97,6 +97,7 @@ class CompassCalibration(FileProcedure[CompassRecord, CompassFit]):
                 config, device, on_firm_floor(simulation), "rate", "angle", "magnetic"
             ),
             must_finish=False,
+            needs=(device,),
         )
         return (drive,)
 

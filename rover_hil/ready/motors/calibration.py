@@ -96,6 +96,7 @@ class MotorCalibration(FileProcedure[MotorDrive, MotorFieldFit]):
             simulated=lambda simulation: with_frames(
                 config, device, on_firm_floor(simulation), "rate", "angle", "magnetic"
             ),
+            needs=(device,),
         )
         return (drive,)
 

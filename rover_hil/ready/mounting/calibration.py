@@ -111,6 +111,7 @@ class MountingCalibration(FileProcedure[MountingRecord, MountingFit]):
                 config, device, on_firm_floor(simulation), "acceleration", "rate"
             ),
             must_finish=False,
+            needs=(device, *config.roles.headings, *config.roles.fixes),
         )
         return (drive,)
 

@@ -87,6 +87,7 @@ class ScaleCalibration(FileProcedure[Sequence[ScaleRecord], ScaleFit]):
             words="driving a line",
             status=_status,
             simulated=_on_firm_ground,
+            needs=() if config.roles.camera is None else (config.roles.camera,),
         )
         return (drive,)
 
