@@ -1,6 +1,6 @@
 """What surrounds a run of `rover-hil run`: other programs, viewers, the line of the state, the report."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
@@ -9,7 +9,8 @@ from rich.text import Text
 
 from controllers.control_loop import StepOutput
 from controllers.safety import Mode
-from drivers.clock import PacedClock
+from drivers.clock import PacedClock, nanoseconds, seconds
+from drivers.driver import DeviceState, Health
 from drivers.errors import ConfigError
 from rover_hil.config import Config
 from rover_hil.connect.connections import connected
@@ -24,6 +25,8 @@ from rover_hil.terminal import Terminal
 
 SLOW_SHARE = 0.02
 """Of the cycles of a real run; with more skipped the user is told."""
+FIRST_SAMPLE_NS = nanoseconds(2.0)
+"""A device that has just been opened sends its first sample within this time."""
 
 
 def connection(
@@ -65,15 +68,40 @@ def without_memory(error: Exception, what: str, log_path: Path, folder: Path) ->
     )
 
 
+class LostDevices:
+    """Notes since when each device has sent nothing."""
+
+    def __init__(self) -> None:
+        self._start_ns: int | None = None
+        self._since_ns: dict[str, int] = {}
+
+    def lines(self, output: StepOutput, healths: Sequence[Health]) -> list[str]:
+        """Return one line for each lost device that does not stop the rover, whose reason is shown anyway."""
+        self._start_ns = output.t_ns if self._start_ns is None else self._start_ns
+        told = []
+        for health in healths:
+            if health.state is DeviceState.STREAMING:
+                self._since_ns.pop(health.device, None)
+                continue
+            since_ns = self._since_ns.setdefault(health.device, output.t_ns)
+            is_starting = health.age_s is None and output.t_ns - self._start_ns < FIRST_SAMPLE_NS
+            if health.device not in output.reason and not is_starting:
+                since_s = seconds(since_ns - self._start_ns)
+                told.append(f"warning: {health.device} lost since {since_s:.0f} s of the run")
+        return told
+
+
 def display(live: Live, messages: Terminal, note: str) -> StatusDisplay:
     """Return what shows the state of a run; a note is printed once, when the run has begun."""
     notes = [note] if note else []
+    lost = LostDevices()
 
-    def show(output: StepOutput) -> None:
+    def show(output: StepOutput, healths: Sequence[Health]) -> None:
         if notes:
             messages.print(notes.pop(), soft_wrap=True)
+        lines = [_status_line(output), *map(Text, lost.lines(output, healths))]
         if can_tell():  # a terminal that ctrl-S has stopped would hold the loop
-            live.update(_status_line(output), refresh=True)
+            live.update(Text("\n").join(lines), refresh=True)
 
     return show
 
@@ -148,7 +176,8 @@ def went_well(result: RunResult, duration_s: float | None) -> bool:
 
 def _status_line(output: StepOutput) -> Text:
     estimate = output.estimate
+    warning = f"warning: {output.suspicion}" if output.suspicion else ""
     return Text(
         f"{output.mode.value:<15} x {estimate.x_m:+7.3f} m  y {estimate.y_m:+7.3f} m  "
-        f"yaw {estimate.yaw_rad:+6.3f} rad  {output.reason}"
+        f"yaw {estimate.yaw_rad:+6.3f} rad  {output.reason or warning}"
     )

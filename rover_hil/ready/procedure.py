@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 from controllers.control_loop import StepOutput
+from drivers.driver import Health
 from drivers.errors import ConfigError
 from rover_hil.config import Config, Rule, load_config, read_config_text, shipped_configs
 from rover_hil.config.entry import with_entry
@@ -34,6 +35,8 @@ from rover_hil.terminal import Terminal
 from sim_backends.settings import SimulationSettings
 
 LOG_SUFFIX = ".mcap"
+LONGEST_STOP_S = 10.0
+"""A drive ends when the rover has been stopped for this long: longer than a device takes to come back."""
 Facts = Sequence[tuple[str, str]]
 """Names and values of a result, for the terminal, the page and the comments of its file."""
 
@@ -335,19 +338,27 @@ def _drive(procedure: Procedure[Record, Result], drive: Drive, log: Path, order:
     config = drive.config.model_copy(update={"roles": roles})
     with show_steps(drive.words) as step:
 
-        def show(output: StepOutput) -> None:
+        def show(output: StepOutput, healths: Sequence[Health]) -> None:
             step(drive.status(output))
 
         if order is None:
             simulation = drive.simulated(config.require_simulation())
             virtual = config.model_copy(update={"simulation": simulation})
-            result = run_virtual(virtual, log, drive.limit_s, show)
+            result = run_virtual(virtual, log, drive.limit_s, show, longest_stop_s=LONGEST_STOP_S)
         else:
             connection: AbstractContextManager[Operator | None] = (
                 connected(config) if procedure.is_connected else nullcontext()
             )
             with connection as operator:
-                result = run_real(config, log, drive.limit_s, show, order=order, operator=operator)
+                result = run_real(
+                    config,
+                    log,
+                    drive.limit_s,
+                    show,
+                    order=order,
+                    operator=operator,
+                    longest_stop_s=LONGEST_STOP_S,
+                )
     if drive.must_finish or result.has_lost_device:
         require_finished(result, drive.name)
     require_uninterrupted(result)

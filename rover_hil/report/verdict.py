@@ -6,6 +6,7 @@ from enum import StrEnum
 from statistics import fmean
 
 from controllers.safety import Mode
+from drivers.driver import DeviceState
 from rover_hil.report.drift_summary import CrabSummary, DriftSummary
 from rover_hil.report.ground_summary import GroundSummary
 from rover_hil.report.run_data import RunData
@@ -105,6 +106,11 @@ def _doubt_facts(summary: Summary) -> list[Fact]:
     if summary.odometry_rebases:
         lost = "times the motion of the wheels was lost for a while; the estimate is wider"
         told.append(Fact("odometry anew", str(summary.odometry_rebases), lost))
+    told += [
+        Fact("device lost", each.device, "it sent nothing at the end of the run")
+        for each in summary.devices
+        if each.state in (DeviceState.DEGRADED, DeviceState.FAILED)
+    ]
     told += [
         Fact("may be wrong", f"from {each.start_s:.1f} s", f"{each.text}; in {each.cycles} cycles")
         for each in summary.suspicions

@@ -1,13 +1,15 @@
 """Drive a rover into a log: the simulated one on simulated time, the real one on its ports."""
 
 import gc
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
 
 from controllers.control_loop import StepOutput
 from drivers.clock import SystemClock, VirtualClock
 from drivers.device_settings import DriveSettings
+from drivers.driver import Health
 from drivers.emergency_stop import EmergencyStop
 from drivers.errors import ConfigError, NotConnectedError
 from rover_hil.config import Config
@@ -30,7 +32,7 @@ from sim_backends.world.plant import Truth
 CONNECT_TIMEOUT_S = 2.0
 REALTIME_SPIN_S = 0.0006
 
-StatusDisplay = Callable[[StepOutput], None]
+StatusDisplay = Callable[[StepOutput, Sequence[Health]], None]
 
 
 def run_virtual(
@@ -42,6 +44,7 @@ def run_virtual(
     *,
     clock: VirtualClock | None = None,
     operator: Operator | None = None,
+    longest_stop_s: float = math.inf,
 ) -> RunResult:
     """Run the simulated rover of `config` on simulated time, into the log `log_path`.
 
@@ -53,6 +56,7 @@ def run_virtual(
         mirror: Gets each record of the log too, or None.
         clock: None for simulated time that runs as fast as it can.
         operator: Operates the run, or None.
+        longest_stop_s: End also when the rover has been in a safe stop for this long.
 
     Raises:
         ConfigError: The simulation is missing or does not fit the devices.
@@ -82,6 +86,7 @@ def run_virtual(
                 on_status=show,
                 operator=operator,
                 end_request=request,
+                longest_stop_s=longest_stop_s,
             )
         _log_mission_path(log, config, clock.now_ns())
         note_path(log_path).unlink(missing_ok=True)  # of an earlier run
@@ -98,6 +103,7 @@ def run_real(
     realtime: bool = False,
     mirror: Mirror | None = None,
     operator: Operator | None = None,
+    longest_stop_s: float = math.inf,
 ) -> RunResult:
     """Run the rover of `config` on its real ports, into the log `log_path`, and say which one moves.
 
@@ -110,6 +116,7 @@ def run_real(
         realtime: Use the SCHED_FIFO scheduler.
         mirror: As there.
         operator: As there.
+        longest_stop_s: As there.
 
     Raises:
         ConfigError: The user has no right to use the scheduler.
@@ -146,6 +153,7 @@ def run_real(
                 watchdog=watchdog,
                 operator=operator,
                 end_request=request,
+                longest_stop_s=longest_stop_s,
             )
             request.obey()
         tell(f"moving {order.rover}")  # a standard error that is lost ends no run

@@ -1,5 +1,6 @@
 """The cyclic executive: poll, step, command, record, at absolute deadlines."""
 
+import math
 import signal
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -135,10 +136,12 @@ class Executive:
         rate_hz: Cycles per second.
         on_cycle: Called at the end of each cycle, e.g. to record the truth of a simulated rover, which it
             returns for the operator.
-        on_status: Called about ten times per second of real time, for a live display.
+        on_status: Called about ten times per second of real time, for a live display, also with the facts of
+            all devices, renewed once per second.
         watchdog: Fed every cycle; None in simulated time, where the loop cannot hang unseen.
         operator: Operates the run; None where nobody does.
         end_request: Looked at in each cycle; None where no signal ends the run.
+        longest_stop_s: The time is also over when the rover has been in a safe stop for this long.
     """
 
     def __init__(
@@ -148,12 +151,15 @@ class Executive:
         rate_hz: float,
         *,
         on_cycle: Callable[[int], Truth | None] | None = None,
-        on_status: Callable[[StepOutput], None] | None = None,
+        on_status: Callable[[StepOutput, Sequence[Health]], None] | None = None,
         watchdog: Watchdog | None = None,
         operator: Operator | None = None,
         end_request: EndRequest | None = None,
+        longest_stop_s: float = math.inf,
     ) -> None:
         self._rig = rig
+        self._longest_stop_s = longest_stop_s
+        self._stopped_ns: int | None = None
         self._clock = rig.clock
         self._log = log
         self._period_ns = nanoseconds(1.0 / rate_hz)
@@ -208,7 +214,7 @@ class Executive:
                     self._operator.show(CycleView(samples, output, sent, *facts))
                 if self._on_status is not None and woke_ns >= next_status_ns:
                     next_status_ns = woke_ns + STATUS_PERIOD_NS
-                    self._on_status(output)
+                    self._on_status(output, self._healths)
                 if self._is_over(output, now_ns, end_ns, result):
                     break
         finally:
@@ -270,7 +276,12 @@ class Executive:
 
     def _is_over(self, output: StepOutput, now_ns: int, end_ns: int, result: RunResult) -> bool:
         ended = end_by_controller(output) or self._wanted_end()
-        if ended is None and now_ns >= end_ns:
+        if output.mode is not Mode.SAFE_STOP:
+            self._stopped_ns = None
+        elif self._stopped_ns is None:
+            self._stopped_ns = now_ns
+        is_stuck = self._stopped_ns is not None and seconds(now_ns - self._stopped_ns) >= self._longest_stop_s
+        if ended is None and (now_ns >= end_ns or is_stuck):
             ended = end_by_time(output)
         if ended is not None:
             result.end, result.reason = ended

@@ -133,7 +133,7 @@ def test_a_signal_after_the_last_cycle_is_not_lost(
 
 
 def test_the_signal_that_ended_a_run_acts_once(tmp_path: Path) -> None:
-    def show(output: object) -> None:
+    def show(*_: object) -> None:
         send(signal.SIGTERM)
 
     config = load_config("robotino")

@@ -73,7 +73,7 @@ def test_memory_that_ends_in_a_drive_leaves_a_log_and_the_command_for_its_report
 ) -> None:
     shown: list[StepOutput] = []
 
-    def show(output: StepOutput) -> None:
+    def show(output: StepOutput, *_: object) -> None:
         shown.append(output)
         if len(shown) == 2:
             raise MemoryError

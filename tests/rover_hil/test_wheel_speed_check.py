@@ -56,8 +56,8 @@ def test_the_sentence_has_the_keys_and_the_numbers() -> None:
     (line,) = find_too_fast(with_mission("differential", MISSIONS["line"], 0.1))
     assert line == (
         "mission.speed_m_s = 0.3 m/s needs wheel speeds of 50 rad/s with the wheel radius of 0.006 m, above "
-        "limits.wheel_speed_rad_s = 12 rad/s: correct the geometry in [rover], drive more slowly, or raise the "
-        "limit to what the drives do"
+        "limits.wheel_speed_rad_s = 12 rad/s: correct the geometry in [rover], drive more slowly, or raise "
+        "the limit to what the drives do"
     )
 
 

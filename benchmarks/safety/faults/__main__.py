@@ -73,6 +73,7 @@ def main() -> int:
         "--only", action="append", help="cases whose title rover/device/fault contains this; may be repeated"
     )
     parser.add_argument("--two-processes", action="store_true")
+    parser.add_argument("--runs", type=int, default=1, help="of each case, with --two-processes")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--markdown", type=Path)
@@ -82,6 +83,7 @@ def main() -> int:
     every = real_time_cases() if arguments.two_processes else all_cases()
     cases = [case for part in arguments.only or [""] for case in every if part in case.title]
     if arguments.two_processes:
+        cases = [case for case in cases for _ in range(arguments.runs)]
         measured: Iterable[Row] = map(measure_processes, cases)
     else:
         measured = run_virtual_cases(cases, arguments.processes, arguments.cluster)

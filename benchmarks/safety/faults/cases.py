@@ -1,8 +1,9 @@
 """The cases of the fault matrix: rover, device, fault, and what must come of it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from types import MappingProxyType
 
 import numpy as np
 
@@ -39,10 +40,12 @@ from benchmarks.safety.faults.injection import (
 from benchmarks.safety.faults.wires import (
     Change,
     CompassSentences,
+    DriveSupply,
     GyroFrames,
     PositionSentences,
     RobotinoReplies,
     RobotinoRequests,
+    RobotinoSupply,
     WheelSetPoints,
     WheelStates,
     Wire,
@@ -89,6 +92,8 @@ class Case:
         by_heading: Only a heading can show it, once the gyro has turned wrongly by `HEADING_SHOWS_RAD`.
         is_excited: Whether a Robotino excites its yaw to read its slip.
         why: Of a fault that cannot be noticed: why not.
+        safety: Keys of [safety] that the rover has for this case.
+        zero_bar_s: Zero set-points must come this long after the fault, and a warning before; None for no bar.
     """
 
     rover: str
@@ -106,6 +111,8 @@ class Case:
     by_heading: bool = False
     is_excited: bool = True
     why: str = ""
+    safety: Mapping[str, float] = MappingProxyType({})
+    zero_bar_s: float | None = None
 
     @property
     def is_of_device(self) -> bool:
@@ -153,6 +160,9 @@ WHEELS = {
     "el-dorado": _Device("el-dorado", "wheels", WheelStates(), ("wheel",), kept=8),
 }
 SET_POINTS: dict[str, Wire] = {"robotino": RobotinoRequests(), "el-dorado": WheelSetPoints()}
+SUPPLIES: dict[str, Wire] = {"robotino": RobotinoSupply(), "el-dorado": DriveSupply()}
+RULE_BAR_S = 0.3
+"""After the time that a rule states."""
 FULL_SCALE = {"robotino": 2**31 - 1, "el-dorado": 2**19 - 1}
 GYROS = {rover: _Device(rover, "imu", GyroFrames(), ("imu", "gyro")) for rover in ("robotino", "el-dorado")}
 GNSS = _Device("differential", "gnss", PositionSentences(), ("gnss",))
@@ -168,7 +178,7 @@ def all_cases() -> list[Case]:
     cases: list[Case] = []
     for rover in ("robotino", "el-dorado"):
         cases += [*_stream(WHEELS[rover]), *_wrong_wheels(rover)]
-        cases += [*_stream(GYROS[rover]), *_wrong_gyros(rover), *_pauses(rover)]
+        cases += [*_stream(GYROS[rover]), *_wrong_gyros(rover), *_pauses(rover), *rule_cases(rover)]
     return [*cases, *_stream(COMPASS), *_wrong_compasses(), *_cameras(), *_receivers()]
 
 
@@ -227,6 +237,27 @@ def _wrong_wheels(rover: str) -> Iterator[Case]:
             duration_s=FOR_EVER_S,
             to_device=lambda _, change=change: Changed(SET_POINTS[rover], change()),
         )
+
+
+def rule_cases(rover: str) -> Iterator[Case]:
+    """Yield the faults that a rule stops which is off as shipped."""
+    device = WHEELS[rover]
+    yield device.case(
+        "supply at 70 %",
+        Duty.HONEST,
+        duration_s=FOR_EVER_S,
+        to_host=lambda _: Changed(SUPPLIES[rover], Scaled(0.7)),
+        safety={"least_supply_v": 20.0},
+        zero_bar_s=1.0 + RULE_BAR_S,
+    )
+    yield device.case(
+        "motors obey 40 %",
+        Duty.HONEST,
+        duration_s=FOR_EVER_S,
+        to_device=lambda _: Changed(SET_POINTS[rover], Scaled(0.4)),
+        safety={"response_ratio": 0.5},
+        zero_bar_s=5.0 + RULE_BAR_S,
+    )
 
 
 def _wrong_gyros(rover: str) -> Iterator[Case]:

@@ -242,6 +242,12 @@ def judge(case: Case, story: Story, config: Config, begin_ns: int, mode: str = "
         _measure_width(row, case, story, config, begin_ns, again)
     row.outcome = _tell(stop, again, story.end)
     _judge_bars(case, row, has_stopped=stop is not None)
+    if case.zero_bar_s is not None:
+        warned = next((each for each in story.moments if each.t_ns >= begin_ns and each.suspicion), None)
+        if row.stop_s is None or row.stop_s > case.zero_bar_s:
+            row.failures.append(f"zero set-points after {row.stop_s} s, bar {case.zero_bar_s:g} s")
+        elif warned is None or stop is None or warned.t_ns >= stop.t_ns:
+            row.failures.append("stopped without a warning before")
     return row
 
 

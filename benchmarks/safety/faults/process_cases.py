@@ -133,6 +133,7 @@ def real_time_cases() -> list[Case]:
     devices = [
         case
         for case in all_cases()
-        if case.fault in REAL_TIME_FAULTS and case.device not in ("camera", "process")
+        if (case.fault in REAL_TIME_FAULTS and case.device not in ("camera", "process"))
+        or case.zero_bar_s is not None
     ]
     return [*process_cases(), *devices]

@@ -36,7 +36,7 @@ def measure_processes(case: Case) -> Row:
     with tempfile.TemporaryDirectory() as folder_name:
         folder = Path(folder_name)
         text = (CONFIGS / f"{case.rover}.toml").read_text()
-        (folder / "rover.toml").write_text(CAMERA.sub("", text))
+        (folder / "rover.toml").write_text(with_safety(CAMERA.sub("", text), case))
         with _simulator(case, folder) as simulator, _program(case, folder) as program:
             try:
                 begin_ns = _wait_for_begin(folder, program)
@@ -50,6 +50,14 @@ def measure_processes(case: Case) -> Row:
                 program.wait(START_UP_S + 2 * run_length_s(rover_config(case), case) + REPORT_S)
             CLOCK.sleep_until(CLOCK.now_ns() + nanoseconds(2 * ROLL_OUT_S))  # the wheels come to rest
         return _judge(case, folder, begin_ns, program.poll())
+
+
+def with_safety(text: str, case: Case) -> str:
+    """Return a configuration with the keys of [safety] of a case."""
+    keys = "".join(f"{key} = {value}\n" for key, value in case.safety.items())
+    if "\n[safety]\n" in text:
+        return text.replace("\n[safety]\n", f"\n[safety]\n{keys}")
+    return f"{text}\n[safety]\n{keys}"
 
 
 @contextmanager

@@ -8,6 +8,7 @@ import numpy as np
 
 from benchmarks.safety.faults.cases import Case
 from benchmarks.safety.faults.injection import Window, inject
+from controllers.safety.settings import SafetySettings
 from controllers.slip.effort.settings import SURFACES
 from drivers.clock import VirtualClock, nanoseconds
 from rover_hil.config import Config, load_config
@@ -33,6 +34,8 @@ def rover_config(case: Case) -> Config:
     if case.device == "gnss":
         return config_with()
     config = load_config(case.rover)
+    safety = SafetySettings.model_validate({**config.safety.model_dump(), **case.safety})
+    config = config.model_copy(update={"safety": safety})
     if not case.is_excited and config.slip is not None:
         config = config.model_copy(update={"slip": config.slip.model_copy(update={"use": SURFACES})})
     if case.rover != "el-dorado" or case.device == "camera":

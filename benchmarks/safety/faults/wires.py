@@ -60,6 +60,16 @@ class RobotinoReplies:
         return build_reply(reply._replace(ticks=(a, b, c), speed_steps=(d, e, f)))
 
 
+class RobotinoSupply:
+    """The voltage of the battery in a reply of a Robotino board, in counts."""
+
+    def change(self, t_ns: int, payload: bytes, change: Change) -> bytes:
+        """Return the reply with a changed voltage."""
+        reply = parse_reply(payload)
+        (value,) = change(t_ns, [Reading(0, reply.battery_raw, is_total=False)])
+        return build_reply(reply._replace(battery_raw=round(value) & ~3))
+
+
 class RobotinoRequests:
     """Set-points of three wheels in a request to a Robotino board."""
 
@@ -89,6 +99,22 @@ class WheelStates:
         new_position, new_speed = (round(value) for value in change(t_ns, readings))
         head = (word & 0xF00000 | new_position & 0xFFFFF).to_bytes(3, "little")
         body = head + struct.pack("<h", max(-32767, min(32767, new_speed))) + frame.data[5:7]
+        return pack_can_frame(CanFrame(frame.can_id, body + bytes((crc8_j1850(body),))))
+
+
+class DriveSupply:
+    """The bus voltage in `Drive_Status` of the mapping `generic_wheel`."""
+
+    _ID = 256
+
+    def change(self, t_ns: int, payload: bytes, change: Change) -> bytes:
+        """Return the frame with a changed voltage."""
+        frame = unpack_can_frame(payload)
+        if frame is None or frame.can_id != self._ID:
+            return payload
+        (voltage,) = struct.unpack_from("<H", frame.data, 2)
+        (value,) = change(t_ns, [Reading(0, voltage, is_total=False)])
+        body = frame.data[:2] + struct.pack("<H", round(value)) + frame.data[4:5]
         return pack_can_frame(CanFrame(frame.can_id, body + bytes((crc8_j1850(body),))))
 
 

@@ -109,7 +109,5 @@ def test_a_voltage_that_is_no_longer_reported_stops_the_rover_until_it_is() -> N
     supply = Supply()
     supply.read(0.02, 24.0)
     assert not supply.read(5.0)
-    assert supply.read(0.02) == [
-        StopReason("drive0: supply unknown", "drive0: no supply voltage within 5 s")
-    ]
+    assert supply.read(0.02) == [StopReason("drive0: supply unknown", "drive0: no supply voltage within 5 s")]
     assert not supply.read(0.2, 24.0)
