@@ -1,9 +1,8 @@
 """The cases of the fault matrix: rover, device, fault, and what must come of it."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
-from types import MappingProxyType
 
 import numpy as np
 
@@ -93,7 +92,7 @@ class Case:
         is_excited: Whether a Robotino excites its yaw to read its slip.
         why: Of a fault that cannot be noticed: why not.
         safety: Keys of [safety] that the rover has for this case.
-        zero_bar_s: Zero set-points must come this long after the fault, and a warning before; None for no bar.
+        zero_bar_s: Zero setpoints must come this long after the fault, and a warning before; None for no bar.
     """
 
     rover: str
@@ -111,7 +110,7 @@ class Case:
     by_heading: bool = False
     is_excited: bool = True
     why: str = ""
-    safety: Mapping[str, float] = MappingProxyType({})
+    safety: Mapping[str, float] = field(default_factory=dict)
     zero_bar_s: float | None = None
 
     @property
