@@ -56,7 +56,7 @@ def run_virtual(
         mirror: Gets each record of the log too, or None.
         clock: None for simulated time that runs as fast as it can.
         operator: Operates the run, or None.
-        longest_stop_s: End also when the rover has been in a safe stop for this long.
+        longest_stop_s: End also when a reason has kept the rover stopped for this long.
 
     Raises:
         ConfigError: The simulation is missing or does not fit the devices.

@@ -141,7 +141,7 @@ class Executive:
         watchdog: Fed every cycle; None in simulated time, where the loop cannot hang unseen.
         operator: Operates the run; None where nobody does.
         end_request: Looked at in each cycle; None where no signal ends the run.
-        longest_stop_s: The time is also over when the rover has been in a safe stop for this long.
+        longest_stop_s: The time is also over when a reason has kept the rover stopped for this long.
     """
 
     def __init__(
@@ -276,7 +276,7 @@ class Executive:
 
     def _is_over(self, output: StepOutput, now_ns: int, end_ns: int, result: RunResult) -> bool:
         ended = end_by_controller(output) or self._wanted_end()
-        if output.mode is not Mode.SAFE_STOP:
+        if output.mode not in (Mode.SETTLING, Mode.SAFE_STOP) or not output.reason:
             self._stopped_ns = None
         elif self._stopped_ns is None:
             self._stopped_ns = now_ns

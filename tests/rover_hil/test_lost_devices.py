@@ -10,7 +10,7 @@ from rover_hil.recording.reader import LogReader
 from rover_hil.recording.schema import COMMAND, SET_POINT_SHAPE
 from tests.rover_hil.command import Command, assert_one_sentence
 
-LOST_S = 3.0
+LOST_S = 6.0
 """After the start of the simulation; every procedure moves by then."""
 REACTION_S = 0.15
 """In addition to the age limit of the device."""
@@ -26,7 +26,12 @@ PROCEDURES = {
     "commission rover.toml --out runs": ("board", "imu"),
     "commission camera.toml --out runs": ("board", "imu", "camera"),
 }
-CASES = [(line, device) for line, devices in PROCEDURES.items() for device in devices]
+QUICK = ("calibrate imu", "imu")
+CASES = [
+    pytest.param(line, device, marks=() if (line[:13], device) == QUICK else pytest.mark.slow)
+    for line, devices in PROCEDURES.items()
+    for device in devices
+]
 
 
 def write_with_loss(name: str, device: str) -> None:
