@@ -26,12 +26,7 @@ PROCEDURES = {
     "commission rover.toml --out runs": ("board", "imu"),
     "commission camera.toml --out runs": ("board", "imu", "camera"),
 }
-QUICK = ("calibrate imu", "imu")
-CASES = [
-    pytest.param(line, device, marks=() if (line[:13], device) == QUICK else pytest.mark.slow)
-    for line, devices in PROCEDURES.items()
-    for device in devices
-]
+CASES = [(line, device) for line, devices in PROCEDURES.items() for device in devices]
 
 
 def write_with_loss(name: str, device: str) -> None:
@@ -53,6 +48,7 @@ def last_motion_s(log: Path) -> float:
     return (max(times) - reader.start_ns) / 1e9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("line", "device"), CASES)
 @pytest.mark.usefixtures("unrendered")
 def test_every_procedure_stops_when_a_device_that_it_needs_is_unplugged(
