@@ -30,6 +30,8 @@ TABLE_LINES = 1_000_000
 """Lines of a CSV table."""
 FLIGHT_LOG_BYTES = 1024 * MEGABYTE
 """Log of an autopilot."""
+TABLE_COLUMNS = 10_000
+"""Columns of any table."""
 CAN_LOG_BYTES = 4096 * MEGABYTE
 """Logs of a CAN bus, unpacked; ten hours of 2,000 frames/s as text are 3 GB."""
 CAN_FRAMES = 20_000_000

@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import ConfigError, LogError, RoverHilError
-from drivers.files import TABLE_BYTES, TABLE_CELLS, TABLE_LINES, read_bytes
+from drivers.files import TABLE_BYTES, TABLE_CELLS, TABLE_COLUMNS, TABLE_LINES, read_bytes
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.csv_table import CsvTable, read_csv
 from rover_hil.datasets.flight_table import FlightTable, read_flight_log
 
 FLIGHT_LOGS = frozenset({".ulg", ".bin"})
+PICKLE = "pickle"
+"""In what NumPy reports of arrays of objects; it advises to load them."""
 MISSING_PARQUET = "reading Parquet needs pyarrow: pip install rover-hil[export]"
 
 
@@ -110,6 +112,8 @@ def read_table(
     # The readers of these formats raise whatever a damaged file makes them stumble over.
     except Exception as problem:
         line = " ".join(str(problem).split())[:200]
+        if PICKLE in line:
+            line = "it holds Python objects, which are never loaded, as that may run code"
         raise error(f"{path} is not a table in the format of its name: {line}: write it again") from problem
     if len({len(column) for column in columns.values()}) > 1:
         sizes = ", ".join(f"{name} {len(column)}" for name, column in list(columns.items())[:10])
@@ -126,6 +130,7 @@ def _columns_of(name: str, values: Any) -> dict[str, Array]:
         return {}
     if array.ndim == 1 or 1 in array.shape:
         return {name or "1": _numbers(array.ravel())}
+    _check_columns(array.shape[1])
     stem = f"{name}." if name else ""
     return {f"{stem}{number}": _numbers(column) for number, column in enumerate(array.T, start=1)}
 
@@ -136,12 +141,18 @@ def _numbers(values: Any) -> Array:
     return np.asarray(values, np.float64)
 
 
+def _check_columns(count: int) -> None:
+    if count > TABLE_COLUMNS:
+        raise ValueError(f"it has {count:,} columns, more than {TABLE_COLUMNS:,}, the limit")
+
+
 def _read_npy(raw: bytes) -> dict[str, Array]:
     return _columns_of("", np.load(io.BytesIO(raw), allow_pickle=False))
 
 
 def _read_npz(raw: bytes) -> dict[str, Array]:
     with zipfile.ZipFile(io.BytesIO(raw)) as archive:
+        _check_columns(len(archive.infolist()))
         if sum(member.file_size for member in archive.infolist()) > TABLE_BYTES:
             raise ValueError(f"it is larger than {TABLE_BYTES:,} bytes unpacked, the limit: divide it")
     columns: dict[str, Array] = {}
@@ -161,6 +172,15 @@ def _read_mat(raw: bytes) -> dict[str, Array]:
     return columns
 
 
+def _is_number(kind: Any) -> bool:
+    from pyarrow import types
+
+    return any(
+        is_kind(kind)
+        for is_kind in (types.is_integer, types.is_floating, types.is_boolean, types.is_timestamp)
+    )
+
+
 def _read_parquet(raw: bytes) -> dict[str, Array]:
     try:
         from pyarrow import BufferReader
@@ -170,7 +190,10 @@ def _read_parquet(raw: bytes) -> dict[str, Array]:
     file = ParquetFile(BufferReader(raw))
     if file.metadata.num_rows * file.metadata.num_columns > TABLE_CELLS:
         raise ValueError(f"it has more than {TABLE_CELLS:,} cells, the limit: divide it")
-    table = file.read()
+    _check_columns(file.metadata.num_columns)
+    # Texts and lists are not read: one cell of them may be larger than any table.
+    kept = [field.name for field in file.schema_arrow if _is_number(field.type)]
+    table = file.read(columns=kept)
     columns: dict[str, Array] = {}
     for name in table.column_names:
         values = table[name].to_numpy()

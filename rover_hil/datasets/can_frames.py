@@ -30,6 +30,7 @@ from drivers.files import (
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.blf_blocks import BlfBlocks
 from rover_hil.datasets.csv_table import header_lines, read_csv
+from rover_hil.datasets.mf4_blocks import check_blocks
 
 Identifiers: TypeAlias = NDArray[np.uint32]
 Bytes: TypeAlias = NDArray[np.uint8]
@@ -337,7 +338,9 @@ def _check_containers(raw: Any) -> None:
 def _mf4(raw: Any) -> Iterable[can.Message]:
     if find_spec("asammdf") is None:
         raise ConfigError("reading MF4 needs asammdf: pip install rover-hil[mf4]")
-    return can.MF4Reader(raw)
+    content = io.BytesIO(raw.read())
+    check_blocks(content)
+    return can.MF4Reader(content)
 
 
 _READERS: dict[str, Callable[[Any], Iterable[can.Message]]] = {

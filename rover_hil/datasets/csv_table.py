@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import LogError, RoverHilError
-from drivers.files import TABLE_BYTES, TABLE_CELLS, TABLE_LINES, read_packed_bytes
+from drivers.files import TABLE_BYTES, TABLE_CELLS, TABLE_COLUMNS, TABLE_LINES, read_packed_bytes
 from rover_hil.datasets.arrays import Array
 
 WORDS = {"": math.nan, "true": 1.0, "false": 0.0}
@@ -209,6 +209,11 @@ def _read_rows(text: io.TextIOWrapper, delimiter: str) -> tuple[list[int], list[
         if cells > TABLE_CELLS or len(rows) >= TABLE_LINES:
             raise _TooLargeError(
                 f"it has more than {TABLE_LINES:,} lines or {TABLE_CELLS:,} cells, the limits: divide it"
+            )
+        if len(row) > TABLE_COLUMNS:
+            raise _TooLargeError(
+                f"line {reader.line_num} has {len(row):,} cells, more than {TABLE_COLUMNS:,}, the limit: "
+                "leave columns out"
             )
         if row:
             lines.append(reader.line_num)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from drivers.errors import ConfigError, LogError, RoverHilError
 from drivers.files import FLIGHT_LOG_BYTES, MEGABYTE, TABLE_LINES
 from rover_hil.datasets.arrays import Array
+from rover_hil.datasets.ulog_formats import check_formats
 
 ULOG_TIME, DATAFLASH_TIME = "timestamp", "TimeUS"
 FAST_INDEX = "PYMAVLINK_FAST_INDEX"
@@ -179,6 +180,7 @@ def _read_ulog(path: Path, kinds: Collection[str] | None) -> _Found:
         raise ConfigError(MISSING.format("ULog", "pyulog")) from problem
     # A second sensor of a kind is called kind_1 here, and kind with a number there.
     topics = None if kinds is None else sorted({*kinds, *(kind.rpartition("_")[0] for kind in kinds)} - {""})
+    check_formats(path)
     with _complaints() as said:
         log = ULog(str(path), topics)
     fields = {}

@@ -1,5 +1,7 @@
 """`rover-hil import robotino`: a measured run becomes a log."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -9,9 +11,11 @@ from rover_hil.config import load_config
 from rover_hil.console.exit_codes import EXIT_OK
 from rover_hil.console.options import ForceOption, out_option
 from rover_hil.console.steps import show_progress
+from rover_hil.importing.limits import LimitSettings, MemoryOption, TimeOption
+from rover_hil.importing.reading_process import Report, read_in_child
 from rover_hil.importing.robotino_csv import read_run
 from rover_hil.importing.to_log import observing_config, write_run_as_log
-from rover_hil.pages.atomic_write import check_file, unfinished
+from rover_hil.pages.atomic_write import check_new_file, unfinished
 from rover_hil.terminal import Terminal
 
 
@@ -24,6 +28,8 @@ def import_run(
     ] = 1.84,
     config_name: Annotated[str, typer.Option("--config", help="The rover it was measured on.")] = "robotino",
     force: ForceOption = False,
+    most_memory_gb: MemoryOption = None,
+    most_minutes: TimeOption = None,
 ) -> int:
     """Turn a measured Robotino run into a log, through the board's own byte frames.
 
@@ -32,12 +38,25 @@ def import_run(
     Data: `rover-hil sample robotino` writes a simulated drive in this format; measured ones are in
     github.com/BrOleg5/research-wheel-slippage, `datasets/one_surface_type/gray_surface`.
     """
-    check_file(out, force=force)
+    check_new_file(out, force=force)
     config = observing_config(load_config(config_name))
-    run = read_run(file, millimetres_per_pixel)
-    with unfinished(out) as part, show_progress() as progress:
-        task = progress.add_task("importing", total=len(run.rows))
-        for count in write_run_as_log(run, config, part):
-            progress.update(task, completed=count)
-    Terminal().print(f"{len(run.rows)} rows at {millimetres_per_pixel:g} mm per pixel: {out}", soft_wrap=True)
+    limits = LimitSettings(most_memory_gb, most_minutes).of(file)
+    with unfinished(out) as part:
+
+        def work(report: Report[tuple[int, int]]) -> int:
+            run = read_run(file, millimetres_per_pixel)
+            for count in write_run_as_log(run, config, part):
+                report((count, len(run.rows)))
+            return len(run.rows)
+
+        rows = read_in_child(file, limits, work, _show_rows())
+    Terminal().print(f"{rows} rows at {millimetres_per_pixel:g} mm per pixel: {out}", soft_wrap=True)
     return EXIT_OK
+
+
+@contextmanager
+def _show_rows() -> Iterator[Report[tuple[int, int]]]:
+    """Give the function that shows how many of the rows are done."""
+    with show_progress() as progress:
+        task = progress.add_task("importing", total=None)
+        yield lambda rows: progress.update(task, completed=rows[0], total=rows[1])

@@ -12,8 +12,10 @@ from rover_hil.console.json_text import print_json
 from rover_hil.console.steps import show_steps
 from rover_hil.datasets.truth_check import truth_findings
 from rover_hil.importing.drive import START_NS, Contents
+from rover_hil.importing.limits import LimitSettings
 from rover_hil.importing.oddities import Oddity
-from rover_hil.pages.atomic_write import check_file, unfinished
+from rover_hil.importing.reading_process import Report, read_in_child
+from rover_hil.pages.atomic_write import check_new_file, unfinished
 from rover_hil.recording.findings import finding_line
 from rover_hil.terminal import Terminal
 
@@ -26,6 +28,7 @@ def import_files(
     out: Path,
     make_write: Callable[[], WriteDrive],
     *,
+    limits: LimitSettings,
     what: str,
     force: bool,
     as_json: bool,
@@ -36,29 +39,24 @@ def import_files(
         files: One per drive.
         out: The log of one file; the folder for the logs of several, each called as its file.
         make_write: Called once the logs may be written; what it returns writes them.
+        limits: Of the reading of each file.
         what: A file consists of, in the plural.
         force: Overwrite earlier logs.
         as_json: Print JSON.
 
     Raises:
         ConfigError: A log exists or cannot be written.
-        LogError: A file cannot be read.
+        LogError: A file cannot be read, or not within its limits.
     """
     outs = _outs(files, out)
     for path in outs:
-        check_file(path, force=force)
+        check_new_file(path, force=force)
     write = make_write()
     done: list[Contents] = []
     with ExitStack() as stack:
         parts = [stack.enter_context(unfinished(path)) for path in outs]
-        with show_steps(f"reading {files[0].name}") as step:
-            for file, part in zip(files, parts, strict=True):
-                step(f"reading {file.name}")
-                contents = Contents()
-                for contents in write(file, part):
-                    step(f"importing {file.name}, {seconds(contents.end_ns - START_NS):.0f} s are done")
-                add_truth_findings(contents, part)
-                done.append(contents)
+        for file, part in zip(files, parts, strict=True):
+            done.append(import_file(file, part, write, limits))
     if as_json:
         print_json(
             [
@@ -71,17 +69,35 @@ def import_files(
         print_contents(contents, path, what=what)
 
 
-def add_truth_findings(contents: Contents, log: Path) -> None:
-    """Add what the truth in a log says against its wheels."""
-    contents.findings += truth_findings(log)
+def import_file(file: Path, log: Path, write: WriteDrive, limits: LimitSettings) -> Contents:
+    """Write the log of a file in a child process, and return what was used.
+
+    Args:
+        file: The file.
+        log: The log; must not exist.
+        write: Writes it.
+        limits: Of the reading.
+
+    Raises:
+        LogError: The file cannot be read, or not within its limits.
+    """
+
+    def work(report: Report[str]) -> Contents:
+        contents = Contents()
+        for contents in write(file, log):
+            report(f"importing {file.name}, {seconds(contents.end_ns - START_NS):.0f} s are done")
+        contents.findings += truth_findings(log)
+        return contents
+
+    return read_in_child(file, limits.of(file), work, show_steps(f"reading {file.name}"))
 
 
 def _outs(files: Sequence[Path], out: Path) -> list[Path]:
     if len(files) == 1:
         return [out]
-    if not out.is_dir():
+    if out.exists() and not out.is_dir():
         raise ConfigError(
-            f"no folder {out} for the logs of {len(files)} files: make it, or choose another --out"
+            f"{out} is a file, but {len(files)} files have a log each: name a folder with --out"
         )
     outs = [out / f"{file.name.removesuffix('.gz').rsplit('.', 1)[0]}.mcap" for file in files]
     if len(set(outs)) < len(outs):

@@ -38,6 +38,15 @@ def check_file(path: Path | None, *, force: bool, option: str = "--out") -> None
         return
     if not path.parent.is_dir():
         raise ConfigError(f"no folder {path.parent}: make it, or choose another {option}")
+    check_new_file(path, force=force, option=option)
+
+
+def check_new_file(path: Path, *, force: bool, option: str = "--out") -> None:
+    """Check that a file can be made, whose folder `unfinished` makes where it is missing.
+
+    Raises:
+        ConfigError: The path is a folder, or the file exists and `force` is not set.
+    """
     if path.is_dir():
         raise ConfigError(f"{path} is a folder: name a file with {option}")
     refuse_overwrite(path, force=force, option=option)

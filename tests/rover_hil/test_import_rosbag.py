@@ -2,7 +2,6 @@
 
 import math
 import re
-import resource
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
@@ -22,7 +21,6 @@ from rover_hil.config import load_config
 from rover_hil.datasets.csv_table import read_csv
 from rover_hil.datasets.log import read_drive
 from rover_hil.importing.rosbag import bag as bag_module
-from rover_hil.importing.rosbag.bag import bounded_memory
 from rover_hil.importing.rosbag.topics import read_topics
 from rover_hil.run.driving import run_virtual
 from tests.rover_hil.command import Command, assert_one_sentence
@@ -197,9 +195,9 @@ def bag1(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_bag(tmp_path_factory.mktemp("bag1") / "drive.bag")
 
 
-def import_it(command: Command, bag: Path, topics: str) -> int:
+def import_it(command: Command, bag: Path, topics: str, *options: str) -> int:
     Path("topics.toml").write_text(topics, "utf-8")
-    return command("import", "rosbag", str(bag), "--topics", "topics.toml", "--out", "drive.mcap")
+    return command("import", "rosbag", str(bag), "--topics", "topics.toml", "--out", "drive.mcap", *options)
 
 
 def test_every_kind_of_bag_becomes_a_log_that_replays(command: Command, any_bag: Path) -> None:
@@ -358,29 +356,9 @@ def test_a_bag_that_unpacks_to_more_than_the_memory_is_refused(
     """Its chunks hold zeros: packed 2 MB each, unpacked 400."""
     packed = lz4.frame.compress(bytes(400 * 2**20))
     unpack = {"none": lambda data: lz4.frame.decompress(packed)}
-    monkeypatch.setattr(bag_module, "MOST_MEMORY_BYTES", 150 * 2**20)
     monkeypatch.setattr("rosbags.rosbag1.reader.decompressors", unpack)
-    assert import_it(command, bag1, WHEELS) == 2
-    assert_one_sentence(command.error, "150 MB of memory")
-
-
-def test_the_limit_of_memory_ends_with_the_import() -> None:
-    before = resource.getrlimit(resource.RLIMIT_AS)
-    with bounded_memory():
-        assert resource.getrlimit(resource.RLIMIT_AS) != before
-    assert resource.getrlimit(resource.RLIMIT_AS) == before
-
-
-def test_a_lower_limit_of_memory_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bag_module, "MOST_MEMORY_BYTES", 2**45)
-    before = resource.getrlimit(resource.RLIMIT_AS)
-    lower = (2**44, before[1])
-    resource.setrlimit(resource.RLIMIT_AS, lower)
-    try:
-        with bounded_memory():
-            assert resource.getrlimit(resource.RLIMIT_AS) == lower
-    finally:
-        resource.setrlimit(resource.RLIMIT_AS, before)
+    assert import_it(command, bag1, WHEELS, "--most-memory-gb", "0.15") == 2
+    assert_one_sentence(command.error, "0.15 GB of memory", "--most-memory-gb")
 
 
 @pytest.mark.parametrize("time", ["yesterday", 1.5])

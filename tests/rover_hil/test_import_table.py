@@ -332,9 +332,9 @@ def test_a_repeated_row_counts_once(command: Command, tmp_path: Path) -> None:
 
 def test_several_tables_become_several_logs_or_none(command: Command, tmp_path: Path) -> None:
     one, two = write(tmp_path / "one.csv", drive()), write(tmp_path / "two.csv.gz", drive())
-    assert import_it(command, TIME + RADIANS + ROVER, str(one), str(two), out="logs") == 2
-    assert_one_sentence(command.error, "no folder logs", "make it")
-    Path("logs").mkdir()
+    Path("file").touch()
+    assert import_it(command, TIME + RADIANS + ROVER, str(one), str(two), out="file") == 2
+    assert_one_sentence(command.error, "file is a file", "name a folder")
     assert import_it(command, TIME + RADIANS + ROVER, str(one), str(two), out="logs") == 0
     assert sorted(path.name for path in Path("logs").iterdir()) == ["one.mcap", "two.mcap"]
     assert import_it(command, TIME + RADIANS + ROVER, str(one), out="logs/one.mcap") == 2

@@ -1,10 +1,12 @@
 """`rover-hil import can`: logs of a CAN bus become logs of a rover, or are listed."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from cantools.database.can import Database
 
 from drivers.can_wheels.mapping_file import load_mapping, read_dbc
 from drivers.can_wheels.settings import CanWheelsSettings
@@ -14,13 +16,27 @@ from rover_hil.console.exit_codes import EXIT_OK
 from rover_hil.console.json_text import print_json
 from rover_hil.console.options import ForceOption, JsonOption, out_option
 from rover_hil.console.steps import show_steps
-from rover_hil.datasets.can_frames import CanFrames, read_can_log
+from rover_hil.datasets.can_frames import read_can_log
 from rover_hil.importing.can.listing import ListedIdentifier, absence_of, list_frames, motion_kinds
 from rover_hil.importing.can.rover import rover_of_log
 from rover_hil.importing.can.to_log import write_can_as_log
 from rover_hil.importing.drive import Contents
 from rover_hil.importing.files import WriteDrive, import_files
+from rover_hil.importing.limits import LimitSettings, MemoryOption, TimeOption
+from rover_hil.importing.reading_process import Report, read_in_child
 from rover_hil.terminal import Terminal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Listing:
+    """What is in a log of a CAN bus; the counts as in `CanFrames`."""
+
+    path: Path
+    frames: int
+    duration_s: float
+    left_out: int
+    unread: int
+    listed: Sequence[ListedIdentifier]
 
 
 def import_can_logs(
@@ -53,6 +69,8 @@ def import_can_logs(
     ] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
+    most_memory_gb: MemoryOption = None,
+    most_minutes: TimeOption = None,
 ) -> int:
     """Turn logs of a CAN bus into logs of a rover; the drivers decode its frames, and replay bit for bit.
 
@@ -61,8 +79,9 @@ def import_can_logs(
     Data: `rover-hil sample can` writes such a log; for yours, docs/how-to/import_a_can_log.md shows mapping
     and DBC file.
     """
+    limits = LimitSettings(most_memory_gb, most_minutes)
     if list_only:
-        return _list_logs(logs, config_name, mapping, dbc or (), channel, as_json=as_json)
+        return _list_logs(logs, config_name, mapping, dbc or (), channel, limits, as_json=as_json)
     if config_name is None:
         raise ConfigError("--config is missing: name the configuration of the rover, or use --list")
     if out is None:
@@ -76,7 +95,7 @@ def import_can_logs(
 
         return write
 
-    import_files(logs, out, make_write, what="frames", force=force, as_json=as_json)
+    import_files(logs, out, make_write, limits=limits, what="frames", force=force, as_json=as_json)
     return EXIT_OK
 
 
@@ -86,26 +105,41 @@ def _list_logs(
     mapping: Path | None,
     dbc: Sequence[Path],
     channel: str | None,
+    limits: LimitSettings,
     *,
     as_json: bool,
 ) -> int:
     """Print what is in logs of a CAN bus; returns the exit code."""
     paths = dict.fromkeys((*dbc, *_dbc_files(config_name, mapping)))
     databases = [read_dbc(path) for path in paths]
-    listings: list[tuple[CanFrames, list[ListedIdentifier]]] = []
-    with show_steps(f"reading {files[0].name}") as step:
-        for file in files:
-            step(f"reading {file.name}")
-            frames = read_can_log(
-                file, channel=channel, on_frames=lambda count: step(f"{count} frames are read")
-            )
-            listings.append((frames, list_frames(frames, databases)))
+    listings = [_listing(file, databases, channel, limits) for file in files]
     if as_json:
-        print_json([_record(frames, listed) for frames, listed in listings])
+        print_json([_record(listing) for listing in listings])
         return EXIT_OK
-    for frames, listed in listings:
-        _print(frames, listed, has_dbc=bool(databases))
+    for listing in listings:
+        _print(listing, has_dbc=bool(databases))
     return EXIT_OK
+
+
+def _listing(
+    file: Path, databases: Sequence[Database], channel: str | None, limits: LimitSettings
+) -> _Listing:
+    """Return what is in a log of a CAN bus, which a child process reads."""
+
+    def work(report: Report[str]) -> _Listing:
+        frames = read_can_log(
+            file, channel=channel, on_frames=lambda count: report(f"{count} frames are read")
+        )
+        return _Listing(
+            path=frames.path,
+            frames=len(frames),
+            duration_s=float(frames.t_s[-1] - frames.t_s[0]),
+            left_out=frames.left_out,
+            unread=frames.unread,
+            listed=list_frames(frames, databases),
+        )
+
+    return read_in_child(file, limits.of(file), work, show_steps(f"reading {file.name}"))
 
 
 def _dbc_files(config_name: str | None, mapping: Path | None) -> Iterator[Path]:
@@ -117,27 +151,23 @@ def _dbc_files(config_name: str | None, mapping: Path | None) -> Iterator[Path]:
         yield from load_mapping(name).dbc_files
 
 
-def _duration_s(frames: CanFrames) -> float:
-    return float(frames.t_s[-1] - frames.t_s[0])
-
-
-def _record(frames: CanFrames, listed: Sequence[ListedIdentifier]) -> dict[str, object]:
-    kinds = motion_kinds(listed)
+def _record(listing: _Listing) -> dict[str, object]:
+    kinds = motion_kinds(listing.listed)
     return {
-        "log": str(frames.path),
-        "frames": len(frames),
-        "duration_s": _duration_s(frames),
-        "left_out": frames.left_out,
-        "unread": frames.unread,
+        "log": str(listing.path),
+        "frames": listing.frames,
+        "duration_s": listing.duration_s,
+        "left_out": listing.left_out,
+        "unread": listing.unread,
         "motion": sorted(kinds),
         "missing": absence_of(kinds),
-        "identifiers": listed,
+        "identifiers": listing.listed,
     }
 
 
-def _print(frames: CanFrames, listed: Sequence[ListedIdentifier], *, has_dbc: bool) -> None:
+def _print(listing: _Listing, *, has_dbc: bool) -> None:
     console = Terminal(soft_wrap=True)
-    for entry in listed:
+    for entry in listing.listed:
         names = ", ".join(dict.fromkeys(signal.message for signal in entry.signals))
         rate = (
             ""
@@ -152,13 +182,15 @@ def _print(frames: CanFrames, listed: Sequence[ListedIdentifier], *, has_dbc: bo
                 console.print(f"    {signal.signal}: {span}{kind}")
                 if signal.odd:
                     console.print(f"        odd: {signal.odd}")
-    duration_s = _duration_s(frames)
-    console.print(f"{frames.path}: {len(frames)} frames of {len(listed)} identifiers in {duration_s:.3f} s")
-    if frames.left_out:
-        console.print(f"{frames.left_out} frames are no classic CAN frames")
-    if frames.unread:
-        console.print(f"{frames.unread} lines hold no frame")
+    console.print(
+        f"{listing.path}: {listing.frames} frames of {len(listing.listed)} identifiers "
+        f"in {listing.duration_s:.3f} s"
+    )
+    if listing.left_out:
+        console.print(f"{listing.left_out} frames are no classic CAN frames")
+    if listing.unread:
+        console.print(f"{listing.unread} lines hold no frame")
     if not has_dbc:
         console.print("no DBC file: name one with --dbc to see signals")
-    elif missing := absence_of(motion_kinds(listed)):
+    elif missing := absence_of(motion_kinds(listing.listed)):
         console.print(f"{missing}, by names and units in the DBC file")

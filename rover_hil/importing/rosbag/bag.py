@@ -1,10 +1,9 @@
 """The messages of a bag on the mapped topics, in the order of their recording.
 
 A bag comes from anybody. Its own message definitions are not used, only those of the library, so that no code
-is made from a file; and the memory that reading may take is limited (`bounded_memory`).
+is made from a file.
 """
 
-import resource
 from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,10 +13,9 @@ from typing import Any, NamedTuple
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.errors import ConfigError, LogError
 from drivers.files import MEGABYTE
+from rover_hil.importing.rosbag.topic_count import check_topic_count
 from rover_hil.importing.rosbag.topics import Topics
 
-MOST_MEMORY_BYTES = 2048 * MEGABYTE
-"""In addition to what the program has when it begins to read."""
 MOST_MESSAGE_BYTES = 64 * MEGABYTE
 LONGEST_S = 1e6
 """A bag is not longer, nor is a pause in it."""
@@ -61,6 +59,7 @@ class Bag:
     def __init__(self, path: Path, topics: Topics) -> None:
         if not path.exists():
             raise LogError(f"no file or folder {path}: correct the path; it starts at the current folder")
+        check_topic_count(path)
         self._path = path
         self._is_ros1 = path.suffix == ".bag"
         try:
@@ -206,27 +205,9 @@ class Bag:
             yield
         except LogError:
             raise
-        except MemoryError as error:
-            raise LogError(
-                f"{self._path} needs more than {MOST_MEMORY_BYTES // MEGABYTE} MB of memory: {FIX}"
-            ) from error
         except Exception as error:
             raise LogError(f"{self._path} is damaged or is no bag ({_reason(error)}): {FIX}") from error
 
 
 def _reason(error: Exception) -> str:
     return " ".join(f"{type(error).__name__} {error}".split())[:120]
-
-
-@contextmanager
-def bounded_memory() -> Iterator[None]:
-    """Limit the memory of this program to what it has and `MOST_MEMORY_BYTES` more."""
-    pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
-    before = resource.getrlimit(resource.RLIMIT_AS)
-    allowed = [limit for limit in before if limit != resource.RLIM_INFINITY]
-    limit = min([pages * resource.getpagesize() + MOST_MEMORY_BYTES, *allowed])
-    resource.setrlimit(resource.RLIMIT_AS, (limit, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_AS, before)

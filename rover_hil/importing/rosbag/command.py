@@ -11,13 +11,12 @@ from rover_hil.config import load_config
 from rover_hil.console.exit_codes import EXIT_OK
 from rover_hil.console.json_text import print_json
 from rover_hil.console.options import ForceOption, JsonOption, out_option
-from rover_hil.console.steps import show_steps
-from rover_hil.importing.drive import START_NS, Contents
-from rover_hil.importing.files import add_truth_findings, print_contents
-from rover_hil.importing.rosbag.bag import bounded_memory
+from rover_hil.importing.drive import START_NS
+from rover_hil.importing.files import import_file, print_contents
+from rover_hil.importing.limits import LimitSettings, MemoryOption, TimeOption
 from rover_hil.importing.rosbag.to_log import write_bag_as_log
 from rover_hil.importing.rosbag.topics import read_topics
-from rover_hil.pages.atomic_write import check_file, unfinished
+from rover_hil.pages.atomic_write import check_new_file, unfinished
 
 
 def import_bag(
@@ -29,6 +28,8 @@ def import_bag(
     out: Annotated[Path, out_option("The log to write.")],
     force: ForceOption = False,
     as_json: JsonOption = False,
+    most_memory_gb: MemoryOption = None,
+    most_minutes: TimeOption = None,
 ) -> int:
     """Turn a bag of ROS 1 or ROS 2 into a log, which replays exactly.
 
@@ -39,14 +40,14 @@ def import_bag(
     Data: `rover-hil sample bag` writes the bag and the file of topics; for yours,
     docs/how-to/import_a_bag.md names the keys.
     """
-    check_file(out, force=force)
+    check_new_file(out, force=force)
     topics = read_topics(topics_path)
     rover = load_config(topics.rover)
-    contents = Contents()
-    with unfinished(out) as part, show_steps("looking at the bag") as step, bounded_memory():
-        for contents in write_bag_as_log(bag, topics, rover, part):
-            step(f"importing, {seconds(contents.end_ns - START_NS):.0f} s of the bag are done")
-        add_truth_findings(contents, part)
+    limits = LimitSettings(most_memory_gb, most_minutes)
+    with unfinished(out) as part:
+        contents = import_file(
+            bag, part, lambda file, log: write_bag_as_log(file, topics, rover, log), limits
+        )
     duration_s = seconds(contents.end_ns - START_NS)
     if as_json:
         print_json({"log": str(out), "duration_s": duration_s, **asdict(contents)})

@@ -10,7 +10,10 @@ from drivers.errors import ConfigError
 from rover_hil.console.exit_codes import EXIT_OK
 from rover_hil.console.json_text import print_json
 from rover_hil.console.options import ForceOption, JsonOption, out_option
+from rover_hil.console.steps import show_steps
 from rover_hil.importing.files import WriteDrive, import_files
+from rover_hil.importing.limits import LimitSettings, MemoryOption, TimeOption
+from rover_hil.importing.reading_process import read_in_child
 from rover_hil.importing.table.columns import read_columns, rover_of
 from rover_hil.importing.table.propose import proposal_text, propose
 from rover_hil.importing.table.to_log import write_table_as_log
@@ -39,6 +42,8 @@ def import_tables(
     ] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
+    most_memory_gb: MemoryOption = None,
+    most_minutes: TimeOption = None,
 ) -> int:
     """Turn tables into logs, which replay exactly: all of them, or none where one is wrong.
 
@@ -49,8 +54,9 @@ def import_tables(
     Data: `rover-hil sample table` writes the table and the file of columns; for yours,
     docs/how-to/import_a_table.md names the keys.
     """
+    limits = LimitSettings(most_memory_gb, most_minutes)
     if propose_to is not None:
-        return _propose_columns(files[0], out=propose_to, force=force, as_json=as_json)
+        return _propose_columns(files[0], limits, out=propose_to, force=force, as_json=as_json)
     if columns_path is None or out is None:
         raise ConfigError(
             "--columns and --out are needed: name the file that says which column holds what, and the log; "
@@ -62,14 +68,16 @@ def import_tables(
         rover = rover_of(columns, columns_path)
         return lambda file, part: write_table_as_log(file, columns, rover, part)
 
-    import_files(files, out, make_write, what="rows", force=force, as_json=as_json)
+    import_files(files, out, make_write, limits=limits, what="rows", force=force, as_json=as_json)
     return EXIT_OK
 
 
-def _propose_columns(file: Path, *, out: Path, force: bool, as_json: bool) -> int:
+def _propose_columns(file: Path, limits: LimitSettings, *, out: Path, force: bool, as_json: bool) -> int:
     """Write what the columns of a table may hold; returns the exit code."""
     check_file(out, force=force, option="--propose")
-    guesses = propose(file)
+    guesses = read_in_child(
+        file, limits.of(file), lambda _: propose(file), show_steps(f"reading {file.name}")
+    )
     write_file(out, proposal_text(file, guesses), option="--propose")
     if as_json:
         print_json([asdict(guess) for guess in guesses])

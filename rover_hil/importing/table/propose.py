@@ -18,6 +18,8 @@ from rover_hil.importing.table.columns import SI_PER_UNIT
 
 MOST_COLUMNS = 16
 """So many columns are tried as a pose; more take long."""
+MOST_GUESSED = 500
+"""Columns of a table that is guessed at."""
 SHORTEST_S, LONGEST_S = 0.001, 2.0
 """Between two rows of a drive."""
 FOLLOWS = 0.8
@@ -100,6 +102,11 @@ def propose(path: Path) -> list[Guess]:
         raise LogError(
             f"{path}: columns of a log of an autopilot have fixed names and units: nothing is guessed, "
             "copy the file of columns for PX4 or ArduPilot from docs/how-to/import_a_table.md"
+        )
+    if len(table.names) > MOST_GUESSED:
+        raise LogError(
+            f"{path} has {len(table.names):,} columns; guesses are made for {MOST_GUESSED} at most: write "
+            "the file of columns by hand, or leave columns out"
         )
     columns = _Columns(table)
     if len(next(iter(columns.values.values()), ())) < 3:

@@ -1,0 +1,98 @@
+"""How much memory and processor time the reading of a file may take: it grows with the size of the file."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from drivers.files import MEGABYTE
+from rover_hil.console.options import number_option
+
+LEAST_MEMORY_BYTES = 512 * MEGABYTE
+MOST_TIMES_LEAST = 8
+"""The memory grows as the size up to a file of 8 MB: a table as text takes 25 times its size at most."""
+MEMORY_PER_BYTE = 4
+"""And further by this for each byte: a log of a CAN bus takes twice its size at most."""
+SHARE_OF_MACHINE = 0.8
+LEAST_SILENT_S = 15.0
+"""Processor time for each MB, 1 MB at least, in which some part of the drive must be done. Sound files of
+1 MB take 1 to 5 s."""
+WRITING_S_PER_MB = 300.0
+"""Processor time to write the drive. A table as text takes 20 to 60 s for each MB, packed data five times
+as much."""
+GIGABYTE = 1e9
+
+MemoryOption = Annotated[
+    float | None,
+    number_option(
+        "Most memory that reading a file may take, in GB [default: 0.54, more for a file above 1 MB].",
+        "GB",
+        0.1,
+        1000.0,
+        "--most-memory-gb",
+    ),
+]
+TimeOption = Annotated[
+    float | None,
+    number_option(
+        "Most processor time that reading a file may take, in min [default: 0.25 to the first part of "
+        "the drive and 5 for each MB in all, more for a file above 1 MB].",
+        "min",
+        0.01,
+        100_000.0,
+        "--most-minutes",
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What the reading of a file may take.
+
+    Attributes:
+        memory_bytes: In addition to the memory of the program.
+        silent_s: Processor time without progress, in s.
+        total_s: Processor time in all, in s.
+    """
+
+    memory_bytes: int
+    silent_s: float
+    total_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class LimitSettings:
+    """The options of a command that reads files; None for the limits by the size of each file.
+
+    Attributes:
+        most_memory_gb: In GB.
+        most_minutes: Processor time, in min.
+    """
+
+    most_memory_gb: float | None = None
+    most_minutes: float | None = None
+
+    def of(self, path: Path) -> Limits:
+        """Return the limits of a file, or of a folder with all its files."""
+        size = _size(path)
+        size_mb = size / MEGABYTE
+        times = min(max(1.0, size_mb), MOST_TIMES_LEAST)
+        machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        memory = min(times * LEAST_MEMORY_BYTES + MEMORY_PER_BYTE * size, SHARE_OF_MACHINE * machine)
+        silent_s = LEAST_SILENT_S * max(1.0, size_mb)
+        total_s = silent_s + WRITING_S_PER_MB * size_mb
+        if self.most_memory_gb is not None:
+            memory = self.most_memory_gb * GIGABYTE
+        if self.most_minutes is not None:
+            silent_s = total_s = 60.0 * self.most_minutes
+        return Limits(memory_bytes=round(memory), silent_s=silent_s, total_s=total_s)
+
+
+def _size(path: Path) -> int:
+    """Return the size of a file, or of the files in a folder; 0 where there is nothing to read."""
+    try:
+        if not path.is_dir():
+            return path.stat().st_size
+        return sum(file.stat().st_size for file in path.iterdir() if file.is_file())
+    except (OSError, ValueError):
+        return 0
