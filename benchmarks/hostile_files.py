@@ -23,6 +23,8 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
+from benchmarks.datasets.bad_files import Bad, all_cases, arguments_of
+from benchmarks.hostile import imports as hostile_imports
 from benchmarks.hostile import logs as hostile_logs
 from benchmarks.hostile import settings as hostile_settings
 from benchmarks.hostile import tables as hostile_tables
@@ -38,7 +40,7 @@ ADDRESS_BYTES = 6_000_000_000
 MOST_LINES = 12
 MOST_CHARACTERS = 6000
 FORK = multiprocessing.get_context("fork")
-KINDS = ("logs", "tables", "settings", "pictures", "paths")
+KINDS = ("logs", "tables", "settings", "pictures", "paths", "imports")
 
 ROVERS = {"robotino": "board", "el-dorado": "wheels"}
 """Shipped rovers, and the device of each that turns the wheels."""
@@ -95,10 +97,15 @@ PATH_COMMANDS = (
 
 @dataclass(frozen=True)
 class Case:
-    """A command, and how its hostile file is made."""
+    """A command, and how its hostile file is made.
+
+    Attributes:
+        make: Writes the file; returns the command where only the written file names it, else None.
+        command: The command, or what is known of it.
+    """
 
     name: str
-    make: Callable[[], object]
+    make: Callable[[], Sequence[str] | None]
     command: tuple[str, ...]
 
 
@@ -178,6 +185,7 @@ class Suite:
             "settings": self._settings,
             "pictures": self._pictures,
             "paths": self._paths,
+            "imports": self._imports,
         }
         yield from makers[kind](count, generator)
 
@@ -281,6 +289,20 @@ class Suite:
                     path = folder / f"{name}.{ending}"
                     yield self._written(f"path {path.name[:20]}", path, lambda: None, command)
 
+    def _imports(self, count: int, generator: random.Random) -> Iterator[Case]:
+        drawn = hostile_imports.mutations(count, generator)
+        folders = hostile_imports.bag_folders(count, generator)
+        special = [*all_cases(), *hostile_imports.machine_takers()]
+        folder = self._folder / "import"
+        for label, cases in (("special", special), ("mutated", drawn), ("mutated", folders)):
+            for bad in cases:
+
+                def make(bad: Bad = bad) -> Sequence[str]:
+                    folder.mkdir()
+                    return arguments_of(bad, bad.write(folder), folder)
+
+                yield Case(f"{label} {bad.kind} {bad.name}", make, ("import",))
+
     def _case(
         self,
         name: str,
@@ -333,12 +355,12 @@ def _later(function: Callable[..., bytes], value: object, seed: float) -> Callab
 
 def run_case(case: Case, folder: Path) -> Outcome:
     """Run a command in a process of its own."""
-    case.make()
+    command = case.make() or case.command
     errors = folder / "errors.txt"
     start_ns = stopwatch_ns()
     process = os.fork()
     if process == 0:
-        _run_child(case.command, errors, folder)
+        _run_child(command, errors, folder)
     status, usage, is_late = _wait(process)
     wall_s = seconds(stopwatch_ns() - start_ns)
     message = errors.read_text("utf-8", "replace")
@@ -362,7 +384,7 @@ def run_case(case: Case, folder: Path) -> Outcome:
     _empty(folder)
     return Outcome(
         case.name,
-        " ".join(case.command),
+        " ".join(command),
         exit_code,
         spent_s,
         megabytes,

@@ -69,7 +69,7 @@ class Bad:
     """One bad file.
 
     Attributes:
-        kind: "table", "can", "flight" or "bag".
+        kind: "table", "can", "flight" or "bag"; "propose", "list" or "robotino" for other commands.
         write: Writes it below a folder, and returns it.
     """
 
@@ -315,6 +315,12 @@ def all_cases() -> list[Bad]:
 def arguments_of(bad: Bad, file: Path, folder: Path) -> list[str]:
     """Return the command that imports a file."""
     rover, out = folder / "rover.toml", str(folder / "out.mcap")
+    if bad.kind == "robotino":
+        return ["import", "robotino", str(file), "--out", out]
+    if bad.kind == "propose":
+        return ["import", "table", str(file), "--propose", str(folder / "proposed.toml")]
+    if bad.kind == "list":
+        return ["import", "can", str(file), "--list"]
     if bad.kind == "can":
         rover.write_text(CAR, "utf-8")
         mapping = str(SHIPPED_FOLDER / "odrive_0_6.toml")

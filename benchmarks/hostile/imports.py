@@ -6,26 +6,23 @@ Everything is made by code; the files are small, or sparse in what they take to 
 import gzip
 import io
 import random
-import shutil
 import sqlite3
 import struct
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 
-import can
 import numpy as np
 import zstandard
+from rosbags.rosbag2 import StoragePlugin
 from scipy.io import savemat
 
-from benchmarks.datasets.bad_files import CAR, COLUMNS, FLIGHT, ROVER
+from benchmarks.datasets.bad_files import Bad, bus_log
 from benchmarks.hostile.tables import honest_tables
-from drivers.can_wheels.mapping_file import SHIPPED_FOLDER
 from tests.rover_hil.flight_logs import Kind, dataflash, ulog
-from tests.rover_hil.test_import_rosbag import WHEELS
+from tests.rover_hil.test_import_rosbag import write_bag
 
 ROWS = 400
 NESTED = 40
@@ -42,46 +39,7 @@ PX4 = (
 ARDUPILOT = (Kind("WENC", (("Q", "TimeUS"), ("f", "Dist0"), ("f", "Dist1"))),)
 
 
-@dataclass(frozen=True)
-class Import:
-    """A file to import.
-
-    Attributes:
-        name: What is wrong with it.
-        kind: "table", "can", "flight", "bag", "robotino", "propose" or "list".
-        write: Writes it below a folder, and returns it.
-    """
-
-    name: str
-    kind: str
-    write: Callable[[Path], Path]
-
-
-def arguments_of(kind: str, file: Path, folder: Path) -> list[str]:
-    """Write the files that describe a file, and return the command that imports it."""
-    out = ["--out", str(folder / "out.mcap")]
-    if kind == "robotino":
-        return ["import", "robotino", str(file), *out]
-    if kind == "propose":
-        return ["import", "table", str(file), "--propose", str(folder / "proposed.toml")]
-    if kind == "list":
-        return ["import", "can", str(file), "--list"]
-    if kind == "can":
-        (folder / "rover.toml").write_text(CAR, "utf-8")
-        mapping = str(SHIPPED_FOLDER / "odrive_0_6.toml")
-        return ["import", "can", str(file), "--config", str(folder / "rover.toml"), "--map", mapping, *out]
-    if kind == "bag":
-        (folder / "topics.toml").write_text(WHEELS, "utf-8")
-        return ["import", "rosbag", str(file), "--topics", str(folder / "topics.toml"), *out]
-    time = "timestamp" if file.suffix == ".ulg" else "TimeUS"
-    columns = FLIGHT.format(time=time) if kind == "flight" else COLUMNS
-    if file.suffix == ".npy":
-        columns = columns.replace('"t"', "1").replace('"l"', "2").replace('"r"', "3")
-    (folder / "columns.toml").write_text(columns + ROVER, "utf-8")
-    return ["import", "table", str(file), "--columns", str(folder / "columns.toml"), *out]
-
-
-def of_bytes(name: str, kind: str, file_name: str, make: Callable[[], bytes]) -> Import:
+def of_bytes(name: str, kind: str, file_name: str, make: Callable[[], bytes]) -> Bad:
     """Return a file with given content."""
 
     def write(folder: Path) -> Path:
@@ -90,7 +48,7 @@ def of_bytes(name: str, kind: str, file_name: str, make: Callable[[], bytes]) ->
         path.write_bytes(make())
         return path
 
-    return Import(name, kind, write)
+    return Bad(name, kind, write)
 
 
 # Files that take the machine.
@@ -98,20 +56,14 @@ def of_bytes(name: str, kind: str, file_name: str, make: Callable[[], bytes]) ->
 
 def nested_ulog(levels: int = NESTED) -> bytes:
     """Return a ULog whose formats hold the next one twice: 2^levels fields."""
-    kinds = [Kind(f"n{n}", ((f"n{n + 1}", "a"), (f"n{n + 1}", "b"))) for n in range(levels)]
-    kinds.append(Kind(f"n{levels}", (("uint64_t", "timestamp"),)))
-    text = ulog(kinds, [])
-    return text.replace(b"n0:", b"WENC:uint64_t timestamp;") if False else _announced_only(text, levels)
-
-
-def _announced_only(text: bytes, levels: int) -> bytes:
-    """Return the ULog with the announcement of its first format only, under the name that is imported."""
-    formats = text[: text.index(struct.pack("<HB", 5, ord("A")))]
-    renamed = formats.replace(b"n0:", b"WENC:", 1)
-    place = renamed.index(b"WENC:") - 3
-    (size,) = struct.unpack_from("<H", renamed, place)
-    renamed = renamed[:place] + struct.pack("<H", size + 2) + renamed[place + 2 :]
-    return renamed + struct.pack("<HBBH", 7, ord("A"), 0, 0) + b"WENC"
+    names = ["WENC", *(f"n{level}" for level in range(1, levels))]
+    kinds = [
+        Kind(name, ((inner, "a"), (inner, "b")))
+        for name, inner in zip(names, [*names[1:], "last"], strict=True)
+    ]
+    text = ulog([*kinds, Kind("last", (("uint64_t", "timestamp"),))], [])
+    announced = text.index(b"A\0\0\0WENC")
+    return text[: announced + 8]
 
 
 def empty_ulog(count: int = EMPTY_MESSAGES, size: int = 0) -> bytes:
@@ -156,14 +108,12 @@ def parquet_cell(size: int = CELL_BYTES) -> bytes:
     parts = [packer.compress(struct.pack("<I", size))]
     parts += [packer.compress(bytes(min(2**24, size - start))) for start in range(0, size, 2**24)]
     packed = b"".join([*parts, packer.flush()])
-    page = _thrift((1, i32, _number(1)), (2, i32, _number(0)), (3, i32, _number(0)), (4, i32, _number(0)))
     head = _thrift(
         (1, i32, _number(0)),
         (2, i32, _number(unpacked)),
         (3, i32, _number(len(packed))),
         (5, struct_, _thrift(*[(n, i32, _number(v)) for n, v in ((1, 1), (2, 0), (3, 3), (4, 3))])),
     )
-    assert page
     column = _thrift(
         (1, i32, _number(6)),
         (2, list_, _thrift_list(i32, [_number(0)])),
@@ -195,14 +145,7 @@ def parquet_cell(size: int = CELL_BYTES) -> bytes:
 @cache
 def sound_mf4() -> bytes:
     """Return a sound MF4 file of a CAN bus."""
-    from benchmarks.program.can_logs import bus
-
-    with tempfile.TemporaryDirectory() as name:
-        path = Path(name) / "bus.mf4"
-        with can.MF4Writer(path) as writer:
-            for message in bus(2.0):
-                writer.on_message_received(message)
-        return path.read_bytes()
+    return bus_log(".mf4")
 
 
 MF4_LISTS = {"data groups": b"##DG", "groups": b"##CG", "channels": b"##CN", "data": b"##DL"}
@@ -239,10 +182,6 @@ def mf4_record(size: int = RECORD_BYTES) -> bytes:
 
 
 def _bag(folder: Path, *, plugin: str | None) -> Path:
-    from rosbags.rosbag2 import StoragePlugin
-
-    from tests.rover_hil.test_import_rosbag import write_bag
-
     if plugin is None:
         return write_bag(folder / "drive.bag")
     return write_bag(folder / "drive", plugin=StoragePlugin[plugin])
@@ -352,7 +291,7 @@ def many_columns(count: int = GUESSED_COLUMNS) -> bytes:
     return "\n".join(rows).encode()
 
 
-def machine_takers() -> Iterator[Import]:
+def machine_takers() -> Iterator[Bad]:
     """Yield the files that once took gigabytes or minutes."""
     yield of_bytes("formats nested 40 deep", "flight", "nested.ulg", nested_ulog)
     yield of_bytes("headers of messages only", "flight", "headers.ulg", empty_ulog)
@@ -361,9 +300,9 @@ def machine_takers() -> Iterator[Import]:
     for name, block in MF4_LISTS.items():
         yield of_bytes(f"list of {name} in itself", "can", "list.mf4", partial(mf4_list, block))
     yield of_bytes("a record of 2 GB", "can", "record.mf4", mf4_record)
-    yield Import("16 MB of metadata.yaml", "bag", long_metadata)
+    yield Bad("16 MB of metadata.yaml", "bag", long_metadata)
     for make in (topics_in_metadata, topics_in_sqlite, topics_in_mcap, topics_in_ros1):
-        yield Import(f"a million {make.__name__}", "bag", make)
+        yield Bad(f"a million {make.__name__}", "bag", make)
     yield of_bytes("guesses of 300,000 columns", "propose", "wide.csv", many_columns)
     yield of_bytes("300,000 columns", "table", "wide.csv", many_columns)
 
@@ -404,8 +343,6 @@ def _flight(suffix: str) -> bytes:
 
 
 def _can_log(suffix: str) -> bytes:
-    from benchmarks.datasets.bad_files import bus_log
-
     return sound_mf4() if suffix == ".mf4" else bus_log(suffix)
 
 
@@ -467,7 +404,7 @@ def mutated(raw: bytes, generator: random.Random) -> bytes:
     return bytes(data)
 
 
-def mutations(count: int, generator: random.Random) -> Iterator[Import]:
+def mutations(count: int, generator: random.Random) -> Iterator[Bad]:
     """Yield that many mutated files of each format; half of the damage is in the first 2000 bytes."""
     for suffix, (kinds, _) in SOUND.items():
         for number in range(count):
@@ -482,7 +419,7 @@ def mutations(count: int, generator: random.Random) -> Iterator[Import]:
             yield of_bytes(f"{suffix} {number}", generator.choice(kinds), f"drive{suffix}", make)
 
 
-def bag_folders(count: int, generator: random.Random) -> Iterator[Import]:
+def bag_folders(count: int, generator: random.Random) -> Iterator[Bad]:
     """Yield bags as folders with a mutated metadata.yaml."""
     for number in range(count):
         seed = generator.random()
@@ -493,9 +430,4 @@ def bag_folders(count: int, generator: random.Random) -> Iterator[Import]:
             (bag / "metadata.yaml").write_bytes(mutated(text, random.Random(seed)))
             return bag
 
-        yield Import(f"metadata.yaml {number}", "bag", write)
-
-
-def clear(folder: Path) -> None:
-    """Remove what a file and its import left."""
-    shutil.rmtree(folder, ignore_errors=True)
+        yield Bad(f"metadata.yaml {number}", "bag", write)

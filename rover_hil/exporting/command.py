@@ -1,5 +1,8 @@
 """`rover-hil export`: the records of a log for other programs."""
 
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -69,11 +72,11 @@ def export_log(
             progress.update(task, completed=log.bytes_read)
 
         if name == ROSBAG:
-            with unfinished(folder) as part:
+            with unfinished(folder) as part, _named_failures(folder):
                 rows = dict(write_rosbag2(log, part, show))
                 _require_records(log, rows)
         elif name == CAN:
-            with restore_config(log) as config, unfinished(folder) as part:
+            with restore_config(log) as config, unfinished(folder) as part, _named_failures(folder):
                 rows = dict(write_can(log, config, part, show))
                 _require_records(log, rows)
         else:
@@ -104,6 +107,17 @@ def _check_folder(folder: Path, name: str, *, force: bool) -> None:
     # The whole folder is replaced: it must be one that held a bag only.
     if folder.exists() and not (folder / "metadata.yaml").is_file():
         raise ConfigError(f"{folder} is not a bag: choose another --out")
+
+
+@contextmanager
+def _named_failures(path: Path) -> Iterator[None]:
+    """Report what a full disk makes of the libraries: rosbags writes a database."""
+    try:
+        yield
+    except (OSError, sqlite3.Error) as error:
+        raise ConfigError(
+            f"cannot write {path}: {error}; make room there, or choose another --out"
+        ) from error
 
 
 def _require_records(log: LogReader, rows: dict[str, int]) -> None:

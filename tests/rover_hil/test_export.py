@@ -4,6 +4,7 @@ import csv
 import errno
 import json
 import shutil
+import sqlite3
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -105,6 +106,21 @@ def test_a_bag_holds_poses_wheels_rates_and_pictures(log: Path, tmp_path: Path, 
 def test_one_format_is_wanted(command: Command, log: Path, options: tuple[str, ...], words: str) -> None:
     assert command("export", str(log), *options) == 2
     assert_one_sentence(command.error, words)
+
+
+@pytest.mark.parametrize(
+    "failure", [sqlite3.OperationalError("database or disk is full"), OSError(errno.ENOSPC, "No space left")]
+)
+def test_a_full_disk_leaves_no_bag(
+    command: Command, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failure: Exception
+) -> None:
+    def fail(*_: object) -> None:
+        raise failure
+
+    monkeypatch.setattr("rosbags.rosbag2.storage_sqlite3.Sqlite3Writer.close", fail)
+    assert command("export", str(log), "--rosbag2", "--out", str(tmp_path / "bag")) == 2
+    assert_one_sentence(command.error, f"cannot write {tmp_path / 'bag'}", str(failure.args[-1]))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_full_disk_leaves_no_tables(
