@@ -17,9 +17,10 @@ SHARE_OF_MACHINE = 0.8
 LEAST_SILENT_S = 15.0
 """Processor time for each MB, 1 MB at least, in which some part of the drive must be done. Sound files of
 1 MB take 1 to 5 s."""
-WRITING_S_PER_MB = 300.0
-"""Processor time to write the drive. A table as text takes 20 to 60 s for each MB, packed data five times
-as much."""
+WRITING_S = 300.0
+"""Processor time to write the drive of a file of 1 MB. A table as text takes 20 to 60 s."""
+WRITING_S_PER_MB = 1200.0
+"""For each further MB: an hour of a packed table takes 10 min, and may have 2 MB."""
 GIGABYTE = 1e9
 
 MemoryOption = Annotated[
@@ -36,7 +37,7 @@ TimeOption = Annotated[
     float | None,
     number_option(
         "Most processor time that reading a file may take, in min [default: 0.25 to the first part of "
-        "the drive and 5 for each MB in all, more for a file above 1 MB].",
+        "the drive and 5 in all for a file of 1 MB, less for a smaller and more for a larger one].",
         "min",
         0.01,
         100_000.0,
@@ -80,7 +81,7 @@ class LimitSettings:
         machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
         memory = min(times * LEAST_MEMORY_BYTES + MEMORY_PER_BYTE * size, SHARE_OF_MACHINE * machine)
         silent_s = LEAST_SILENT_S * max(1.0, size_mb)
-        total_s = silent_s + WRITING_S_PER_MB * size_mb
+        total_s = silent_s + WRITING_S * min(size_mb, 1.0) + WRITING_S_PER_MB * max(0.0, size_mb - 1.0)
         if self.most_memory_gb is not None:
             memory = self.most_memory_gb * GIGABYTE
         if self.most_minutes is not None:
