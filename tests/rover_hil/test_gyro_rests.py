@@ -3,6 +3,7 @@
 import gzip
 import math
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -34,13 +35,19 @@ yaw = { column = "yaw" }
 """
 
 
+def rest(t_s: float, mean_rad_s: float, readings: int, noise: float = 2e-3) -> GyroRest:
+    """Return a rest of five readings a second."""
+    return GyroRest(t_s, mean_rad_s, readings, 0.2 * readings, noise**2 * (readings - 1))
+
+
 def rests_of(bias: float, walk: float, noise: float, counts: list[int], seed: int) -> list[GyroRest]:
     """Return rests each 100 s of a bias that drifts."""
     rng = np.random.default_rng(seed)
     rests = []
     for number, count in enumerate(counts):
         bias += 10.0 * walk * rng.standard_normal() * (number > 0)
-        rests.append(GyroRest(100.0 * number, bias + noise / math.sqrt(count) * rng.standard_normal(), count))
+        mean = bias + noise / math.sqrt(count) * rng.standard_normal()
+        rests.append(rest(100.0 * number, mean, count, noise))
     return rests
 
 
@@ -55,26 +62,48 @@ def test_the_deviation_covers_the_bias_in_its_share_of_cases() -> None:
 
 def test_a_short_rest_counts_for_little() -> None:
     """Ten seconds say 0, then a swing of a second says 0.01 rad/s."""
-    rests = [GyroRest(100.0 * number, 1e-5 * (-1) ** number, 100) for number in range(6)]
+    rests = [rest(100.0 * number, 1e-5 * (-1) ** number, 100) for number in range(6)]
     before = learn_bias(rests, 0.0, FilterSettings())
-    after = learn_bias([*rests, GyroRest(600.0, 0.01, 5)], 0.0, FilterSettings())
+    after = learn_bias([*rests, rest(600.0, 0.01, 5)], 0.0, FilterSettings())
     assert abs(before.bias_rad_s) < 1e-4
     assert abs(after.bias_rad_s) < 0.002
     assert not after.is_significant
 
 
 def test_a_coarse_gyro_knows_its_bias_no_better_than_its_steps_allow() -> None:
-    rests = [GyroRest(100.0 * number, 0.004, 100) for number in range(6)]
+    rests = [rest(100.0 * number, 0.004, 100) for number in range(6)]
     fine, coarse = learn_bias(rests, 1e-6, FilterSettings()), learn_bias(rests, 0.02, FilterSettings())
     assert fine.is_significant
     assert coarse.sd_rad_s >= 0.02 / math.sqrt(12.0 * 6.0) * 0.9
     assert not coarse.is_significant
 
 
+def test_a_body_that_swings_in_short_rests_has_no_bias() -> None:
+    """Six rests of the measured mower, the last of 0.6 s: its mean is that of a swing of 0.2 degrees."""
+    rows = (
+        (30.0, 6.2e-6, 223, 2.3e-4),
+        (110.0, 8.3e-5, 79, 6.1e-4),
+        (240.0, -1.5e-4, 20, 2.1e-3),
+        (330.0, 6.6e-5, 91, 6.5e-4),
+        (440.0, -5.4e-5, 16, 1.7e-3),
+        (560.0, 5.0e-3, 3, 4.7e-3),
+    )
+    learned = learn_bias([rest(*row) for row in rows], 1e-6, FilterSettings())
+    assert not learned.is_significant
+    assert np.abs(learned.biases_rad_s).max() < 5e-4
+
+
+def test_a_rest_tells_the_bias_of_the_way_before_it() -> None:
+    rests = rests_of(0.003, 1e-6, 2e-3, [3, 40, 40, 40, 40, 200], SEED)
+    learned = learn_bias(rests, 0.0, FilterSettings())
+    assert learned.biases_rad_s[0] == pytest.approx(0.003, abs=4e-4)
+    assert learned.filter.gyro_bias_rad_s == pytest.approx(learned.sds_rad_s[0])
+
+
 def test_few_rests_use_the_noise_of_the_settings() -> None:
     settings = FilterSettings()
-    learned = learn_bias([GyroRest(0.0, 0.001, 4)], 0.0, settings)
-    assert learned.filter == settings
+    learned = learn_bias([rest(0.0, 0.001, 4)], 0.0, settings)
+    assert learned.filter.gyro_rate_noise_rad_s == settings.gyro_rate_noise_rad_s
     assert learned.sd_rad_s == pytest.approx(settings.gyro_rate_noise_rad_s / 2.0, rel=0.05)
     assert not learned.is_significant
 
@@ -111,6 +140,18 @@ def test_a_bias_of_the_increments_is_learned_at_the_rests_and_corrected(command:
     assert x_m == pytest.approx(100.0, abs=0.5)
     assert abs(y_m) < 2.0
     assert command("replay", "drive.mcap") == 0
+
+
+def test_the_way_before_the_first_rest_is_corrected_while_it_is_driven(command: Command) -> None:
+    """On the first leg, 20 s before the first rest, the gyro's bias turned the estimate by 6 degrees."""
+    import_increments(command, drive_with_rests(0.005)[50:])
+    assert "rad/s: it is corrected" in command.out
+    log = LogReader(Path("drive.mcap"))
+    messages = [message for message in log.messages() if message.topic == "/estimate"]
+    first_ns = messages[0].t_ns
+    before_rest = [message for message in messages if message.t_ns < first_ns + 19_500_000_000]
+    pose = cast("dict[str, Any]", before_rest[-1].json())["estimate"]
+    assert abs(pose["yaw_rad"]) < 0.02
 
 
 def test_a_bias_that_may_be_none_changes_nothing(command: Command) -> None:

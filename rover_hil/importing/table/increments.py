@@ -49,14 +49,17 @@ def _with_gyro(source: DriveTable, forward_m: Array, turn_rad: Array) -> tuple[A
         return forward_m, turn_rad
     t_s = np.asarray(source.t_ns) / NANOSECONDS_PER_SECOND
     steps = np.diff(np.unique(rates))
-    learned = learn_bias(
-        [
-            GyroRest(float(t_s[first:after].mean()), float(rates[first:after].mean()), after - first)
-            for first, after in rests
-        ],
-        float(steps.min()) if len(steps) else 0.0,
-        source.rover.filter,
-    )
+    gyro_rests = [
+        GyroRest(
+            t_s=float(t_s[first:after].mean()),
+            mean_rad_s=float(rates[first:after].mean()),
+            readings=after - first,
+            duration_s=float(t_s[after - 1] - t_s[max(0, first - 1)]),
+            squares_rad2_s2=float(rates[first:after].var()) * (after - first),
+        )
+        for first, after in rests
+    ]
+    learned = learn_bias(gyro_rests, float(steps.min()) if len(steps) else 0.0, source.rover.filter)
     bias = f"bias of the gyro by {len(rests)} rests {learned.bias_rad_s:+.2g} rad/s, standard deviation "
     bias += f"{learned.sd_rad_s:.2g} rad/s"
     if not learned.is_significant:
@@ -64,7 +67,9 @@ def _with_gyro(source: DriveTable, forward_m: Array, turn_rad: Array) -> tuple[A
         return forward_m, turn_rad
     source.drive.notes.append(f"{bias}: it is corrected")
     source.drive.filter = learned.filter
-    zeros = np.zeros_like(rates)
+    zeros, middles_s = np.zeros_like(rates), [rest.t_s for rest in gyro_rests]
+    # Between two rests the mean of a random walk is the straight line.
+    rates = rates - np.interp(t_s, middles_s, learned.biases_rad_s)
     source.add("imu", {"rate": np.column_stack((zeros, zeros, rates)).tolist()})
     forward_m, turn_rad = forward_m.copy(), turn_rad.copy()
     for first, after in rests:
