@@ -18,8 +18,8 @@ from rich.console import Console
 from rich.progress import track
 
 from benchmarks.cluster_option import add_cluster_option
-from benchmarks.gates import fields, floors, published
-from benchmarks.gates.published import CAMERA_FLOORS, FAULTS, FIELDS, FLOORS, Table
+from benchmarks.gates import drives, fields, floors, published
+from benchmarks.gates.published import CAMERA_FLOORS, DRIVES, FAULTS, FIELDS, FLOORS, Table
 from benchmarks.safety.faults.cases import all_cases
 from benchmarks.safety.faults.measures import measure
 from rover_hil.parallel.executor import open_executor
@@ -88,6 +88,15 @@ def measure_faults(pool: Executor) -> Table:
     }
 
 
+def measure_drives(pool: Executor) -> Table:
+    """Return the table of the recorded drives."""
+    figures = _run(pool, drives.measure_drive, [(name,) for name in drives.DRIVES], DRIVES)
+    return {
+        name: {key: f"{value:.2f}" for key, value in row.items()}
+        for name, row in zip(drives.DRIVES, figures, strict=True)
+    }
+
+
 def _run(
     pool: Executor, function: Callable[..., Found], jobs: Sequence[tuple[object, ...]], what: str
 ) -> Iterable[Found]:
@@ -104,7 +113,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--only", choices=(FLOORS, CAMERA_FLOORS, FIELDS, FAULTS))
+    parser.add_argument("--only", choices=(FLOORS, CAMERA_FLOORS, FIELDS, DRIVES, FAULTS))
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--full", action="store_true", help="60 other floors, all versions; compares nothing")
     what.add_argument("--write", action="store_true", help="replace the published tables; compares nothing")
@@ -118,10 +127,14 @@ def main() -> int:
             FLOORS: lambda: measure_floors(pool, is_full=arguments.full),
             CAMERA_FLOORS: lambda: measure_camera_floors(pool, is_full=arguments.full),
             FIELDS: lambda: measure_fields(pool),
+            DRIVES: lambda: measure_drives(pool),
             FAULTS: lambda: measure_faults(pool),
         }
         headings = (FLOORS, CAMERA_FLOORS) if arguments.full else tuple(measures)
         for heading in (arguments.only,) if arguments.only else headings:
+            if heading == DRIVES and drives.missing():
+                print(f"{DRIVES}: skipped: {drives.missing()}", flush=True)
+                continue
             table = measures[heading]()
             if arguments.full:
                 print("\n".join(published.markdown(table)))
