@@ -29,7 +29,7 @@ from drivers.can_wheels.mapping_file import read_dbc
 from drivers.errors import RoverHilError
 from rover_hil.datasets.csv_table import read_csv
 from rover_hil.datasets.log import read_drive
-from rover_hil.importing.files import add_truth_findings
+from rover_hil.datasets.truth_check import truth_findings
 from rover_hil.importing.oddities import NOT_SHOWN
 from rover_hil.importing.table.columns import read_columns, rover_of
 from rover_hil.importing.table.to_log import write_table_as_log
@@ -472,7 +472,7 @@ def import_drive(drive: Measured, folder: Path) -> Outcome:
     try:
         columns = read_columns(columns_path)
         *_, contents = write_table_as_log(table, columns, rover_of(columns, columns_path), log)
-        add_truth_findings(contents, log)
+        contents.findings += truth_findings(log)
     except RoverHilError as error:
         return Outcome(refusal=str(error))
     unseen = [odd.what for odd in contents.oddities if odd.done == NOT_SHOWN]

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.datasets.planted_faults import runs_of
 from rover_hil.datasets.arrays import Array
-from rover_hil.importing.table.columns import read_columns
-from rover_hil.importing.table.command import rover_of
+from rover_hil.importing.table.columns import read_columns, rover_of
 from rover_hil.importing.table.to_log import write_table_as_log
 from rover_hil.recording.reader import LogReader
 
@@ -127,9 +127,11 @@ def _errors(log: Path) -> dict[str, float]:
 
 def _at(t_ns: Array, rows: Array, column: int) -> Array:
     values = np.unwrap(rows[:, 3]) if column == 3 else rows[:, column]
-    return np.interp(t_ns, rows[:, 0], values)
+    interpolated: Array = np.interp(t_ns, rows[:, 0], values)
+    return interpolated
 
 
-def _from_first(place: np.ndarray, yaw: Array) -> np.ndarray:
-    """Return places as seen from the first one."""
-    return (place - place[0]) * np.exp(-1j * yaw[0])
+def _from_first(place: NDArray[np.complex128], yaw: Array) -> NDArray[np.complex128]:
+    """Return positions relative to the first pose."""
+    relative: NDArray[np.complex128] = (place - place[0]) * np.exp(-1j * yaw[0])
+    return relative

@@ -43,12 +43,11 @@ class _Excused(StallMonitor):
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         for pair in cycle.ground_pairs:
             self._ground.take(pair)
-        self._is_excused = self._ground.lost_m == 0.0
-        return super().check(cycle)
-
-    def _least_speed(self, set_point_rad_s: float) -> float:
-        is_creeping = set_point_rad_s < CREEPING_RAD_S
-        return -np.inf if is_creeping and self._is_excused else super()._least_speed(set_point_rad_s)
+        if self._ground.lost_m:
+            return super().check(cycle)
+        pairs = zip(cycle.commanded_rad_s, cycle.measured_rad_s, strict=True)
+        follows = tuple(set_to if abs(set_to) < CREEPING_RAD_S else turns for set_to, turns in pairs)
+        return super().check(cycle._replace(measured_rad_s=follows))
 
 
 RULES = {

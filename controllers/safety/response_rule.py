@@ -116,10 +116,9 @@ class ResponseRule(StopRule):
                 self._wheels[index] = _Wheel(self._settings.response_s) if forgets else wheel
                 self._wheels[index].slow_rad_s = 0.0
         for index, pair in enumerate(zip(cycle.commanded_rad_s, cycle.measured_rad_s, strict=True)):
-            wheel = self._wheels.get(index)
-            if wheel is not None:
-                self._count(wheel, elapsed_s, *pair)
-                yield from self._judge(index, wheel)
+            if index in self._wheels:
+                self._count(self._wheels[index], elapsed_s, *pair)
+                yield from self._judge(index, self._wheels[index])
 
     def _count(self, wheel: _Wheel, elapsed_s: float, commanded: float, measured: float) -> None:
         settings = self._settings

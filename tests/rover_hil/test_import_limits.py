@@ -166,7 +166,7 @@ def test_limits_grow_with_the_size_and_the_options_set_them(tmp_path: Path) -> N
 def test_a_pickle_is_refused_without_advice_to_load_it(command: Command, tmp_path: Path) -> None:
     for name in ("drive.npy", "drive.npz"):
         save = np.save if name.endswith("npy") else np.savez
-        save(tmp_path / name, np.array([{}, 1], object))  # type: ignore[operator]
+        save(tmp_path / name, np.array([{}, 1], object))
         bad = Bad("", "table", lambda folder: folder)
         assert command(*arguments_of(bad, tmp_path / name, tmp_path)) == 2
         assert_one_sentence(command.error, name, "Python objects")

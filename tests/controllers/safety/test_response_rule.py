@@ -114,7 +114,7 @@ def test_after_a_stop_for_it_the_wheels_are_measured_again() -> None:
 
 @pytest.mark.parametrize("role", ["unmeasured_wheels", "undriven_wheels"])
 def test_a_wheel_without_an_encoder_or_without_a_motor_is_not_judged(role: str) -> None:
-    assert not Wheels(**{role: frozenset({1})}).turn(10.0, (3.0, 3.0), (3.0, 1.2))
+    assert not Wheels(STOPS, **{role: frozenset({1})}).turn(10.0, (3.0, 3.0), (3.0, 1.2))
 
 
 def test_a_pause_of_the_loop_counts_for_a_part_of_the_window() -> None:
