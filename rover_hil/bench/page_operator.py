@@ -68,6 +68,8 @@ class PageOperator:
         self._latch = LossLatch(watches)
         self._real_clock = real_clock or SystemClock()
         self._stop_reason = ""
+        self._loop_waits = False
+        self._loop_stops = self._confirmations = 0
         self._is_running = False
         self._was_at_rest = False
         self._first_truth: Truth | None = None
@@ -96,7 +98,7 @@ class PageOperator:
     @property
     def waits_for_operator(self) -> bool:
         """Whether the rover stays stopped until the operator confirms that it may move."""
-        return bool(self._latch.reason)
+        return bool(self._latch.reason) or self._loop_waits
 
     def end(self) -> tuple[End, str] | None:
         """Return how and why the page ends the run; None to go on."""
@@ -107,6 +109,8 @@ class PageOperator:
         """Take a cycle; every 50 ms one goes to the page."""
         self._cycles += 1
         self._is_running = view.output.mode is Mode.RUNNING
+        self._loop_stops += view.output.waits_for_operator and not self._loop_waits
+        self._loop_waits = view.output.waits_for_operator
         self._was_at_rest &= self._is_running
         self._work_ns = max(self._work_ns, view.work_ns)
         self._late_ns = max(self._late_ns, view.late_ns)
@@ -142,17 +146,29 @@ class PageOperator:
             self._stop_reason = reason
             self._want(OperatorInput(stop_reason=reason))
 
-    def _confirm(self, losses: int) -> None:
-        if self.waits_for_operator and self._latch.confirm(losses):
+    @property
+    def _stops(self) -> int:
+        return self._latch.losses + self._loop_stops + self._confirmations
+
+    def _confirm(self, stops: int) -> None:
+        """Release a loss, or else a stop of the loop: one click never confirms what the user has not read."""
+        if not self.waits_for_operator or stops != self._stops:
+            return
+        if not self._latch.reason:
+            self._want(OperatorInput(is_confirmed=True))
+        elif self._latch.release():
             self._stop_reason = ""
-            self._want(OperatorInput(stop_reason="", is_confirmed=True))
+            self._want(OperatorInput(stop_reason=""))
+        else:
+            return
+        self._confirmations += 1
 
     def _take_orders(self) -> None:
         for order in self._arrived():
             if isinstance(order, EndOrder):
                 self._end = self._end or (order.end, order.reason)
             elif isinstance(order, Confirmation):
-                self._confirm(order.losses)
+                self._confirm(order.stops)
             elif order.motion is None or self._may_drive(order.motion):
                 self._want(order)
 
@@ -182,7 +198,7 @@ class PageOperator:
             "kind": "view",
             "t_s": t_s,
             "mode": output.mode.value,
-            "reason": output.reason,
+            "reason": self._latch.reason or output.reason,
             "pose": (pose.x_m, pose.y_m, pose.yaw_rad),
             "odometry": (odometry.x_m, odometry.y_m, odometry.yaw_rad),
             "truth": _relative(view.truth, self._first_truth),
@@ -204,7 +220,7 @@ class PageOperator:
             "lost_s": 0.0 if self._clock is None else seconds(self._clock.lost_ns),
             "dropped": self._dropped,
             "waits_for_operator": self.waits_for_operator,
-            "losses": self._latch.losses,
+            "stops": self._stops,
         }
 
 

@@ -293,15 +293,15 @@ class Session:
             if self._kind is Kind.BY_HAND:
                 self._operate(browser, OperatorInput(motion=motion))
 
-    def confirm(self, browser: str, losses: int) -> None:
+    def confirm(self, browser: str, stops: int) -> None:
         """Confirm that the stopped rover may move; raises ConfigError as `arm`.
 
         Args:
             browser: Whose user has clicked.
-            losses: Number of losses in the view that it showed.
+            stops: Number of stops in the view that it showed.
         """
         with self._lock:
-            self._operate(browser, Confirmation(losses=losses))
+            self._operate(browser, Confirmation(stops=stops))
 
     def refuse(self) -> None:
         """Count an order that is no list of finite numbers."""

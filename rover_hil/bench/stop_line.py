@@ -61,7 +61,7 @@ class Confirm(Words):
     """The user has clicked that the stopped rover may move.
 
     Attributes:
-        confirm: Number of losses that the page showed.
+        confirm: Number of stops that the page showed.
     """
 
     confirm: int

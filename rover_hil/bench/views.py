@@ -44,10 +44,10 @@ class Confirmation:
     """The operator has clicked that the stopped rover may move again.
 
     Attributes:
-        losses: Number of losses in the view that the page showed then.
+        stops: Number of such stops in the view that the page showed then.
     """
 
-    losses: int
+    stops: int
 
 
 Order: TypeAlias = OperatorInput | EndOrder | Confirmation
@@ -83,7 +83,8 @@ class View(TypedDict):
         lost_s: Real time by which a simulated run has fallen behind.
         dropped: Views that the page was too slow to take.
         waits_for_operator: Whether the rover stays stopped, for `reason`, until the operator confirms.
-        losses: How often page or server were lost in this run; part of a confirmation.
+        stops: Number of stops of this run that waited for the operator, and of confirmations; part of a
+            confirmation.
     """
 
     kind: Literal["view"]
@@ -111,7 +112,7 @@ class View(TypedDict):
     lost_s: float
     dropped: int
     waits_for_operator: bool
-    losses: int
+    stops: int
 
 
 class Picture(TypedDict):

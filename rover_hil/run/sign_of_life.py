@@ -109,14 +109,8 @@ class LossLatch:
             self.reason = reasons[lost]
         return self.reason
 
-    def confirm(self, losses: int) -> bool:
-        """Release the stop; return whether that counts: nothing is lost now, and the operator knew of all.
-
-        Args:
-            losses: Number of losses that the operator knew of: a confirmation that was on its way while
-                another loss began has no effect.
-        """
-        counts = losses == self.losses and self._lost is None
-        if counts:
+    def release(self) -> bool:
+        """Release the stop; return False, and keep it, while something is lost."""
+        if self._lost is None:
             self.reason = ""
-        return counts
+        return self._lost is None

@@ -83,7 +83,7 @@ def test_signs_are_seen_by_another_process_without_waiting() -> None:
     assert process.exitcode == 0
 
 
-def test_after_a_loss_the_reason_stays_until_it_is_confirmed_by_someone_who_knows_of_all_losses() -> None:
+def test_after_a_loss_the_reason_stays_until_it_is_released_while_nothing_is_lost() -> None:
     first, second = SignOfLife(), SignOfLife()
     latch = LossLatch([watch(first), LifeWatch(second, 0.5, "page: other")])
     now_ns = START_NS
@@ -102,15 +102,12 @@ def test_after_a_loss_the_reason_stays_until_it_is_confirmed_by_someone_who_know
     assert after_half_a_second() == "page: lost"  # the same loss, of which more is known now
     assert after_half_a_second(first) == "page: lost"
     assert latch.losses == 1
-    assert not latch.confirm(1)
+    assert not latch.release()
     assert latch.reason == "page: lost"
     assert after_half_a_second(first, second) == "page: lost"
-    assert not latch.confirm(0)
     assert after_half_a_second(first) == "page: other"
     assert after_half_a_second(first, second) == "page: other"
     assert latch.losses == 2
-    assert not latch.confirm(1)
-    assert latch.reason == "page: other"
-    assert latch.confirm(2)
+    assert latch.release()
     assert latch.reason == ""
     assert after_half_a_second(first, second) == ""

@@ -113,11 +113,11 @@ function acknowledge({ press: number, answer, run }) {
 
 // ---- after a stop that waits for the operator ----
 
-// Only for the losses that this page knows of: a click that was on its way while another one began does not count. Nor does
+// Only for the stops that this page knows of: a click that was on its way while another one began does not count. Nor does
 // a click that waited while this script hung: the button was not there yet.
 function confirmMotion(event) {
   if (event.timeStamp < askedMs) return;
-  if (stopLine.readyState === WebSocket.OPEN) stopLine.send(JSON.stringify({ confirm: live.last.losses }));
+  if (stopLine.readyState === WebSocket.OPEN) stopLine.send(JSON.stringify({ confirm: live.last.stops }));
 }
 
 document.getElementById("bench-stop").addEventListener("click", emergencyStop);

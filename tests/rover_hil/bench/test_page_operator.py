@@ -105,9 +105,9 @@ class Rover:
             inputs += filter(None, [self._operator.wanted()])
         return inputs
 
-    def view(self) -> View:
+    def view(self, *, loop_waits: bool = False) -> View:
         """Return what the page shows."""
-        output = replace(RUNNING.output, t_ns=self._clock.now_ns() + 10**12)
+        output = replace(RUNNING.output, t_ns=self._clock.now_ns() + 10**12, waits_for_operator=loop_waits)
         self._operator.show(RUNNING._replace(output=output))
         return cast("View", self.kept.items[-1])
 
@@ -123,13 +123,13 @@ def test_after_a_loss_the_rover_rests_until_the_operator_confirms(lost: str) -> 
     assert stop.stop_reason is not None
     assert stop.stop_reason.endswith("for 0.5 s")
     assert rover.pass_time(2.0, *others) == []  # it is ordered once
-    rover.page.send(Confirmation(losses=1))  # what is lost cannot confirm
+    rover.page.send(Confirmation(stops=1))  # what is lost cannot confirm
     assert rover.pass_time(0.04, *others) == []
     assert rover.pass_time(60.0, *rover.signs) == []  # it is back: nothing moves
     view = rover.view()
     assert view["waits_for_operator"]
-    rover.page.send(Confirmation(losses=view["losses"]))
-    assert rover.pass_time(2.0, *rover.signs) == [OperatorInput(stop_reason="", is_confirmed=True)]
+    rover.page.send(Confirmation(stops=view["stops"]))
+    assert rover.pass_time(2.0, *rover.signs) == [OperatorInput(stop_reason="")]
     assert not rover.view()["waits_for_operator"]
 
 
@@ -137,18 +137,46 @@ def test_a_confirmation_that_was_on_its_way_while_another_loss_began_does_not_co
     rover = Rover()
     rover.pass_time(2.0, "server")
     rover.pass_time(1.0, *rover.signs)
-    losses = rover.view()["losses"]
+    stops = rover.view()["stops"]
     rover.pass_time(2.0, "page")
-    rover.page.send(Confirmation(losses=losses))
+    rover.page.send(Confirmation(stops=stops))
     assert rover.pass_time(2.0, *rover.signs) == []
     assert rover.view()["waits_for_operator"]
-    rover.page.send(Confirmation(losses=rover.view()["losses"]))
-    assert rover.pass_time(1.0, *rover.signs) == [OperatorInput(stop_reason="", is_confirmed=True)]
+    rover.page.send(Confirmation(stops=rover.view()["stops"]))
+    assert rover.pass_time(1.0, *rover.signs) == [OperatorInput(stop_reason="")]
+
+
+def test_a_stop_of_the_loop_is_confirmed_once_and_only_by_a_click_that_knew_of_it() -> None:
+    rover = Rover()
+    rover.pass_time(1.0, *rover.signs)
+    stops = rover.view()["stops"]
+    rover.pass_time(0.1, *rover.signs)
+    view = rover.view(loop_waits=True)
+    assert view["waits_for_operator"]
+    rover.page.send(Confirmation(stops=stops))
+    assert rover.pass_time(0.04, *rover.signs) == []
+    rover.page.send(Confirmation(stops=view["stops"]))
+    rover.page.send(Confirmation(stops=view["stops"]))
+    assert rover.pass_time(0.04, *rover.signs) == [OperatorInput(is_confirmed=True)]
+
+
+def test_a_double_click_after_a_loss_does_not_confirm_a_stop_of_the_loop() -> None:
+    rover = Rover()
+    rover.pass_time(2.0)
+    rover.pass_time(1.0, *rover.signs)
+    view = rover.view(loop_waits=True)
+    rover.page.send(Confirmation(stops=view["stops"]))
+    rover.page.send(Confirmation(stops=view["stops"]))
+    assert rover.pass_time(0.1, *rover.signs) == [OperatorInput(stop_reason="")]
+    view = rover.view(loop_waits=True)
+    assert view["waits_for_operator"]
+    rover.page.send(Confirmation(stops=view["stops"]))
+    assert rover.pass_time(0.04, *rover.signs) == [OperatorInput(is_confirmed=True)]
 
 
 def test_a_confirmation_of_nothing_and_other_orders_release_no_stop() -> None:
     rover = Rover()
-    rover.page.send(Confirmation(losses=0))
+    rover.page.send(Confirmation(stops=0))
     assert rover.pass_time(1.0, *rover.signs) == []
     rover.pass_time(2.0)
     others = OperatorInput(is_paused=False, gains={"lookahead_m": 0.3})

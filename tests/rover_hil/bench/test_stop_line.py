@@ -186,7 +186,7 @@ def test_a_confirmation_is_passed_on_from_the_page_in_control_only(session: Sess
             session.start("a", Kind.MISSION, is_real=False)
             await watching.send(json.dumps({"confirm": 2}))
             await line.send(json.dumps({"confirm": 3}))
-            await until(lambda: FakeProcess.orders[1:] == [Confirmation(losses=3)])
+            await until(lambda: FakeProcess.orders[1:] == [Confirmation(stops=3)])
 
     run(work)
 
