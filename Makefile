@@ -69,7 +69,7 @@ safety-coverage: setup
 		tests/rover_hil/test_operators.py tests/rover_hil/connect/test_commands.py -k "not replays_exactly"
 	$(BIN)/python -m coverage report
 
-# Ten minutes; prints the mutants that survive, see docs/reference/safety.md.
+# Ten minutes; prints the mutants that survive, see docs/contributing/add_a_stop_rule.md.
 mutation: setup
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --group mutation
 	$(BIN)/mutmut run

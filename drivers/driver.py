@@ -15,6 +15,7 @@ from typing import Generic, Protocol, Self, TypeVar, runtime_checkable
 from drivers.clock import NANOSECONDS_PER_SECOND, Clock, nanoseconds, seconds
 from drivers.errors import LinkTimeoutError, NotConnectedError, StaleSampleError
 from drivers.link import CameraImage, Link, LinkChange, LinkItem, NoTap, PayloadT, RawTap, Received
+from drivers.safety_event import RESTART, Outcome, SafetyEvent
 from drivers.samples import FaultSample, LinkSample, Sample, SentCommand, WheelCommand
 
 SampleT = TypeVar("SampleT", bound=Sample)
@@ -28,6 +29,48 @@ RESTARTS = 3
 """How often a drive with a fault is started again."""
 RESTART_AFTER_NS = NANOSECONDS_PER_SECOND
 """Wait after a fault, so that its cause can end and the rover stands still."""
+
+EVENTS = (
+    SafetyEvent(
+        Outcome.CONTINUES,
+        "A command comes late to the drive.",
+        "Zero speeds are sent instead.",
+        ("tests/drivers/test_driver.py::test_expired_command_sends_zero",),
+        settings=("expiry_s",),
+    ),
+    SafetyEvent(
+        Outcome.CONTINUES,
+        "Bytes cannot be decoded, messages are lost or repeated.",
+        "They are counted. The rover stops only when nothing usable is left.",
+        ("tests/rover_hil/test_virtual_run.py::test_a_bad_line_never_breaks_the_loop",),
+    ),
+    SafetyEvent(
+        Outcome.CONTINUES,
+        "A device floods, or a stalled program finds more data than one cycle can decode.",
+        "The newest 32 KiB are decoded. The rest is counted as `lost` in the health of the device.",
+        ("tests/drivers/test_driver.py::test_a_flood_costs_one_poll_and_the_rest_is_counted_as_lost",),
+    ),
+    SafetyEvent(
+        Outcome.CONTINUES,
+        "The drive of a wheel reports a fault that its start sequence clears (a watchdog that "
+        "expired while a cable was out).",
+        "The fault stops the rover. The drive is started again after 1 s, at most three times. A "
+        "start that was not sent does not count.",
+        (
+            "tests/drivers/test_driver.py::"
+            "test_a_drive_with_a_fault_is_started_again_after_a_second_and_at_most_three_times",
+        ),
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "A device cannot be opened.",
+        "no run, exit code 2; nothing was commanded",
+        ("tests/conformance/test_conformance.py::test_missing_port_fails_clearly_and_leaves_no_handle",),
+        within="before the first motion",
+        clears=RESTART,
+    ),
+)
+"""Rows of the reference page of safety."""
 
 
 class DeviceState(StrEnum):

@@ -6,6 +6,24 @@ from enum import StrEnum
 
 from controllers.motion.settings import LimitSettings
 from drivers.clock import nanoseconds, seconds
+from drivers.safety_event import Outcome, SafetyEvent
+
+EVENTS = (
+    SafetyEvent(
+        Outcome.CONTINUES,
+        "A setpoint is not finite.",
+        "Zero setpoints in the same cycle.",
+        ("tests/controllers/test_limits.py::test_a_target_that_is_not_finite_stops_all_wheels",),
+    ),
+    SafetyEvent(
+        Outcome.CONTINUES,
+        "Setpoints are too fast, or jump.",
+        "All wheels are scaled by one factor.",
+        ("tests/controllers/test_limits.py::test_no_set_point_ever_exceeds_the_limits",),
+        settings=("limits.wheel_speed_rad_s", "limits.wheel_acceleration_rad_s2"),
+    ),
+)
+"""Rows of the reference page of safety."""
 
 
 class Limit(StrEnum):

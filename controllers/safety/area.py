@@ -115,8 +115,11 @@ class AreaSettings(Settings):
     """Where the rover may be.
 
     Attributes:
-        area: The rover, with the 95 % region of its position and with its body as far as the configuration
-            knows it, must not leave this area while it drives; none for no limit.
+        area: The rover must not leave this polygon (3 to 100 points) or circle in the local frame, which
+            begins where a run begins; none for no limit. Inside must be the 95 % ellipse of the estimated
+            position, enlarged by a circle through the outermost point of the wheels. What the body has beyond
+            its wheels is not known: draw the area smaller by that. A mission on which the wheels would leave
+            it is refused.
     """
 
     area: Area | None = None

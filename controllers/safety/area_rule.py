@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from enum import Enum, auto
 
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from drivers.safety_event import WHEN_GONE, Outcome, SafetyEvent
 
 CAUSE = "area"
 AT_START = (
@@ -36,6 +37,40 @@ class AreaRule(StopRule):
 
     observes = ()
     is_for_drives = False
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "The region of the rover crosses the border of `area`, or its position is no longer known.",
+            "`rover: its region crossed the border of safety.area, estimated position …, … m; confirm …`",
+            (
+                "tests/controllers/safety/test_area_rule.py::"
+                "test_the_set_points_are_zero_in_the_cycle_in_which_the_region_crosses",
+                "tests/controllers/safety/test_area_rule.py::"
+                "test_by_hand_only_motion_back_inside_is_possible_after_the_confirmation",
+                "tests/controllers/safety/test_area_rule.py::"
+                "test_a_position_that_is_not_known_cannot_be_confirmed",
+            ),
+            within="one cycle",
+            settings=("area",),
+            clears="when an operator confirms on the page of `bench`. Then only motion that does not "
+            "increase the excess over the border is possible. These stops do not count for "
+            "`identical_stops`. Without the page: end the run, and drive the rover back with "
+            "`bench`",
+        ),
+        SafetyEvent(
+            Outcome.STOPS,
+            "The region reaches over the border before the first motion.",
+            "`rover: its region reaches over the border of safety.area before it has moved: …`",
+            (
+                "tests/controllers/safety/test_area_rule.py::"
+                "test_before_the_first_motion_the_reason_ends_by_itself",
+            ),
+            within="no motion",
+            settings=("area",),
+            clears=WHEN_GONE,
+        ),
+    )
 
     def __init__(self) -> None:
         self._state = _State.INSIDE

@@ -8,6 +8,7 @@ from controllers.safety.gyro_turn_rules import AVERAGE_S, GyroTurnSettings
 from controllers.safety.reasons import Cycle, StopReason, StopRule
 from controllers.safety.unproven_turn import UnprovenTurn
 from drivers.clock import nanoseconds
+from drivers.safety_event import Outcome, SafetyEvent
 from drivers.samples import RateSample, Sample
 
 
@@ -24,6 +25,22 @@ class DeadGyroRule(StopRule):
     """
 
     observes = (RateSample,)
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "The gyro has no signal, although the rover turned.",
+            "`…: no signal, although the rover turned: …`",
+            (
+                "tests/controllers/safety/test_dead_gyro_rule.py::"
+                "test_a_dead_gyro_keeps_the_rover_stopped_until_it_shows_a_signal",
+            ),
+            within="one cycle",
+            settings=("gyro_follow_rad_s",),
+            clears="readings that differ from the bias by `gyro_follow_rad_s` on the average of 0.25 s: "
+            "turn the rover by hand",
+        ),
+    )
 
     def __init__(self, settings: GyroTurnSettings, roles: DeviceRoles, unproven: UnprovenTurn) -> None:
         self._least_rad_s = settings.gyro_follow_rad_s

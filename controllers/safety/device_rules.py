@@ -7,6 +7,7 @@ from controllers.estimation.pose_fixes import HISTORY_NS
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from drivers.clock import nanoseconds
+from drivers.safety_event import AFTER_A_WAIT, RESTART, WHEN_GONE, Outcome, SafetyEvent
 from drivers.samples import (
     BumperSample,
     FaultSample,
@@ -38,6 +39,18 @@ class BumperRule(StopRule):
 
     observes = (BumperSample,)
 
+    events = (
+        SafetyEvent(
+            Outcome.ENDS,
+            "A bumper is pressed.",
+            "`…: bumper pressed`; `emergency stop`, exit code 1",
+            ("tests/rover_hil/test_virtual_run.py::test_the_bumper_ends_the_run_and_the_wheels_stand",),
+            within="one cycle",
+            settings=("bumper_stops",),
+            clears=RESTART,
+        ),
+    )
+
     def __init__(self, settings: BumperSettings) -> None:
         self._settings = settings
         self._pressed: list[StopReason] = []
@@ -61,6 +74,33 @@ class LinkRule(StopRule):
     """
 
     observes = (LinkSample,)
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "The link of a required device breaks.",
+            "`…: link down (…)`",
+            ("tests/controllers/test_faults.py::test_links_and_faults_stop_within_the_same_step",),
+            within="one cycle",
+            clears=WHEN_GONE,
+        ),
+        SafetyEvent(
+            Outcome.STOPS,
+            "The link of a required device breaks for less than a cycle.",
+            "`…: link down (…)`",
+            ("tests/controllers/safety/test_supervisor.py::test_a_break_within_one_cycle_stops_too",),
+            within="one cycle",
+            clears=AFTER_A_WAIT,
+        ),
+        SafetyEvent(
+            Outcome.CONTINUES,
+            "A device without a role, a GNSS receiver or a camera fails and is not required.",
+            "It is recorded, and `run` shows `warning: … lost since … s of the run`. `required` "
+            "in `[roles]` makes it stop the rover.",
+            ("tests/controllers/safety/test_supervisor.py::test_devices_that_are_not_required_do_not_stop",),
+            settings=("roles.required",),
+        ),
+    )
 
     def __init__(self, roles: DeviceRoles) -> None:
         self._roles = roles
@@ -90,6 +130,32 @@ class FaultRule(StopRule):
     """Stops while a required device reports a fault, and for one cycle when it did so for less."""
 
     observes = (FaultSample,)
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "A required device reports a fault.",
+            "`…: fault … (…)`",
+            (
+                "tests/controllers/safety/test_supervisor.py::"
+                "test_link_and_fault_stop_at_once_and_hold_until_cleared",
+            ),
+            within="one cycle",
+            clears=WHEN_GONE,
+        ),
+        SafetyEvent(
+            Outcome.STOPS,
+            "A drive on CAN no longer obeys setpoints and reports no error (state of its "
+            "heartbeat, statusword, timeout or kill switch).",
+            "`…: fault … (… does not obey set-points …)`, `…: fault … (VESC … status: …)`",
+            (
+                "tests/drivers/test_can_wheels_field_reports.py::"
+                "test_a_drive_of_ones_own_that_stops_obeying_is_a_fault_until_it_obeys",
+            ),
+            within="one cycle after the message; a drive that never begins to obey: 1 s",
+            clears=WHEN_GONE,
+        ),
+    )
 
     def __init__(self, roles: DeviceRoles) -> None:
         self._roles = roles
@@ -123,6 +189,107 @@ class FreshnessRule(StopRule):
     """
 
     is_for_drives = False
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "A required device sends nothing.",
+            "`…: no … within … s`",
+            (
+                "tests/controllers/test_faults.py::"
+                "test_a_silent_device_stops_the_rover_in_the_step_its_age_is_exceeded_and_"
+                "motion_resumes_without_a_jump",
+            ),
+            within="`max_age_s` and one cycle",
+            settings=("devices.NAME.max_age_s",),
+            clears=WHEN_GONE,
+        ),
+        SafetyEvent(
+            Outcome.STOPS,
+            "The values of a required device are not finite or not usable, or its position "
+            "measurements are late.",
+            "`…: no … within … s`",
+            ("tests/controllers/safety/test_supervisor.py::test_useless_samples_do_not_keep_a_device_alive",),
+            within="`max_age_s` and one cycle",
+            settings=("devices.NAME.max_age_s",),
+            clears=WHEN_GONE,
+        ),
+        SafetyEvent(
+            Outcome.STOPS,
+            "The time stamps of a required device repeat or lie in the past.",
+            "`…: no … within … s`",
+            (
+                "tests/controllers/safety/test_supervisor.py::"
+                "test_repeated_and_old_stamps_do_not_keep_a_device_alive",
+            ),
+            within="`max_age_s` and one cycle",
+            settings=("devices.NAME.max_age_s",),
+            clears=WHEN_GONE,
+        ),
+        SafetyEvent(
+            Outcome.CONTINUES,
+            "The time stamps of a required device lie in the future.",
+            "They count as now.",
+            (
+                "tests/controllers/test_faults.py::"
+                "test_a_stamp_from_the_future_neither_looks_fresh_nor_blocks_what_follows",
+            ),
+        ),
+        SafetyEvent(
+            Outcome.STOPS,
+            "A required device is lost and returns during a whole run on the simulated bus.",
+            "`…: no … within … s` or `…: link down (…)`",
+            (
+                "tests/rover_hil/test_virtual_run.py::"
+                "test_a_lost_device_stops_the_rover_and_a_returned_one_lets_it_go_on",
+            ),
+            within="`max_age_s` and one cycle",
+            settings=("devices.NAME.max_age_s",),
+            clears=WHEN_GONE,
+        ),
+        SafetyEvent(
+            Outcome.STOPS,
+            "A procedure (`calibrate`, `commission`) loses a device that it reads, for example "
+            "the compass that is calibrated.",
+            "`…: no … within … s`. A drive that is stopped for 10 s ends with exit code 1 and "
+            "the reason. Only its log is written.",
+            (
+                "tests/rover_hil/test_lost_devices.py::"
+                "test_every_procedure_stops_when_a_device_that_it_needs_is_unplugged",
+            ),
+            within="`max_age_s` and one cycle",
+            settings=("devices.NAME.max_age_s",),
+            clears=WHEN_GONE,
+        ),
+        SafetyEvent(
+            Outcome.CONTINUES,
+            "Images of an overhead camera arrive too late.",
+            "Reported as `… too late`, counted in `summary.json`. It stops the rover only where "
+            "these measurements are required.",
+            ("tests/controllers/test_stops.py::test_late_fixes_are_reported_and_never_stop_the_rover",),
+            settings=("roles.require_fixes",),
+        ),
+        SafetyEvent(
+            Outcome.CONTINUES,
+            "An overhead camera is lost.",
+            "It stops the rover only with `require_fixes`.",
+            (
+                "tests/rover_hil/test_overhead_run.py::"
+                "test_a_lost_camera_stops_the_rover_only_where_fixes_are_required",
+            ),
+            settings=("roles.require_fixes",),
+        ),
+        SafetyEvent(
+            Outcome.CONTINUES,
+            "The rear camera is lost or breaks.",
+            "It stops the rover only with `require_camera`.",
+            (
+                "tests/rover_hil/test_config.py::"
+                "test_the_rear_camera_is_required_only_where_the_configuration_says_so",
+            ),
+            settings=("roles.require_camera",),
+        ),
+    )
 
     def __init__(self, roles: DeviceRoles, wheel_count: int) -> None:
         self._devices = frozenset(roles.required)

@@ -14,6 +14,7 @@ from controllers.estimation.pose_fixes import HISTORY_NS
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from drivers.clock import seconds
+from drivers.safety_event import RESTART, Outcome, SafetyEvent
 from drivers.samples import PoseFixSample, Sample
 from drivers.settings import Settings
 
@@ -22,18 +23,22 @@ class EntrapmentSettings(Settings):
     """When wheels that turn without moving the rover stop it.
 
     Attributes:
-        back_out_m: After the first stop because it does not get on the rover rests, drives back so far along
-            its own path, and tries the mission again; 0 for never. All stop rules hold meanwhile, and a
-            second such stop lasts until restart.
+        back_out_m: After the first stop because it makes no progress the rover waits, drives back by at most
+            this travel of its wheels along its estimated path, and tries the mission again; 0 for never. It
+            happens once in a mission, with every stop rule in force, and is announced as
+            `rover: backs out along …`. A second such stop lasts until restart.
         entrapment_m: The rover stops until restart when its wheels have travelled this far straight ahead and
             pose fixes show no progress. Without fixes nothing decides: the slip of the yaw excitation over
             this travel is shown as a suspicion.
         entrapment_slip: Slip from which on the yaw excitation raises the suspicion. Fixes must be able to
             show it: where they are noisier, a longer travel is needed.
         progress_unknown_m: The rover also stops, and goes on once, when nothing has shown progress for this
-            travel of the wheels while the response of the yaw is lost, or the drive force far from that of
-            free driving; or for `entrapment_m` while a rear camera sees no motion. The pose becomes uncertain
-            by it. Greater than the mission is long for never.
+            travel of the wheels while the body does not answer the yaw excitation (it turns by less than 0.15
+            of its wheels, or lags them much), or while the drive force is below a quarter or above twice of
+            that of free driving; or for `entrapment_m` while a rear camera sees no motion. At most half of
+            the travel lies before the suspicion. The drive force must be at least 3 N at first, and stops
+            once: a slope changes it, too. The pose becomes uncertain by what the wheels turned. Greater than
+            the length of the mission for never.
         entrapment_ground_m: The rover also stops until restart when its wheels have travelled this far while
             a camera measured no progress over the ground.
     """
@@ -263,6 +268,61 @@ class EntrapmentRule(StopRule):
     """
 
     observes = (PoseFixSample,)
+
+    events = (
+        SafetyEvent(
+            Outcome.ENDS,
+            "The wheels turn and the rover makes no progress, by pose measurements.",
+            "`rover: entrapped, its wheels travelled … m and … shows no progress: free it and "
+            "restart`; `emergency stop`, exit code 1",
+            (
+                "tests/controllers/safety/test_entrapment.py::"
+                "test_without_progress_on_half_a_metre_the_stop_is_final",
+            ),
+            within="`entrapment_m` of travel, one period of the measurements and their lag",
+            settings=("entrapment_m", "entrapment_slip", "back_out_m"),
+            clears="restart; with `back_out_m` the first such stop is not final: the rover drives back "
+            "along its path, once, and tries the mission again",
+        ),
+        SafetyEvent(
+            Outcome.ENDS,
+            "The wheels turn and the rover makes no progress, by a ground camera: below 0.6 % of "
+            "the travel along it, and below 10 % across it.",
+            "`rover: entrapped, its wheels travelled … m and … shows no progress: free it and "
+            "restart`; `emergency stop`, exit code 1",
+            (
+                "tests/controllers/test_ground_motion_in_the_loop.py::"
+                "test_a_rover_whose_ground_stands_still_is_stopped_for_good",
+            ),
+            within="`entrapment_ground_m` of travel, one period of the frames and their lag",
+            settings=("entrapment_ground_m", "back_out_m"),
+            clears=RESTART,
+        ),
+        SafetyEvent(
+            Outcome.STOPS,
+            "The body no longer answers the yaw excitation, the drive force is below a quarter "
+            "or above twice of that of free driving, or a rear camera sees no motion (limit: "
+            "`entrapment_m`), and nothing shows progress. The pose becomes uncertain by all the "
+            "wheels turned.",
+            "`rover: progress unknown on … m of its wheels, …`",
+            (
+                "tests/controllers/safety/test_entrapment.py::"
+                "test_a_suspicion_that_nothing_decides_stops_once_and_counts_anew_after_a_rest",
+                "tests/controllers/test_progress.py::"
+                "test_a_rover_that_does_not_get_on_is_stopped_as_promised",
+            ),
+            within="`progress_unknown_m` of travel",
+            settings=("progress_unknown_m", "entrapment_m"),
+            clears="once, after `suspicion_rest_s` at standstill",
+        ),
+        SafetyEvent(
+            Outcome.CONTINUES,
+            "The yaw excitation reads a slip of at least `entrapment_slip` over `entrapment_m`.",
+            "Warning `may be entrapped` in the log, on the page and in the report.",
+            ("tests/controllers/safety/test_entrapment.py::test_a_slip_near_1_alone_is_a_suspicion",),
+            settings=("entrapment_slip", "entrapment_m"),
+        ),
+    )
 
     def __init__(self, settings: EntrapmentSettings, roles: DeviceRoles) -> None:
         self._settings = settings

@@ -10,6 +10,7 @@ from controllers.estimation.pose_fixes import DISPLACED, TURNED
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from drivers.clock import nanoseconds
+from drivers.safety_event import WHEN_GONE, Outcome, SafetyEvent
 from drivers.settings import Settings
 
 
@@ -35,6 +36,36 @@ class UnseenMotionRule(StopRule):
     """
 
     is_for_drives = False
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "Too much motion was not measured, and a device measures the pose.",
+            "`pose filter: … uncertain by …, motion was not measured: needs …`",
+            (
+                "tests/controllers/test_unseen_motion.py::"
+                "test_after_too_much_unseen_motion_a_fix_lets_the_rover_go_on",
+            ),
+            within="with the first sample after it",
+            settings=("unseen_position_m", "unseen_yaw_rad"),
+            clears="a pose measurement, for the yaw also a heading, that reduces the uncertainty below "
+            "the limit",
+        ),
+        SafetyEvent(
+            Outcome.ENDS,
+            "Too much motion was not measured, and no device measures the pose.",
+            "`pose filter: … uncertain by …, motion was not measured: needs …`; "
+            "`emergency stop`, exit code 1",
+            (
+                "tests/controllers/test_unseen_motion.py::"
+                "test_after_too_much_unseen_motion_the_run_ends_where_no_device_can_find_the_"
+                "rover",
+            ),
+            within="with the first sample after it",
+            settings=("unseen_position_m", "unseen_yaw_rad"),
+            clears="restart at a known pose; higher limits let the rover drive on",
+        ),
+    )
 
     def __init__(self, settings: UnseenSettings, roles: DeviceRoles) -> None:
         self._settings = settings
@@ -86,6 +117,41 @@ class YawDoubtRule(StopRule):
 
     is_for_drives = False
 
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "Gyro and wheels exclude each other, pose measurements or headings exist, and two "
+            "standard deviations of the yaw exceed the limit.",
+            "`pose filter: yaw uncertain by … rad, gyro and wheels exclude each other: waits for "
+            "fixes or headings`",
+            (
+                "tests/controllers/safety/test_yaw_doubt_rule.py::"
+                "test_where_something_can_decide_the_rover_stops_at_two_deviations",
+            ),
+            within="one cycle",
+            settings=("yaw_doubt_rad", "suspicion_rest_s"),
+            clears="once, after `suspicion_rest_s` at standstill. The sensors have 3 s to decide; the "
+            "uncertainty that is left is accepted",
+        ),
+        SafetyEvent(
+            Outcome.CONTINUES,
+            "Gyro and wheels exclude each other, and nothing can decide.",
+            "Warning; yaw and position are uncertain by both hypotheses. With "
+            "`unwatched_yaw_rad` the run ends at that limit. With `turn_to_find_out` the mission "
+            "is interrupted once for a slow rotation on the spot by up to 10 deg in both "
+            "directions: a gyro that measures it has a signal, and the uncertainty grows no "
+            "further.",
+            (
+                "tests/controllers/test_wrong_sensors.py::"
+                "test_a_gyro_without_a_signal_is_named_and_the_run_goes_on_with_a_yaw_wide_"
+                "enough_for_both",
+                "tests/controllers/safety/test_yaw_doubt_rule.py::"
+                "test_where_nothing_can_decide_there_is_a_limit_only_if_it_is_set",
+            ),
+            settings=("unwatched_yaw_rad", "turn_to_find_out"),
+        ),
+    )
+
     def __init__(self, settings: YawDoubtSettings, roles: DeviceRoles) -> None:
         self._settings = settings
         self._can_decide = bool(roles.fixes or roles.headings)
@@ -125,6 +191,24 @@ class DisplacedFixRule(StopRule):
     have been carried, or the device that gives the fixes may have been moved: only the user sees which.
     """
 
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "Pose measurements that contradict the estimate are used after two rejections, and "
+            "lie farther from it than the limit: they are `displaced` (position) or `turned` (yaw).",
+            "`…: fixes … by … against the estimate: rover carried, device moved, or "
+            "wheels slipped more than [filter] expects`",
+            (
+                "tests/controllers/test_fixes.py::"
+                "test_a_rover_that_follows_displaced_fixes_stops_and_names_their_device",
+            ),
+            within="the third measurement",
+            settings=("unseen_position_m", "unseen_yaw_rad", "filter.unsure_slip_sd"),
+            clears="when the estimate has followed them; the third time it is final. On very slippery "
+            "ground raise `filter.unsure_slip_sd`",
+        ),
+    )
+
     def __init__(self, settings: UnseenSettings) -> None:
         self._limits = {
             DISPLACED: (settings.unseen_position_m, "m"),
@@ -149,6 +233,26 @@ class FixJumpRule(StopRule):
     contains both. They decide by returning; else the user does.
     """
 
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "Positions without a yaw (GNSS) jump by more than the wheels have rolled since the "
+            "last one, and by more than the limit. The region of the estimate then contains both "
+            "places.",
+            "`…: its places jumped by … m, further than the wheels rolled: wrong places, or the "
+            "rover was carried; waits until they return; …`",
+            (
+                "tests/rover_hil/test_gnss_run.py::test_after_a_jump_the_rover_waits_until_the_places_return",
+                "tests/rover_hil/test_gnss_run.py::"
+                "test_after_a_lasting_step_the_rover_stays_stopped_and_its_region_holds_both_"
+                "places",
+            ),
+            within="the third position",
+            settings=("unseen_position_m",),
+            clears="when the positions return; else restart at a known pose",
+        ),
+    )
+
     def __init__(self, settings: UnseenSettings) -> None:
         self._limit_m = settings.unseen_position_m
 
@@ -172,6 +276,32 @@ class MotionRule(StopRule):
 
     is_for_drives = False
 
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "Wheel positions jump, so that no difference is a motion.",
+            "`…: no wheel motion measured for … s`",
+            (
+                "tests/controllers/test_faults.py::"
+                "test_positions_that_jump_to_and_fro_stop_the_rover_although_they_are_fresh",
+            ),
+            within="twice the `max_age_s` of the wheels and one cycle",
+            settings=("devices.NAME.max_age_s",),
+            clears=f"{WHEN_GONE}; motion may disturb the encoders again",
+        ),
+        SafetyEvent(
+            Outcome.STOPS,
+            "The program is paused (stopped, or without processor time).",
+            "`…: no wheel motion measured for … s`. Data that waited in buffers are not used.",
+            (
+                "tests/controllers/test_unseen_motion.py::"
+                "test_what_waited_in_buffers_during_a_pause_does_not_turn_the_rover",
+            ),
+            within="one cycle after the pause",
+            clears="when its data are new again, if the motion in between leaves little uncertainty",
+        ),
+    )
+
     def __init__(self, roles: DeviceRoles) -> None:
         self._limit_ns = nanoseconds(roles.motion_age_s)
         self._text = f"{roles.wheels}: no wheel motion measured for {roles.motion_age_s:g} s"
@@ -184,6 +314,17 @@ class MotionRule(StopRule):
 
 class FiniteEstimateRule(StopRule):
     """Stops when a number of the estimate is not finite."""
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "The estimate is not finite.",
+            "`pose filter: the estimate is not finite`",
+            ("tests/controllers/safety/test_supervisor.py::test_an_estimate_that_is_not_finite_stops",),
+            within="one cycle",
+            clears=WHEN_GONE,
+        ),
+    )
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Return a reason when the estimate is not finite."""

@@ -12,6 +12,7 @@ from pydantic import Field
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, StopReason, StopRule
 from drivers.clock import nanoseconds, seconds
+from drivers.safety_event import AFTER_A_WAIT, WHEN_GONE, Outcome, SafetyEvent
 from drivers.samples import RateSample, Sample
 from drivers.settings import Settings
 
@@ -70,6 +71,18 @@ class StuckGyroRule(StopRule):
 
     observes = (RateSample,)
 
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "The gyro repeats one reading, zero or another, while the wheels turn.",
+            "`…: yaw rate stuck at … rad/s for … s while the wheels turned`",
+            ("tests/controllers/test_wrong_sensors.py::test_a_wrong_gyro_is_named_within_the_bar",),
+            within="`gyro_stuck_s` and one cycle",
+            settings=("gyro_stuck_s",),
+            clears="when the reading changes",
+        ),
+    )
+
     def __init__(self, settings: GyroReadingSettings, roles: DeviceRoles) -> None:
         self._settings = settings
         self._gyro = roles.gyro
@@ -106,6 +119,18 @@ class GyroJumpRule(StopRule):
     """
 
     observes = (RateSample,)
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "The gyro jumps and stays there, for example when an offset of 0.5 rad/s begins.",
+            "`…: yaw rate jumped by … rad/s within 0.05 s`",
+            ("tests/controllers/test_wrong_sensors.py::test_a_wrong_gyro_is_named_within_the_bar",),
+            within="two readings and three cycles",
+            settings=("gyro_jump_rad_s",),
+            clears=AFTER_A_WAIT,
+        ),
+    )
 
     def __init__(self, settings: GyroReadingSettings, roles: DeviceRoles) -> None:
         self._settings = settings
@@ -167,6 +192,22 @@ class GyroJumpRule(StopRule):
 class GreatestRateRule(StopRule):
     """Stops when the gyro sends nothing but rates at which the rover cannot turn."""
 
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "The gyro reads more than 1.5 times the rate at which the wheels can turn the rover."
+            " The readings are not used.",
+            "`…: yaw rate … rad/s: the rover cannot turn that fast`",
+            (
+                "tests/controllers/safety/test_gyro_reading_rules.py::"
+                "test_rates_that_are_too_great_stop_when_no_other_has_come_for_the_age_limit",
+            ),
+            within="`max_age_s` of the gyro and one cycle, or as a jump",
+            settings=("devices.NAME.max_age_s",),
+            clears=WHEN_GONE,
+        ),
+    )
+
     def __init__(self, roles: DeviceRoles) -> None:
         self._roles = roles
         self._since_ns: int | None = None
@@ -193,6 +234,35 @@ class GyroRestRule(StopRule):
 
     is_for_drives = False  # the estimator compares the rests of such drives
     observes = (RateSample,)
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "The gyro has an offset at standstill.",
+            "`…: reads … rad/s at rest, its bias was … rad/s`",
+            (
+                "tests/controllers/test_wrong_sensors.py::"
+                "test_a_gyro_that_is_off_at_rest_keeps_the_rover_stopped",
+            ),
+            within="`standstill_s` of `[filter]` and `gyro_rest_s`",
+            settings=("gyro_rest_s", "gyro_rest_rad_s", "filter.standstill_s"),
+            clears=WHEN_GONE,
+        ),
+        SafetyEvent(
+            Outcome.STOPS,
+            "The bias of the gyro has changed during the drive. The yaw becomes uncertain by the "
+            "change times the time since the last standstill.",
+            "`…: bias changed by … rad/s while driving for … s: …`, once",
+            (
+                "tests/controllers/test_wrong_sensors.py::"
+                "test_a_step_of_the_bias_is_named_at_the_next_rest_and_the_yaw_becomes_"
+                "uncertain",
+            ),
+            within="`gyro_rest_s` after the next standstill is detected",
+            settings=("gyro_step_rad_s", "gyro_rest_s"),
+            clears=WHEN_GONE,
+        ),
+    )
 
     def __init__(self, settings: GyroReadingSettings, roles: DeviceRoles) -> None:
         self._settings = settings

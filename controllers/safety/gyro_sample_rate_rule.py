@@ -9,6 +9,7 @@ from pydantic import Field
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, StopReason, StopRule
 from drivers.clock import nanoseconds
+from drivers.safety_event import WHEN_GONE, Outcome, SafetyEvent
 from drivers.samples import RateSample, Sample
 from drivers.settings import Settings
 
@@ -38,6 +39,22 @@ class GyroSampleRateRule(StopRule):
     """
 
     observes = (RateSample,)
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "The gyro sends at another rate than `rate_hz` of its device: it was reset, it is "
+            "another sensor, or messages are lost. Not judged without `rate_hz`.",
+            "`…: sends … yaw rates per second, configured are …: …`",
+            (
+                "tests/rover_hil/test_other_imu.py::"
+                "test_another_rate_than_configured_stops_the_rover_and_is_named",
+            ),
+            within="`gyro_rate_s`; before the first motion where `settle_s` is longer",
+            settings=("gyro_rate_s", "gyro_rate_factor", "devices.NAME.rate_hz"),
+            clears=WHEN_GONE,
+        ),
+    )
 
     def __init__(self, settings: GyroSampleRateSettings, roles: DeviceRoles) -> None:
         self._settings = settings

@@ -11,6 +11,7 @@ from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from controllers.safety.unproven_turn import UnprovenTurn
 from controllers.safety.yaw_watch import YawWatch
+from drivers.safety_event import AFTER_A_WAIT, RESTART, Outcome, SafetyEvent
 from drivers.settings import Settings
 
 
@@ -45,6 +46,22 @@ class GyroDifferenceRule(StopRule):
     Two sums, one for each direction, grow by what the gyro measures beyond the bound of the wheels and
     shrink by what is missing to it, but not below zero.
     """
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "The gyro measures more rotation than slip can explain: each wheel may lose its "
+            "whole motion, or be dragged further by `gyro_drag_share` of it.",
+            "`…: yaw rate contradicts the wheels: …`",
+            (
+                "tests/controllers/safety/test_gyro_turn_rules.py::"
+                "test_a_gyro_beyond_what_spinning_and_dragged_wheels_explain_is_named",
+            ),
+            within="`gyro_difference_rad` over the bound",
+            settings=("gyro_difference_rad", "gyro_drag_share"),
+            clears=AFTER_A_WAIT,
+        ),
+    )
 
     def __init__(self, settings: GyroTurnSettings, roles: DeviceRoles) -> None:
         self._settings = settings
@@ -131,6 +148,47 @@ class GyroFollowsRule(StopRule):
         roles: Gyro, devices that give fixes, camera.
         unproven: Shared with `MissedTurnRule` and `DeadGyroRule`; this rule adds to it.
     """
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "The gyro does not follow the changes of the wheels' yaw rate (wrong axis, or noise "
+            "without signal), and pose measurements with a yaw contradict it beyond 3.5 standard "
+            "deviations, or a ground camera does twice in a row.",
+            "`…: yaw rate follows … % of the changes of the wheels' turn rate for … s: …; the "
+            "rover turns otherwise than the gyro measures`",
+            (
+                "tests/controllers/safety/test_missed_turn_rule.py::"
+                "test_where_fixes_contradict_the_yaw_the_gyro_is_dead",
+            ),
+            within="`gyro_follow_s` and 0.5 s of such changes; the next pose measurement",
+            settings=("gyro_follow_s", "gyro_follow_share", "gyro_follow_rad_s"),
+            clears="by a signal of the gyro, as for `…: no signal, although the rover turned: …`",
+        ),
+        SafetyEvent(
+            Outcome.ENDS,
+            "The gyro turns against the wheels: a correlation below -0.5, and back by more than "
+            "a third of their rotation. Slip does not change a sign.",
+            "`…: yaw rate follows -… %`; `emergency stop`, exit code 1",
+            (
+                "tests/controllers/safety/test_gyro_turn_rules.py::"
+                "test_only_a_gyro_that_turns_against_the_wheels_stops_for_good",
+            ),
+            within="`gyro_follow_s` and 0.5 s",
+            settings=("gyro_follow_s",),
+            clears=RESTART,
+        ),
+        SafetyEvent(
+            Outcome.CONTINUES,
+            "The gyro does not follow the wheels, and pose measurements or a ground camera agree "
+            "with the yaw within two standard deviations.",
+            "Warning; no uncertainty is added.",
+            (
+                "tests/controllers/safety/test_gyro_turn_rules.py::"
+                "test_while_fixes_agree_with_the_yaw_a_gyro_that_does_not_follow_is_a_suspicion",
+            ),
+        ),
+    )
 
     def __init__(self, settings: GyroTurnSettings, roles: DeviceRoles, unproven: UnprovenTurn) -> None:
         self._settings = settings

@@ -14,6 +14,7 @@ from controllers.estimation.parameters import ESTIMATION
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, StopReason, StopRule
 from drivers.clock import nanoseconds, seconds
+from drivers.safety_event import AFTER_A_WAIT, Outcome, SafetyEvent
 from drivers.samples import HeadingSample, RateSample, Sample
 from drivers.settings import Settings
 
@@ -22,11 +23,14 @@ class HeadingTurnSettings(Settings):
     """Which differences between gyro and heading devices their errors can explain.
 
     Attributes:
-        heading_turn_s: Turns by gyro and by headings are compared over this time, less at first.
-        heading_difference_rad: The rover stops when they differ by this much more than `heading_share` of the
-            turn, the scatter of the headings and their noise in the filter can explain; greater than the
-            resolution of the headings.
-        heading_share: Share of the turn by which deviation and lag of a compass may falsify it.
+        heading_turn_s: Rotations by gyro and by headings are compared over this time, less at first. Headings
+            that come less often than three times a second are not compared.
+        heading_difference_rad: The rover stops when they differ by more than the sum of this, `heading_share`
+            of the rotation, three standard errors of the headings, and 3 √2 times the noise of a heading in
+            the filter; greater than the resolution of the headings. With `heading_noise_rad` of 0.05 rad that
+            is at least 0.22 rad: a wrong sign is found when the rover has turned by 0.12 rad, a step of the
+            bias above 2.7 deg/s. For a better compass set a smaller `heading_noise_rad`.
+        heading_share: Share of the rotation by which deviation and lag of a compass may falsify it.
     """
 
     heading_turn_s: Annotated[float, Field(ge=1.0, le=60.0)] = 6.0
@@ -77,6 +81,28 @@ class HeadingTurnRule(StopRule):
     """
 
     observes = (RateSample, HeadingSample)
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "Gyro and heading device measure different rotations: wrong sign or axis, a bias "
+            "that has changed, a disturbed compass.",
+            "`…: turn of … rad in … s, by … … rad: one of them has a wrong sign, axis or bias, "
+            "or a magnetic field has turned the heading`",
+            (
+                "tests/controllers/safety/test_heading_rules.py::"
+                "test_a_gyro_with_the_wrong_sign_is_named_when_the_rover_turns",
+            ),
+            within="0.9 s after the difference has reached its limit",
+            settings=(
+                "heading_turn_s",
+                "heading_difference_rad",
+                "heading_share",
+                "filter.heading_noise_rad",
+            ),
+            clears=AFTER_A_WAIT,
+        ),
+    )
 
     def __init__(self, settings: HeadingTurnSettings, roles: DeviceRoles, heading_lag_s: float) -> None:
         self._settings = settings

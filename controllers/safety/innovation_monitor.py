@@ -7,6 +7,7 @@ from pydantic import Field
 
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from drivers.clock import nanoseconds
+from drivers.safety_event import WHEN_GONE, Outcome, SafetyEvent
 from drivers.settings import Settings
 
 
@@ -27,6 +28,21 @@ class InnovationMonitor(StopRule):
     A filter that is sure of itself and wrong rejects every good reading: it would go on driving, blind. A
     measurement that could not be compared, e.g. a late one, is no evidence either way.
     """
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "A sensor contradicts the estimate.",
+            "`…: contradicts the estimate, rejected for … s`",
+            (
+                "tests/controllers/test_stops.py::"
+                "test_a_contradiction_stops_after_seconds_whatever_the_rate_of_the_sensor",
+            ),
+            within="`contradiction_s` after the first rejection, or the third rejection",
+            settings=("contradiction_s",),
+            clears=f"{WHEN_GONE}; the motors may disturb the sensor again",
+        ),
+    )
 
     def __init__(self, settings: InnovationSettings) -> None:
         self._settings = settings

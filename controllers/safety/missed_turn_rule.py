@@ -9,6 +9,7 @@ from controllers.safety.gyro_turn_rules import AGAINST, AVERAGE_S, WHY_NO_TURN, 
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from controllers.safety.unproven_turn import UnprovenTurn
 from controllers.safety.yaw_watch import YawWatch
+from drivers.safety_event import RESTART, Outcome, SafetyEvent
 
 ON_THE_SPOT = 0.9
 """Least share of the turn in what the wheels of both senses add up to. On the spot all wheels turn the rover
@@ -30,6 +31,35 @@ class MissedTurnRule(StopRule):
         roles: Gyro, devices that give fixes, camera.
         unproven: Shared with `GyroFollowsRule`, which adds to it and is checked before.
     """
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "The wheels turn the rover on the spot, the gyro measures less than "
+            "`gyro_follow_share` of it, and pose measurements or a ground camera contradict it.",
+            "`…: measures … % of a turn of … rad by the wheels: …; the rover turns otherwise "
+            "than the gyro measures`",
+            (
+                "tests/controllers/safety/test_missed_turn_rule.py::"
+                "test_where_fixes_contradict_the_yaw_the_gyro_is_dead",
+            ),
+            within="`gyro_turn_rad`; the next pose measurement",
+            settings=("gyro_turn_rad", "gyro_follow_share"),
+            clears="by a signal of the gyro, as for `…: no signal, although the rover turned: …`",
+        ),
+        SafetyEvent(
+            Outcome.ENDS,
+            "The gyro measures a rotation on the spot in the opposite direction, by more than half of it.",
+            "`…: measures -… %`; `emergency stop`, exit code 1",
+            (
+                "tests/controllers/safety/test_gyro_turn_rules.py::"
+                "test_only_a_gyro_that_turns_against_the_wheels_stops_for_good",
+            ),
+            within="the rotation",
+            settings=("gyro_turn_rad",),
+            clears=RESTART,
+        ),
+    )
 
     def __init__(self, settings: GyroTurnSettings, roles: DeviceRoles, unproven: UnprovenTurn) -> None:
         self._settings = settings

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from controllers.safety.reasons import Cycle, StopReason, StopRule
+from drivers.safety_event import Outcome, SafetyEvent
 
 
 class OperatorRule(StopRule):
@@ -11,6 +12,20 @@ class OperatorRule(StopRule):
     observes = ()
 
     is_for_drives = False
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "The operator's side of a run is lost: see the rows of the page and of ROS 2.",
+            "the reason of that side",
+            (
+                "tests/controllers/safety/test_operator_rule.py::"
+                "test_a_lost_operator_stops_at_once_and_motion_resumes_when_it_is_back",
+            ),
+            within="one cycle",
+            clears="see the rows of the page and of ROS 2",
+        ),
+    )
 
     def check(self, cycle: Cycle) -> Iterator[StopReason]:
         """Return the reason that the operator's side gives."""

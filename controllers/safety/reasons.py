@@ -10,6 +10,7 @@ from typing import ClassVar, NamedTuple
 from controllers.estimation.ground_travel import GroundPair
 from controllers.estimation.guarded_filter import Innovation
 from controllers.estimation.turn_evidence import TurnEvidence
+from drivers.safety_event import SafetyEvent
 from drivers.samples import Sample
 
 
@@ -143,6 +144,7 @@ class StopRule(ABC):
 
     Attributes:
         observes: Kinds of samples that `observe` takes.
+        events: Its rows of the reference page of safety.
         is_for_missions: Whether it stops a mission.
         is_for_drives: Whether it also judges a drive that somebody else controls: it needs no set-points, and
             its reason is none to wait for.
@@ -151,6 +153,7 @@ class StopRule(ABC):
     is_for_missions: ClassVar[bool] = True
     is_for_drives: ClassVar[bool] = True
     observes: ClassVar[tuple[type[Sample], ...]] = (Sample,)
+    events: ClassVar[tuple[SafetyEvent, ...]]
 
     def observe(self, sample: Sample, t_ns: int) -> None:  # noqa: B027 (most rules need no samples)
         """Take one sample as of `t_ns`."""

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, StopReason, StopRule
+from drivers.safety_event import Outcome, SafetyEvent
 from drivers.samples import RateSample, Sample
 
 LEAST_RATE_RAD_S = 0.05
@@ -28,6 +29,18 @@ class ZeroReadingsRule(StopRule):
 
     is_for_missions = False
     observes = (RateSample,)
+
+    events = (
+        SafetyEvent(
+            Outcome.FINDING,
+            "Readings of exactly 0 lie between other readings of a rotation.",
+            "`gyro zeros`",
+            (
+                "tests/controllers/safety/test_drive_check.py::"
+                "test_zeros_between_readings_of_a_turn_are_found",
+            ),
+        ),
+    )
 
     def __init__(self, roles: DeviceRoles) -> None:
         self._gyro = roles.gyro
@@ -61,6 +74,18 @@ class StandingWheelsRule(StopRule):
     """Finds wheels that stand while others of the same rover turn, and the geometry does not allow it."""
 
     is_for_missions = False
+
+    events = (
+        SafetyEvent(
+            Outcome.FINDING,
+            "Of redundant wheels, some stand for a second while others turn.",
+            "`standing wheels`",
+            (
+                "tests/controllers/safety/test_drive_check.py::"
+                "test_wheels_that_stand_while_others_turn_are_found",
+            ),
+        ),
+    )
 
     def __init__(self) -> None:
         self._since_ns: int | None = None

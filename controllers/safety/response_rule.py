@@ -11,6 +11,7 @@ from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from controllers.safety.stall_monitor import StallSettings
 from drivers.clock import nanoseconds, seconds
+from drivers.safety_event import Outcome, SafetyEvent
 
 WARNING_RATIO = 0.6
 """A wheel that turns at less than this share of its setpoints is a warning."""
@@ -31,7 +32,8 @@ class ResponseSettings(StallSettings):
             wheel follows in the sense of `stall_ratio`.
         response_ratio: The rover stops when the ratio of a wheel is below this. Below 0.6 it is a warning.
             Both only where the wheel lacks more than `stall_set_point_rad_s` on average, which its load may
-            take. Without a value the rover is not stopped.
+            take: with 0.5 rad/s a drive that obeys 40 % is found at 0.87 rad/s, not at 0.8 rad/s. Lower that
+            key to what your drives lose under load. Without a value the rover is not stopped.
     """
 
     response_s: Annotated[float, Field(ge=1.0, le=600.0)] = 5.0
@@ -95,6 +97,29 @@ class ResponseRule(StopRule):
     """Measures the ratio of speed to setpoint of each wheel while it follows."""
 
     is_for_drives = False
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "A drive turns its wheel more slowly than commanded and reports nothing.",
+            "`wheel …: turns at … % of its setpoints over … s of driving; …`",
+            (
+                "tests/controllers/safety/test_response_rule.py::"
+                "test_a_drive_that_obeys_two_fifths_stops_the_rover_within_the_time",
+            ),
+            within="`response_s` of driving",
+            settings=("response_ratio", "response_s", "stall_set_point_rad_s"),
+            clears="once, after `suspicion_rest_s` at standstill",
+        ),
+        SafetyEvent(
+            Outcome.CONTINUES,
+            "A wheel turns at less than 60 % of its setpoints over `response_s`, and lacks more "
+            "than `stall_set_point_rad_s`.",
+            "Warning on the screen, in the log and in the report.",
+            ("tests/controllers/safety/test_response_rule.py::test_without_a_setting_it_is_a_warning",),
+            settings=("response_s", "stall_set_point_rad_s"),
+        ),
+    )
 
     def __init__(self, settings: ResponseSettings, roles: DeviceRoles, wheel_count: int) -> None:
         self._settings = settings

@@ -65,11 +65,12 @@ class SafetySettings(
     """When the rover stops, and when it moves again.
 
     Attributes:
-        expiry_s: A command holds for this long after its cycle.
+        expiry_s: A command holds for this long after its cycle; if the loop hangs for longer, the watchdog
+            stops the drive.
         settle_s: All required devices must be fresh for this long before the first motion.
         recover_s: And for this long before motion resumes after a stop.
-        suspicion_rest_s: And for this long with the wheels at rest after a stop that a healthy rover may
-            show, too. Such a stop happens once: the second before `forget_stops_m`, or the third in a
+        suspicion_rest_s: And for this long with the wheels at standstill after a stop that a healthy rover
+            may show, too. Such a stop happens once: the second before `forget_stops_m`, or the third in a
             mission, lasts until restart, whatever their causes.
         identical_stops: The rover stays stopped until restart when it stops this many times for the same
             cause: driving may bring back a cause that cannot be seen at rest.

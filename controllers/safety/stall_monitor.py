@@ -9,27 +9,31 @@ from pydantic import Field
 
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from drivers.clock import nanoseconds, seconds
+from drivers.safety_event import AFTER_A_WAIT, Outcome, SafetyEvent
 from drivers.settings import Settings
 
 
 class StallSettings(Settings):
-    """When a wheel that does not turn, or turns against its set-point, stops the rover.
+    """When a wheel that does not turn, or turns against its setpoint, stops the rover.
 
     Attributes:
-        stall_s: The rover stops when a wheel has not followed its set-points for this long.
-        stall_set_point_rad_s: Least set-point that every wheel follows under its greatest load. Friction and
-            the droop of the drive's speed loop may take up smaller ones, so they are no evidence. 306 runs of
-            a Robotino on four surfaces: a set-point of 0.43 rad/s turns every wheel.
-        stall_ratio: A wheel follows when it turns faster than this share of what its set-point exceeds
+        stall_s: The rover stops when a wheel has not followed its setpoints for this long.
+        stall_set_point_rad_s: Least setpoint that every wheel follows under its greatest load. Friction, and
+            a drive whose speed decreases under load, may take up smaller setpoints, so they are no evidence.
+            306 runs of a Robotino on four surfaces: a setpoint of 0.43 rad/s turns every wheel. A mission
+            with a smaller wheel speed (`speed_m_s` over `wheel_radius_m`) is refused, because no stall could
+            be detected. In the last centimetres before a corner setpoints are smaller, too: a wheel that jams
+            there is not detected.
+        stall_ratio: A wheel follows when it turns faster than this share of what its setpoint exceeds
             `stall_set_point_rad_s` by, and faster than `stall_speed_rad_s`.
-        stall_speed_rad_s: A slower wheel does not turn. Not more: a loaded wheel creeps, and moves the rover.
-            Not less: a step of the encoder to and fro between two reports of a wheel at rest, 0.0098 rad/s of
-            the Robotino, is no turn.
-        creep_set_point_rad_s: Smaller set-points are not watched: a drive with coarse steps sends zero.
-        creep_rad: The rover stops when set-points between this and `stall_set_point_rad_s` would have turned
-            a wheel by this angle without its turning.
-        reverse_s: The rover stops when a wheel has turned against its set-points for this long, faster than
-            twice `stall_speed_rad_s` (the ground drags a jammed wheel back, too), and slower than them by
+        stall_speed_rad_s: A slower wheel does not turn. Not more: a loaded wheel that creeps moves the rover.
+            Not less: a step of the encoder between two reports of a wheel at standstill, 0.0098 rad/s of the
+            Robotino, is no rotation.
+        creep_set_point_rad_s: Smaller setpoints are not watched: a drive with coarse steps sends zero.
+        creep_rad: The rover stops when setpoints between `creep_set_point_rad_s` and `stall_set_point_rad_s`
+            would have turned a wheel by this angle, and it has not turned.
+        reverse_s: The rover stops when a wheel has turned against its setpoints for this long, faster than
+            twice `stall_speed_rad_s` (the ground drags a jammed wheel back, too), and differs from them by
             more than `stall_set_point_rad_s`.
     """
 
@@ -83,6 +87,43 @@ class StallMonitor(StopRule):
     """
 
     is_for_drives = False
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "A wheel is jammed, not powered, or its encoder has failed.",
+            "`wheel …: has not followed its set-point for … s: …`",
+            (
+                "tests/controllers/test_stops.py::"
+                "test_a_jammed_wheel_is_noticed_in_about_a_second_at_any_set_point_a_drive_can_"
+                "follow",
+            ),
+            within="`stall_s` and 0.3 s",
+            settings=("stall_s", "stall_set_point_rad_s", "stall_ratio", "stall_speed_rad_s"),
+            clears=AFTER_A_WAIT,
+        ),
+        SafetyEvent(
+            Outcome.STOPS,
+            "A small setpoint does not turn a wheel.",
+            "`wheel …: has not turned although its set-points add up to … rad: …`",
+            (
+                "tests/controllers/safety/test_stall_monitor.py::"
+                "test_small_set_points_must_turn_a_wheel_before_they_add_up_to_the_creep_angle",
+            ),
+            within="`creep_rad` over the setpoint; 0.06 m (Robotino) or 0.14 m (El-Dorado) of travel",
+            settings=("creep_rad", "creep_set_point_rad_s", "stall_set_point_rad_s"),
+            clears=AFTER_A_WAIT,
+        ),
+        SafetyEvent(
+            Outcome.STOPS,
+            "An encoder or motor is reversed, one or all.",
+            "`wheel …: turns against its set-point for … s: …`",
+            ("tests/controllers/test_wrong_sensors.py::test_reversed_encoders_are_named_within_the_bar",),
+            within="`reverse_s` and 0.1 s, from half of `stall_set_point_rad_s` on",
+            settings=("reverse_s", "stall_speed_rad_s", "stall_set_point_rad_s"),
+            clears=AFTER_A_WAIT,
+        ),
+    )
 
     def __init__(self, settings: StallSettings, wheel_count: int) -> None:
         self._settings = settings

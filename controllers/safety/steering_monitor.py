@@ -9,6 +9,7 @@ from pydantic import Field
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, StopReason, StopRule
 from drivers.clock import nanoseconds
+from drivers.safety_event import AFTER_A_WAIT, WHEN_GONE, Outcome, SafetyEvent
 from drivers.settings import Settings
 
 PROGRESS_RAD = math.radians(1.0)
@@ -20,8 +21,12 @@ class SteeringSettings(Settings):
 
     Attributes:
         steering_s: The rover stops when a wheel has been farther than `steering_error_deg` from its steering
-            set-point for this long and has not come closer by a degree.
-        steering_error_deg: A wheel that is closer follows its set-point.
+            setpoint for this long and has not come closer by a degree.
+        steering_error_deg: A wheel that is closer follows its setpoint. A wheel that is jammed within this
+            angle is not detected; where it reports its angle, the odometry stays right. A drive that limits
+            the angle to less than `low_deg` or `high_deg` of its wheel is only found beyond this angle: enter
+            its limits there. A wheel that reports no angle is assumed to follow: jammed, it makes the
+            odometry wrong, and only redundant wheels show it (`contradiction` in the log).
     """
 
     steering_s: Annotated[float, Field(ge=0.1, le=60.0)] = 2.0
@@ -32,6 +37,18 @@ class SteeringMonitor(StopRule):
     """Measures for how long each wheel has not come closer to its steering set-point."""
 
     is_for_drives = False
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "A steering drive is jammed, not powered, or has the wrong sign, and reports its angle.",
+            "`wheel …: has not steered for … s: …`",
+            ("tests/controllers/safety/test_steering_monitor.py::test_a_wheel_that_does_not_steer_is_named",),
+            within="`steering_s`",
+            settings=("steering_s", "steering_error_deg"),
+            clears=AFTER_A_WAIT,
+        ),
+    )
 
     def __init__(self, settings: SteeringSettings) -> None:
         self._settings = settings
@@ -62,6 +79,21 @@ class SteeringReportRule(StopRule):
     """Stops when a wheel that has reported its steering angle no longer does."""
 
     is_for_drives = False
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "A wheel no longer reports its steering angle, or reports one that is not finite.",
+            "`wheel …: reports no steering angle for … s`",
+            (
+                "tests/controllers/test_steering.py::"
+                "test_a_wheel_whose_reports_end_stops_the_rover_and_is_named",
+            ),
+            within="`max_age_s` of the wheels and one cycle",
+            settings=("devices.NAME.max_age_s",),
+            clears=WHEN_GONE,
+        ),
+    )
 
     def __init__(self, roles: DeviceRoles) -> None:
         self._limit_s = roles.max_age_s(roles.wheels)

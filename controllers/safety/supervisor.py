@@ -10,19 +10,71 @@ from controllers.safety.reasons import Cycle, Severity, StopReason
 from controllers.safety.rule_set import Doubt, RuleSet, stops_of
 from controllers.safety.settings import SafetySettings, make_rules
 from drivers.clock import nanoseconds
+from drivers.safety_event import RESTART, WHEN_GONE, Outcome, SafetyEvent
 from drivers.samples import Sample
+
+EVENTS = (
+    SafetyEvent(
+        Outcome.STOPS,
+        "A required device was never fresh.",
+        "`…: no … within … s`",
+        ("tests/controllers/safety/test_supervisor.py::test_motion_starts_after_the_settling_time",),
+        within="no motion before `settle_s`",
+        settings=("settle_s", "recover_s"),
+        clears=WHEN_GONE,
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "The same stop occurs for the third time, and standstill does not show the cause.",
+        "`emergency stop`, exit code 1",
+        ("tests/controllers/test_stops.py::test_a_jammed_wheel_is_driven_three_times_and_then_no_more",),
+        within="one cycle after the stop",
+        settings=("identical_stops", "forget_stops_m"),
+        clears=RESTART,
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "The same stop occurs for the third time, and standstill shows the cause.",
+        "`emergency stop`, exit code 1",
+        (
+            "tests/controllers/test_stops.py::"
+            "test_a_link_that_breaks_whenever_the_rover_moves_stops_it_for_good",
+        ),
+        within="one cycle after the stop",
+        settings=("identical_stops", "forget_stops_m"),
+        clears=RESTART,
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "A stop that a healthy rover may show, too, returns before `forget_stops_m`, for the "
+        "same cause or another, or occurs for the third time.",
+        "`emergency stop`, exit code 1",
+        (
+            "tests/controllers/safety/test_supervisor.py::"
+            "test_the_second_suspicion_before_a_metre_without_one_is_final",
+        ),
+        within="one cycle after the stop",
+        settings=("forget_stops_m", "suspicion_rest_s"),
+        clears=RESTART,
+    ),
+)
+"""Rows of the reference page of safety."""
 
 
 class Mode(StrEnum):
-    """What the controller does; only RUNNING moves the wheels, everywhere else they get zero set-points.
+    """What the controller does; only RUNNING moves the wheels, all other modes send zero setpoints.
 
-    OBSERVING: no mission; estimates only.
-    SETTLING: waiting until every required device has been fresh for a while.
-    RUNNING: driving the mission.
-    PAUSED: would be RUNNING, but the operator has paused the mission; never the mode of the supervisor.
-    FINISHED: mission done.
-    SAFE_STOP: there is a reason to stop; resumes by itself when it is gone.
-    EMERGENCY_STOP: a bumper was pressed, or the same stop happened too often; stays until restart.
+    Attributes:
+        OBSERVING: No mission: the program only estimates. Never ends.
+        SETTLING: Waits until there has been no reason to stop for `settle_s`.
+        RUNNING: Drives the mission, until there is a reason to stop or the mission is done.
+        PAUSED: The operator has paused the mission on the page of `bench`. Ends at a reason to stop, or when
+            the operator resumes the mission. Never the mode of the supervisor.
+        FINISHED: The mission is done: the run ends, and the drive is stopped.
+        SAFE_STOP: There is a reason to stop. Ends after `recover_s` without one; at the border of `area` when
+            an operator has confirmed; after a stop that a healthy rover may show, too, also after
+            `suspicion_rest_s` at standstill. Motion resumes from the measured wheel speeds.
+        EMERGENCY_STOP: A final reason to stop: the run ends, and the drive is stopped. Lasts until restart.
     """
 
     OBSERVING = "observing"

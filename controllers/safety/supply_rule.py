@@ -9,6 +9,7 @@ from pydantic import Field
 
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from drivers.clock import nanoseconds
+from drivers.safety_event import RESTART, WHEN_GONE, Outcome, SafetyEvent
 from drivers.samples import PowerSample, Sample
 from drivers.settings import Settings
 
@@ -56,6 +57,42 @@ class SupplyRule(StopRule):
 
     is_for_drives = False
     observes = (PowerSample,)
+
+    events = (
+        SafetyEvent(
+            Outcome.ENDS,
+            "The supply voltage is too low.",
+            "`…: supply voltage …, below safety.least_supply_v (… V) for … s; …`; `emergency "
+            "stop`, exit code 1",
+            (
+                "tests/controllers/safety/test_supply_rule.py::"
+                "test_a_low_supply_is_a_warning_first_and_stops_after_its_time",
+            ),
+            within="`supply_s`",
+            settings=("least_supply_v", "supply_s"),
+            clears=RESTART,
+        ),
+        SafetyEvent(
+            Outcome.STOPS,
+            "With `least_supply_v`, no device has reported a voltage, or a device no longer "
+            "reports it for 5 s.",
+            "`no device has reported its supply voltage`, `…: no supply voltage within 5 s`",
+            (
+                "tests/controllers/safety/test_supply_rule.py::"
+                "test_a_voltage_that_is_no_longer_reported_stops_the_rover_until_it_is",
+            ),
+            within="one cycle; 5 s",
+            settings=("least_supply_v",),
+            clears=WHEN_GONE,
+        ),
+        SafetyEvent(
+            Outcome.CONTINUES,
+            "The voltage is below 1.05 times the limit for half of `supply_s`.",
+            "Warning on the screen, in the log and in the report.",
+            ("tests/controllers/safety/test_supply_rule.py::test_near_the_limit_it_is_a_warning_for_ever",),
+            settings=("least_supply_v", "supply_s"),
+        ),
+    )
 
     def __init__(self, settings: SupplySettings) -> None:
         self._settings = settings

@@ -7,6 +7,7 @@ from operator import add
 from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, StopReason, StopRule
+from drivers.safety_event import Outcome, SafetyEvent
 
 LEAST_TURN_RAD = 0.5
 """Smaller turns are not compared: uneven slip may make them."""
@@ -43,6 +44,20 @@ class TurnComparison(StopRule):
     """
 
     is_for_missions = False
+
+    events = (
+        SafetyEvent(
+            Outcome.FINDING,
+            "A whole rotation by gyro and by wheels: opposite directions, deg/s for rad/s, less "
+            "than 0.3 or more than 1.5 times, or a wheel that counts backwards. Where two errors "
+            "explain it, it states that the drive cannot show which.",
+            "`turn`",
+            (
+                "tests/controllers/safety/test_turn_comparison.py::"
+                "test_a_turn_that_cannot_be_is_told_with_what_would_explain_it",
+            ),
+        ),
+    )
 
     def __init__(self, roles: DeviceRoles) -> None:
         self._gyro = roles.gyro

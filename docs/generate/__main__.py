@@ -8,6 +8,7 @@ from docs.generate.configuration_page import configuration_page, mapping_page
 from docs.generate.effects_page import effects_page
 from docs.generate.gap_pages import models_page, unit_page
 from docs.generate.man_page import man_page
+from docs.generate.safety_page import safety_page
 from docs.generate.schema_file import schema_text
 from rover_hil.config.loader import SCHEMA_NAME, SHIPPED_CONFIGS
 
@@ -15,6 +16,7 @@ PAGES = {
     "configuration.md": configuration_page,
     "can_mapping.md": mapping_page,
     "commands.md": commands_page,
+    "safety.md": safety_page,
     "gap_models.md": models_page,
     "gap_effects.md": effects_page,
     "gap_fmu.md": unit_page,

@@ -123,7 +123,7 @@ def keys_page(introduction: str, root: type[Settings]) -> str:
     for part in parts:  # it grows meanwhile
         parts.extend(part for part in _inner_parts(part) if part not in parts)
     ordered = [parts[0], *sorted(parts[1:], key=lambda part: _order(part, parts))]
-    texts += [_describe(part) for part in ordered]
+    texts += [describe(part) for part in ordered]
     return "\n".join(texts)
 
 
@@ -132,11 +132,12 @@ def attributes_of(model: type[Settings]) -> dict[str, str]:
     meanings: dict[str, str] = {}
     for kind in reversed(model.__mro__):
         if issubclass(kind, Settings):
-            meanings |= _attributes_in(inspect.cleandoc(kind.__doc__ or ""))
+            meanings |= attributes_in(inspect.cleandoc(kind.__doc__ or ""))
     return meanings
 
 
-def _attributes_in(doc: str) -> dict[str, str]:
+def attributes_in(doc: str) -> dict[str, str]:
+    """Return the meaning of every attribute in a docstring, as one line each."""
     _, _, section = doc.partition("\nAttributes:\n")
     meanings: dict[str, str] = {}
     names: list[str] = []
@@ -188,7 +189,8 @@ def _order(part: Part, parts: list[Part]) -> tuple[int, str]:
     return first, part.path.strip("[]")
 
 
-def _describe(part: Part) -> str:
+def describe(part: Part) -> str:
+    """Return the section of a table: its meaning, and a row for each key."""
     heading = f"## [{part.path}]{_variant_of(part.model)}" if part.path else "## Top level"
     lines = [heading, "", summary_of(part.model), ""]
     lines += ["| key | type | unit | range | default | meaning |", "|---|---|---|---|---|---|"]

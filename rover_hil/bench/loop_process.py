@@ -13,6 +13,7 @@ from controllers.motion.kinematics import make_kinematics
 from controllers.unwatched_yaw import find_unwatched_yaw
 from drivers.clock import PacedClock, SystemClock, nanoseconds
 from drivers.errors import RoverHilError
+from drivers.safety_event import RESTART, Outcome, SafetyEvent
 from rover_hil.bench.camera_frames import CameraFrame, FrameChoice, pack
 from rover_hil.bench.page_operator import PageOperator
 from rover_hil.bench.views import EndOrder, Notice, Order, Picture, RunOrder
@@ -35,6 +36,61 @@ DIED = "the process of the run has ended without a word: `rover-hil replay` read
 RunFunction: TypeAlias = Callable[[RunOrder, Operator, PacedClock | None], RunResult]
 ReportFunction: TypeAlias = Callable[[RunOrder], None]
 PipeEnd: TypeAlias = "Connection[object, object]"
+
+EVENTS = (
+    SafetyEvent(
+        Outcome.STOPS,
+        "The program of the page hangs.",
+        f"`{SERVER_SILENT.replace('{:g}', '…')}`",
+        (
+            "tests/rover_hil/bench/test_page_operator.py::"
+            "test_after_a_loss_the_rover_rests_until_the_operator_confirms",
+        ),
+        within="`server_timeout_s` and one cycle",
+        settings=("bench.server_timeout_s",),
+        clears="a click on *Let the rover move again* on the page in control",
+    ),
+    SafetyEvent(
+        Outcome.STOPS,
+        "The script of the page in control hangs, or the browser or the network is gone. A page "
+        "that only watches does not count.",
+        f"`{PAGE_SILENT.replace('{:g}', '…')}`",
+        (
+            "tests/rover_hil/bench/test_page_operator.py::"
+            "test_after_a_loss_the_rover_rests_until_the_operator_confirms",
+            "tests/rover_hil/bench/test_stop_in_browser.py::"
+            "test_after_a_loss_the_rover_rests_until_the_user_clicks_whatever_comes_back",
+            "tests/rover_hil/bench/test_session.py::"
+            "test_while_a_run_goes_on_nobody_takes_control_without_a_click",
+        ),
+        within="`page_timeout_s` and one cycle",
+        settings=("bench.page_timeout_s", "bench.page_required"),
+        clears="a click on *Let the rover move again* on the page in control",
+    ),
+    SafetyEvent(
+        Outcome.CONTINUES,
+        "More than 16 pages, 16 streams, 64 stop connections or 400 connections are open.",
+        "Further ones are refused; those in use are kept.",
+        ("tests/rover_hil/bench/test_stop_line.py::test_connections_are_limited_and_those_in_use_are_kept",),
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "EMERGENCY STOP is pressed on the page.",
+        "`emergency stop`, reason `emergency stop pressed on the page`",
+        ("tests/rover_hil/bench/test_stop_line.py::test_a_press_is_ordered_once_and_answered_each_time",),
+        within="one cycle after it has arrived",
+        clears=RESTART,
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "The program of the page is gone.",
+        "`terminated`",
+        ("tests/rover_hil/bench/test_page_operator.py::test_a_run_ends_when_the_page_s_program_is_gone",),
+        within="one cycle",
+        clears=RESTART,
+    ),
+)
+"""Rows of the reference page of safety."""
 
 
 class LoopProcess:

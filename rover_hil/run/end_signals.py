@@ -12,6 +12,26 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from drivers.safety_event import Outcome, SafetyEvent
+
+EVENTS = (
+    SafetyEvent(
+        Outcome.ENDS,
+        "SIGINT, SIGTERM or SIGHUP while the program starts, before a drive is opened.",
+        "no end in the log, exit code 130 (ctrl-C) or 143; nothing was commanded, no log is left",
+        ("tests/rover_hil/test_end_signals.py::test_a_signal_before_the_drive_opens_keeps_it_closed",),
+        within="when the modules are loaded",
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "SIGINT, SIGTERM or SIGHUP after the last cycle, while the log is closed or the report is written.",
+        "the end does not change; exit code 130 or 143",
+        ("tests/rover_hil/test_end_signals.py::test_a_signal_after_the_last_cycle_is_not_lost",),
+        within="at once",
+    ),
+)
+"""Rows of the reference page of safety."""
+
 
 class Terminated(BaseException):
     """SIGTERM, or the loss of the terminal or connection, ends the program; its text says which."""

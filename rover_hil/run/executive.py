@@ -12,6 +12,7 @@ from controllers.operator import OperatorInput
 from controllers.safety import Mode
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds, seconds, stopwatch_ns
 from drivers.driver import DeviceState, Health
+from drivers.safety_event import RESTART, Outcome, SafetyEvent
 from drivers.samples import Sample, SentCommand
 from rover_hil.recording.schema import COMMAND, CYCLE, OPERATOR, operator_record, set_point_record
 from rover_hil.recording.writer import LogWriter
@@ -21,6 +22,98 @@ from sim_backends.world.plant import Truth
 
 HEALTH_PERIOD_NS = NANOSECONDS_PER_SECOND
 STATUS_PERIOD_NS = 100_000_000
+
+EVENTS = (
+    SafetyEvent(
+        Outcome.ENDS,
+        "The mission is done.",
+        "`mission finished`, exit code 0",
+        ("tests/rover_hil/test_virtual_run.py::test_the_rectangle_is_finished_and_the_wheels_stand",),
+        within="one cycle",
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "The time limit or `--duration` is reached.",
+        "`time over`, exit code 1 (0 for `--duration` while running)",
+        ("tests/rover_hil/test_virtual_run.py::test_time_limit_ends_the_run",),
+        within="one cycle",
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "A required device is given up (`reconnect_limit_s`).",
+        "`device failed`, exit code 1; zero setpoints since the link broke",
+        ("tests/rover_hil/test_executive.py::test_a_device_in_a_role_that_is_given_up_ends_the_run",),
+        within="1 s",
+        settings=("devices.NAME.reconnect_limit_s",),
+        clears=RESTART,
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "ctrl-C.",
+        "`stopped by user`, exit code 0",
+        ("tests/rover_hil/test_executive.py::test_a_signal_ends_the_run_after_the_cycle",),
+        within="one cycle",
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "SIGTERM, or the terminal is lost.",
+        "`terminated`, exit code 1",
+        ("tests/rover_hil/test_executive.py::test_a_signal_ends_the_run_after_the_cycle",),
+        within="one cycle",
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "ctrl-C twice.",
+        "no end in the log, exit code 130: the cycle is interrupted",
+        (
+            "tests/rover_hil/test_executive.py::"
+            "test_a_second_signal_does_not_wait_for_the_cycle_but_the_drive_is_stopped",
+        ),
+        within="at once",
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "ctrl-C while the drive is being stopped.",
+        "the end does not change; the stop is completed",
+        ("tests/rover_hil/test_executive.py::test_no_signal_interrupts_the_stopping_of_the_drive",),
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "The disk is full, or the log cannot be written.",
+        "no end in the log, exit code 2",
+        ("tests/rover_hil/test_executive.py::test_when_the_log_cannot_be_written_all_wheels_are_stopped",),
+        within="the same cycle",
+        clears=RESTART,
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "The log is deleted while the rover drives.",
+        "no end in the log, exit code 2",
+        (
+            "tests/rover_hil/test_executive.py::"
+            "test_a_log_that_is_deleted_while_the_rover_drives_stops_all_wheels",
+        ),
+        within="1 s",
+        clears=RESTART,
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "An error occurs inside the loop.",
+        "no end in the log, traceback",
+        ("tests/rover_hil/test_executive.py::test_an_error_inside_the_loop_stops_all_wheels",),
+        within="the same cycle",
+        clears=RESTART,
+    ),
+    SafetyEvent(
+        Outcome.CONTINUES,
+        "The disk of the log hangs.",
+        "For two seconds records wait in memory. Then the loop waits, and the watchdog stops the "
+        "drive, until the log is written again or the run is ended (ctrl-C, a signal, the "
+        "page). The last line of the run reports how long.",
+        ("tests/rover_hil/test_log.py::test_a_log_that_hangs_for_seconds_makes_the_loop_wait_and_says_so",),
+    ),
+)
+"""Rows of the reference page of safety."""
 
 
 class End(StrEnum):

@@ -13,6 +13,7 @@ from typing import Self
 from drivers.clock import nanoseconds
 from drivers.emergency_stop import EmergencyStop
 from drivers.errors import RoverHilError
+from drivers.safety_event import RESTART, Outcome, SafetyEvent
 from rover_hil.run import watchdog_program as program
 from rover_hil.run.sign_of_life import LifeWatch
 
@@ -24,6 +25,72 @@ PAUSE_S = 0.5
 """Between two attempts to start it again."""
 RESTARTS = 3
 """How often a watchdog that has died is started again in a run."""
+
+EVENTS = (
+    SafetyEvent(
+        Outcome.ENDS,
+        "The program is killed or has crashed.",
+        "no end in the log; the cause is in `run.watchdog.txt`, in the report and on the page. "
+        "The watchdog stops the drive.",
+        (
+            "tests/rover_hil/test_watchdog_program.py::"
+            "test_when_the_loop_is_killed_the_drive_is_stopped_at_once_and_the_cause_told",
+        ),
+        within="0.02 s",
+        clears=RESTART,
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "The loop hangs in code that holds the interpreter's lock.",
+        "no end in the log; the cause is in `run.watchdog.txt`, in the report and on the page. "
+        "The watchdog stops the drive, and ends the program a second later.",
+        (
+            "tests/rover_hil/test_watchdog_process.py::"
+            "test_a_loop_that_is_stuck_in_c_is_ended_and_the_cause_told",
+        ),
+        within="`expiry_s` + 0.02 s",
+        settings=("expiry_s",),
+        clears=RESTART,
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "The computer fails.",
+        "no end in the log. Only the time-out of the drive stops the wheels: Robotino EA05 1.04 "
+        "s, EA09 0.2 s, both simulated. Check the time-out of your drive.",
+        ("tests/sim_backends/test_robotino_board.py::test_motors_stop_when_the_host_falls_silent",),
+        clears=RESTART,
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "The watchdog cannot be started, gets no shared memory, or cannot open the port of the drive.",
+        "no run, exit code 2; nothing was commanded",
+        ("tests/rover_hil/test_watchdog_process.py::test_without_shared_memory_nothing_moves",),
+        within="before the first motion",
+        clears=RESTART,
+    ),
+    SafetyEvent(
+        Outcome.CONTINUES,
+        "The loop hangs for less than a second, or its process was stopped from outside.",
+        "The watchdog stops the drive `expiry_s` + 0.02 s after the last cycle. Driving resumes "
+        "with the loop.",
+        (
+            "tests/rover_hil/test_watchdog_program.py::"
+            "test_a_silent_loop_s_drive_is_stopped_and_counted_and_watched_on",
+        ),
+        settings=("expiry_s",),
+    ),
+    SafetyEvent(
+        Outcome.CONTINUES,
+        "The watchdog dies or hangs.",
+        "The rover is stationary until it is back. A watchdog that has died is started again, at "
+        "most three times.",
+        (
+            "tests/rover_hil/test_watchdog.py::"
+            "test_without_a_watchdog_the_rover_rests_and_goes_on_with_a_new_one",
+        ),
+    ),
+)
+"""Rows of the reference page of safety."""
 
 
 class WatchdogError(RoverHilError, OSError):

@@ -1,6 +1,6 @@
 """Rovers that do not get on, on contacts by slip ratio and by slip velocity, are stopped as promised.
 
-The table is that of docs/reference/safety.md, "A rover that does not get on".
+The table is that of docs/explanation/safety.md, "A rover that makes no progress".
 """
 
 from itertools import pairwise, product

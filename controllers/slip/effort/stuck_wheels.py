@@ -2,6 +2,17 @@
 
 from controllers.slip.effort.motor_model import EffortFlag, MotorSettings, WheelEffort
 from controllers.slip.effort.parameters import EFFORT
+from drivers.safety_event import Outcome, SafetyEvent
+
+EVENTS = (
+    SafetyEvent(
+        Outcome.CONTINUES,
+        "A wheel is stuck, and its current is measured.",
+        "Its slip is 1 after 0.3 s, so that the odometry stays right until the stall stops the rover.",
+        ("tests/controllers/test_effort_compensator.py::test_a_stuck_wheel_slips_by_one",),
+    ),
+)
+"""Rows of the reference page of safety."""
 
 
 class StuckWheels:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from drivers.safety_event import Outcome, SafetyEvent
 from drivers.settings import Settings
 
 Array = NDArray[np.float64]
@@ -24,6 +25,16 @@ MOST_STEPS = 100
 
 LARGEST_SIGMA = 1.5
 LARGEST_DRIFT_RAD = math.pi / 3.0
+
+EVENTS = (
+    SafetyEvent(
+        Outcome.CONTINUES,
+        "The trace behind the wheel is lost.",
+        "The slip is marked unsure, and its variance grows.",
+        ("tests/controllers/test_scomp_compensator.py::test_a_trace_that_is_lost_is_missed_after_a_while",),
+    ),
+)
+"""Rows of the reference page of safety."""
 
 
 class _Curve(NamedTuple):

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from controllers.motion.body_motion import BodyMotion
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds
+from drivers.safety_event import Outcome, SafetyEvent
 
 REST: BodyMotion = (0.0, 0.0, 0.0)
 FASTEST_MEMORY_NS = 60 * NANOSECONDS_PER_SECOND
@@ -25,6 +26,34 @@ MOST_STAMPS = 64
 STOPPED = "emergency stop on the topic emergency_stop, by {}"
 NEEDS_ZERO = "released: waiting for a zero command, then a new one"
 NO_COMMANDS = "no command"
+
+EVENTS = (
+    SafetyEvent(
+        Outcome.STOPS,
+        "An emergency stop arrives over ROS 2.",
+        "`emergency stop on the topic emergency_stop, by …`",
+        (
+            "tests/rover_hil/connect/test_commands.py::"
+            "test_a_press_stops_and_only_release_zero_and_a_new_command_move_again",
+            "tests/rover_hil/connect/test_ros2_run.py::test_an_emergency_stop_latches_also_before_the_run",
+        ),
+        within="one cycle after its arrival",
+        clears="after its release by the same sender, a zero command, and a new command",
+    ),
+    SafetyEvent(
+        Outcome.STOPS,
+        "The clock of the sender of stamped commands is set back.",
+        "state of the commands: `steps of the clock of …`",
+        (
+            "tests/rover_hil/connect/test_commands.py::"
+            "test_after_a_step_back_of_the_senders_clock_its_commands_count_again_in_5_s",
+        ),
+        within="`command_timeout_s`",
+        settings=("ros2.command_timeout_s",),
+        clears="commands count again 5 s after the step",
+    ),
+)
+"""Rows of the reference page of safety."""
 
 
 class Command(NamedTuple):

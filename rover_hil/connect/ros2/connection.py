@@ -11,6 +11,7 @@ from controllers.operator import OperatorInput
 from controllers.safety import Mode
 from drivers.clock import Clock, SystemClock, nanoseconds
 from drivers.errors import ConfigError
+from drivers.safety_event import RESTART, Outcome, SafetyEvent
 from drivers.samples import PoseFixSample
 from rover_hil.config import Config
 from rover_hil.connect.cycle_bytes import CyclePacker
@@ -39,6 +40,26 @@ ARRIVALS, ARRIVAL_BYTES = 256, 1 << 10
 REST_M_S = 0.01
 REST_RAD_S = 0.05
 """A rover that is slower, with set-points of zero, is at rest."""
+
+EVENTS = (
+    SafetyEvent(
+        Outcome.STOPS,
+        "The process of ROS 2 hangs.",
+        f"`{SILENT}`",
+        ("tests/rover_hil/connect/test_ros2_run.py::test_a_process_that_hangs_or_dies_stops_the_run",),
+        within="0.4 s and one cycle",
+        clears="when it works again, and with a later command",
+    ),
+    SafetyEvent(
+        Outcome.ENDS,
+        "The process of ROS 2 is gone.",
+        "`terminated`",
+        ("tests/rover_hil/connect/test_ros2_run.py::test_a_process_that_hangs_or_dies_stops_the_run",),
+        within="one cycle",
+        clears=RESTART,
+    ),
+)
+"""Rows of the reference page of safety."""
 
 
 class Ros2Connection:
