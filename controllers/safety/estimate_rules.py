@@ -91,10 +91,11 @@ class YawDoubtSettings(Settings):
 
     Attributes:
         yaw_doubt_rad: Where pose fixes or headings can decide, the rover stops when two standard deviations
-            of the yaw by this exceed this angle, and they decide while it rests.
+            of the yaw by this exceed this angle, and they decide at standstill.
         unwatched_yaw_rad: Where nothing can decide, it stops until restart beyond this angle; None for never.
-        turn_to_find_out: Where nothing can decide, it interrupts its mission for a slow turn on the spot, at
-            most 10 deg to and fro, once: a gyro that measures the turn has a signal.
+        turn_to_find_out: Where nothing can decide, it interrupts its mission once for a slow rotation on the
+            spot by at most 10 deg in both directions: a gyro that measures it has a signal. A rover that
+            cannot turn on the spot does not.
     """
 
     yaw_doubt_rad: Annotated[float, Field(ge=0.01, le=10.0)] = 0.15

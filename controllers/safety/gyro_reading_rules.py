@@ -25,11 +25,12 @@ class GyroReadingSettings(Settings):
             turned; longer for a gyro that sends a fixed zero at slow turns.
         gyro_jump_rad_s: The rover stops when the reading changes by more than this within 0.05 s and stays
             there: inertia does not allow it.
-        gyro_rest_s: At rest the readings are averaged over this time; shorter than `recover_s` less the
+        gyro_rest_s: At standstill the readings are averaged over this time; shorter than `recover_s` less the
             `standstill_s` of the filter, so that motion does not resume before.
-        gyro_rest_rad_s: At rest the rover stays stopped while the average differs by more than this from the
-            estimated bias.
-        gyro_step_rad_s: A bias that has changed by more than this between two rests has made the yaw wrong.
+        gyro_rest_rad_s: At standstill the rover stays stopped while the average differs by more than this
+            from the estimated bias.
+        gyro_step_rad_s: A bias that has changed by more than this between two standstills has made the yaw
+            wrong.
     """
 
     gyro_stuck_s: Annotated[float, Field(ge=0.1, le=3600.0)] = 1.0

@@ -132,7 +132,7 @@ class SpeedSource(MeasuredSignal):
 
 
 class Setpoint(SpeedSource):
-    """The signal of the speed set-point of a wheel.
+    """The signal of the speed setpoint of a wheel.
 
     Attributes:
         fixed: Values of further signals of that message, e.g. `{ Enable = 1 }`. All others take the
@@ -142,7 +142,7 @@ class Setpoint(SpeedSource):
     fixed: Annotated[dict[str, float], Field(default_factory=dict)]
 
     def names(self) -> Iterator[tuple[str, str | None, float | None]]:
-        """Yield the set-point and the fixed signals."""
+        """Yield the setpoint and the fixed signals."""
         yield from super().names()
         for signal, value in self.fixed.items():
             yield self.message, signal, value
@@ -172,7 +172,7 @@ class YawRateSource(MeasuredSignal):
 
     Attributes:
         sign: -1 where it counts clockwise.
-        zero: Its value at rest, in its unit.
+        zero: Its value at standstill, in its unit.
     """
 
     unit: Literal["rad/s", "deg/s"]
@@ -211,8 +211,8 @@ class StateSource(SignalName):
     """The signal with the state of a wheel's drive.
 
     Attributes:
-        operating: Values with which the drive obeys set-points. Any other one is a fault from a second after
-            the first set-point until the drive is stopped.
+        operating: Values with which the drive obeys setpoints. Any other one is a fault from a second after
+            the first setpoint until the drive is stopped.
     """
 
     operating: Annotated[tuple[int, ...], Field(min_length=1)]
@@ -227,7 +227,7 @@ class WheelMapping(Settings):
     """One wheel; it has a position, a speed, or both, unless it is not measured.
 
     Attributes:
-        node: Number or name in place of "{node}".
+        node: Number or name that replaces "{node}".
         sign: -1 where the drive counts backwards when the rover drives forwards.
         gear_ratio: Turns of the encoder and of the commanded motor per turn of the wheel.
         measured: False where it has no encoder: position and speed of [every_wheel] are then not its own.
@@ -236,10 +236,10 @@ class WheelMapping(Settings):
         current: Of its motor.
         current_is_signed: False where the drive reports only the magnitude of the motor current.
         voltage: Voltage at the motor's terminals, never the supply.
-        setpoint: Set-point signal; without it the wheel is only measured.
+        setpoint: Setpoint signal; without it the wheel is only measured.
         steering: Signal with the measured steering angle, counter-clockwise. Without it the controller
-            assumes that the wheel follows its set-points.
-        steering_setpoint: Signal of the steering set-point; it may be in the message of the speed.
+            assumes that the wheel follows its setpoints.
+        steering_setpoint: Signal of the steering setpoint; it may be in the message of the speed.
         steering_sign: -1 where steering angles count clockwise.
         fault: Error words and flags of the wheel's drive; 0 means no fault.
         state: State of the wheel's drive, for drives that may leave operation without an error word.
@@ -351,7 +351,7 @@ class CanWheelsMapping(Settings):
         power: The rover's supply.
         fault: Error words of the whole rover.
         protection: Counters and checksums.
-        start: Sent in this order before the first set-point.
+        start: Sent in this order before the first setpoint.
         stop: Sent in this order after standstill.
     """
 
