@@ -61,6 +61,7 @@ SECTIONS = {
 
 The wheels receive zero setpoints from the cycle that finds the reason. Motion resumes `recover_s` after the
 reason has ended. A stop for the same cause is final when it occurs for the `identical_stops`-th time.
+Of several reasons in a cycle the most severe decides; the likelier cause is reported with it.
 """,
     Outcome.ENDS: """## Ends of a run
 
