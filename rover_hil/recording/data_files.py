@@ -135,4 +135,6 @@ def with_controller_of(logged: Config, replacing: Config) -> Config:
     if logged.mission is None or replacing.mission is None:
         sections.remove("mission")
     controlled = logged.model_copy(update={name: getattr(replacing, name) for name in sections})
+    if replacing.safety.area is None:
+        return controlled
     return controlled.model_copy(update={"safety": replacing.safety.model_copy(update={"area": None})})

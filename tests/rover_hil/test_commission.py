@@ -30,7 +30,7 @@ from rover_hil.recording.schema import ESTIMATE
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.drive_order import DriveOrder
 from rover_hil.run.excitation import for_real_rover
-from rover_hil.run.executive import End
+from rover_hil.run.executive import End, RunResult
 from tests.rover_hil.command import Command, assert_one_sentence
 
 START_NS = 1_000_000_000
@@ -197,13 +197,13 @@ def test_a_real_run_without_a_passed_commissioning_does_not_excite_the_yaw(
         config: Config,
         log: Path,
         limit_s: float,
-        show: Callable[[object], None],
+        show: Callable[[object, object], None],
         *rest: object,
         **options: object,
     ) -> object:
         driven.append(config)
-        show(None)
-        show(None)
+        show(None, ())
+        show(None, ())
         raise LogError("enough")
 
     monkeypatch.setattr("rover_hil.drive.run_surroundings._status_line", lambda output: "")
@@ -301,9 +301,9 @@ def test_marks_at_the_start_alone_measure_no_slip(command: Command, config: Conf
 def test_measured_positions_are_asked_for_and_kept(
     command: Command, config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def drive(driven: Config, log: Path, *rest: object, order: DriveOrder, operator: None) -> object:
+    def drive(driven: Config, log: Path, *rest: object, **options: object) -> object:
         write_drive(log, config, log.stem)
-        return SimpleNamespace(end=End.FINISHED, reason="")
+        return RunResult(End.FINISHED)
 
     monkeypatch.setattr(procedure, "run_real", drive)
     monkeypatch.setattr("rover_hil.ready.commission.procedure.LINE_STOPS", 2)
@@ -330,7 +330,7 @@ def test_enter_pressed_while_it_drives_marks_a_place(
     presses_s = (2.0, 7.0)
 
     def drive(
-        driven: Config, log: Path, limit_s: float, show: Callable[[object], None], **rest: object
+        driven: Config, log: Path, limit_s: float, show: Callable[[object, object], None], **rest: object
     ) -> object:
         write_drive(log, config, log.stem)
         pose = SimpleNamespace(x_m=0.0, y_m=0.0)
@@ -339,8 +339,8 @@ def test_enter_pressed_while_it_drives_marks_a_place(
             monkeypatch.setattr(
                 "rover_hil.ready.commission.procedure.enter_was_pressed", lambda t_s=t_s: t_s in presses_s
             )
-            show(SimpleNamespace(t_ns=START_NS + round(1e9 * t_s), estimate=pose, reason=""))
-        return SimpleNamespace(end=End.FINISHED, reason="")
+            show(SimpleNamespace(t_ns=START_NS + round(1e9 * t_s), estimate=pose, reason=""), ())
+        return RunResult(End.FINISHED)
 
     monkeypatch.setattr(procedure, "run_real", drive)
     monkeypatch.setattr(Plan, "names", lambda plan: ["line"])

@@ -1,5 +1,6 @@
 """`replay --config` takes the whole controller of another configuration, and nothing else of it."""
 
+from controllers.safety.settings import SafetySettings
 from controllers.settings import ControlSettings
 from drivers.settings import Settings
 from rover_hil.config import Config, load_config
@@ -10,7 +11,8 @@ SECTIONS = set(ControlSettings.model_fields)
 
 def test_every_section_of_the_controller_comes_from_the_other_configuration() -> None:
     logged = load_config("robotino")
-    other = logged.model_copy(update={name: Settings() for name in Config.model_fields})
+    others = {name: Settings() for name in Config.model_fields} | {"safety": SafetySettings()}
+    other = logged.model_copy(update=others)
     used = with_controller_of(logged, other)
     from_other = {name for name in Config.model_fields if getattr(used, name) is getattr(other, name)}
     assert from_other == SECTIONS

@@ -128,9 +128,11 @@ def test_rules_that_need_set_points_are_left_out_and_all_others_are_shared() -> 
         "GyroRestRule",
         "MotionRule",
         "OperatorRule",
+        "ResponseRule",
         "StallMonitor",
         "SteeringMonitor",
         "SteeringReportRule",
+        "SupplyRule",
         "UnseenMotionRule",
         "YawDoubtRule",
     }

@@ -63,13 +63,13 @@ def test_a_fault_has_a_cause_without_its_code() -> None:
 
 def test_every_part_that_is_too_old_is_reported() -> None:
     reasons = check(FreshnessRule(ROLES, 2))
-    texts = [
+    assert [reason.text for reason in reasons] == [
         "wheels: no position of wheel 0 within 0.1 s",
         "wheels: no position of wheel 1 within 0.1 s",
         "overhead: no pose fix in time within 0.5 s",
         "imu: no sample within 0.2 s",
     ]
-    assert reasons == [StopReason(text, text) for text in texts]
+    assert len({reason.cause for reason in reasons}) == 4
 
 
 @pytest.mark.parametrize(

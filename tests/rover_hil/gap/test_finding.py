@@ -9,7 +9,13 @@ import pytest
 
 from rover_hil.gap.machines.base_parameters import Trial, far, headline, judged, with_base_parameters
 from rover_hil.gap.output.model_file import read_model_file
-from rover_hil.gap.output.results import MODEL_NAME, REPORT_NAME, VERDICT_NAME, write_results
+from rover_hil.gap.output.results import (
+    MODEL_NAME,
+    REPORT_NAME,
+    VERDICT_NAME,
+    write_report,
+    write_results,
+)
 from rover_hil.gap.verdict import Answer, FittedBase, FoundEffect, Verdict
 from rover_hil.gap.workflow import analyse
 from sim_backends.state_model.model import StateModel
@@ -149,6 +155,7 @@ def command(tmp_path_factory: pytest.TempPathFactory) -> Callable[[], Path]:
     folder = tmp_path_factory.mktemp("finding")
     analysis = analyse(axis(gain=7.0), measured_runs(8))
     write_results(folder, analysis, "axis", "")
+    write_report(folder, analysis)
     return lambda: folder
 
 
@@ -175,6 +182,7 @@ def test_what_was_known_before_stands_in_the_file_on_the_page_and_in_the_table(t
     model = replace(model, parameters=parameters, port_effects=model.port_effects[:2])
     analysis = analyse(model, measured_runs(8))
     write_results(tmp_path, analysis, "axis", "")
+    write_report(tmp_path, analysis)
     written = json.loads((tmp_path / VERDICT_NAME).read_text("utf-8"))["base_parameters"]
     assert {one["name"]: one["prior_sd"] for one in written} == priors
     page = (tmp_path / REPORT_NAME).read_text("utf-8")
@@ -228,6 +236,7 @@ def test_effect_and_base_parameters_of_the_model_file_are_those_of_the_verdict(t
     """With friction in the runs and a wrong gain, both come from one fit without the prior of the gain."""
     analysis = analyse(axis(gain=7.0), measured_runs(8, dry=4.0))
     write_results(tmp_path, analysis, "axis", "")
+    write_report(tmp_path, analysis)
     verdict, file = analysis.verdict, read_model_file(tmp_path / MODEL_NAME)
     (friction,) = verdict.effects
     for name, number in friction.parameters.items():

@@ -71,7 +71,7 @@ def write_config(folder: Path) -> str:
 def test_wrong_geometry_is_found_where_the_command_drives(
     command: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def drive(config: Config, path: Path, limit_s: float, show: object) -> RunResult:
+    def drive(config: Config, path: Path, limit_s: float, *_: object, **options: object) -> RunResult:
         mission = config.mission
         assert limit_s > 20.0
         if isinstance(mission, LineMission):
@@ -104,7 +104,7 @@ def test_a_rover_whose_drive_was_ended_by_the_user_does_not_drive_on(
 ) -> None:
     drives = []
 
-    def drive(config: Config, path: Path, *arguments: object) -> RunResult:
+    def drive(config: Config, path: Path, *arguments: object, **options: object) -> RunResult:
         drives.append(path)
         return RunResult(end, words)
 
@@ -137,7 +137,7 @@ def test_after_a_drive_that_was_not_completed_nothing_is_asked_and_driven(
 def test_a_calibration_that_was_not_sure_can_be_repeated(
     command: Command, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
-    def drive(config: Config, path: Path, *arguments: object) -> RunResult:
+    def drive(config: Config, path: Path, *arguments: object, **options: object) -> RunResult:
         return RunResult(End.STOPPED_BY_USER)
 
     monkeypatch.setattr(procedure, "run_virtual", drive)

@@ -101,7 +101,7 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("unrendered")
-def test_a_full_disk_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_keeps_the_summary_and_leaves_no_part_of_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log_path = write_log(tmp_path / "run.mcap", Drive(duration_s=2.0))
     write_text = Path.write_text
 
@@ -114,7 +114,8 @@ def test_a_full_disk_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(Path, "write_text", fail_on_report)
     with pytest.raises(ConfigError, match="No space left"):
         write_report(log_path, tmp_path / "out")
-    assert list((tmp_path / "out").iterdir()) == []
+    (left,) = (tmp_path / "out").iterdir()
+    assert json.loads(left.read_text("utf-8"))["is_complete"]
 
 
 @pytest.mark.usefixtures("unrendered")
