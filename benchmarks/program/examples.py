@@ -1,4 +1,4 @@
-"""Run the examples of README and `--help` as they stand, with the samples that they name.
+"""Run the examples of docs/reference/examples.md and `--help` unchanged, with the samples that they name.
 
 python -m benchmarks.program.examples [WORD...]
 
@@ -38,7 +38,8 @@ def _examples() -> list[tuple[str, str]]:
     group = get_command(app)
     assert isinstance(group, TyperGroup)
     samples = [(line, sample) for text in _helps(group) for line, sample in _of_help(" ".join(text.split()))]
-    rows = [line for line in (ROOT / "README.md").read_text("utf-8").splitlines() if line.startswith("| ")]
+    page = (ROOT / "docs/reference/examples.md").read_text("utf-8")
+    rows = [line for line in page.splitlines() if line.startswith("| ")]
     for row in rows:
         cells = [cell.strip(" `") for cell in row.strip("|").split("|")]
         if len(cells) == 4 and cells[1].startswith("rover-hil "):

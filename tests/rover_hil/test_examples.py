@@ -123,8 +123,9 @@ def test_data_of_an_example_come_from_a_sample(name: str) -> None:
     assert sample_of(name) in SAMPLES
 
 
-def test_samples_in_the_table_of_the_readme_exist() -> None:
-    cells = [line.split("|") for line in PAGES[0].read_text("utf-8").splitlines() if line.count("|") == 5]
+def test_samples_in_the_table_of_examples_exist() -> None:
+    page = (ROOT / "docs/reference/examples.md").read_text("utf-8")
+    cells = [line.split("|") for line in page.splitlines() if line.count("|") == 5]
     named = {row[4].strip(" `") for row in cells if row[4].strip().startswith("`")}
     assert len(named) >= 8
     assert named <= SAMPLES.keys()
