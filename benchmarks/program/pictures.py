@@ -2,8 +2,8 @@
 
     python -m benchmarks.program.pictures docs/images
 
-Writes `bench.png` and `report.png`. The rover is the simulated Robotino on slippery ground; the board with its
-encoders is unplugged for two seconds. Needs the extra `bench`, selenium, chromium and chromedriver.
+Writes `bench.png` and `report.png`. The rover is the simulated Robotino on slippery ground; the board with
+its encoders is unplugged for two seconds. Needs the extra `bench`, selenium, chromium and chromedriver.
 """
 
 import argparse
