@@ -1,5 +1,4 @@
-# make setup | run | test | test-slow | test-nightly | test-kernel | test-ros2 | gates | gates-full | safety-coverage | check | reference | site | wheel | release | mutation
-# make setup | run | test | test-slow | test-nightly | test-kernel | test-ros2 | gates | gates-full | safety-coverage | check | reference | results | site | wheel | mutation
+# make setup | run | test | test-slow | test-nightly | test-kernel | test-ros2 | gates | gates-full | safety-coverage | check | reference | results | site | wheel | release | mutation
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -7,8 +6,7 @@ BIN := $(VENV)/bin
 SLOW_FILES = $(shell grep -rl "mark\.slow" tests --include "test_*.py" --exclude-dir bench)
 STAMP := $(VENV)/.installed
 
-.PHONY: setup run test test-slow test-nightly test-kernel test-ros2 gates gates-full safety-coverage check reference site wheel release mutation
-.PHONY: setup run test test-slow test-nightly test-kernel test-ros2 gates gates-full safety-coverage check reference results site wheel mutation
+.PHONY: setup run test test-slow test-nightly test-kernel test-ros2 gates gates-full safety-coverage check reference results site wheel release mutation
 
 setup: $(STAMP)
 

@@ -30,7 +30,8 @@ class ResponseSettings(StallSettings):
         response_s: The ratio of measured speed to setpoint of each wheel is that of the least squares
             through zero over this time of driving: with setpoints above `stall_set_point_rad_s` that the
             wheel follows in the sense of `stall_ratio`.
-        response_ratio: The rover stops when the ratio of a wheel is below this. Below 0.6 it is a warning.
+        response_ratio: The rover stops when the ratio of a wheel is below this. Below 0.6 it is a warning,
+            from half of `response_s` on.
             Both only where the wheel lacks more than `stall_set_point_rad_s` on average, which its load may
             take: with 0.5 rad/s a drive that obeys 40 % is found at 0.87 rad/s, not at 0.8 rad/s. Lower that
             key to what your drives lose under load. Without a value the rover is not stopped.
@@ -83,9 +84,17 @@ class _Wheel:
             for part in self._parts:
                 self._full = self._full.plus(part)
 
+    @property
+    def is_full(self) -> bool:
+        """Whether the window is full."""
+        return len(self._parts) >= PARTS - 1
+
     def response(self, load_rad_s: float) -> float | None:
-        """Return the ratio of speed to setpoint; None where the load may explain it or the time is short."""
-        if len(self._parts) < PARTS - 1:
+        """Return the ratio of speed to setpoint over half of the window at least.
+
+        None where the time is shorter, or the load may explain the ratio.
+        """
+        if len(self._parts) < PARTS // 2:
             return None
         sums = self._full.plus(self._newest)
         if sums.speed + load_rad_s * sums.size >= sums.square:
@@ -113,7 +122,7 @@ class ResponseRule(StopRule):
         ),
         SafetyEvent(
             Outcome.CONTINUES,
-            "A wheel turns at less than 60 % of its setpoints over `response_s`, and lacks more "
+            "A wheel turns at less than 60 % of its setpoints over half of `response_s`, and lacks more "
             "than `stall_set_point_rad_s`.",
             "Warning on the screen, in the log and in the report.",
             ("tests/controllers/safety/test_response_rule.py::test_without_a_setting_it_is_a_warning",),
@@ -161,11 +170,12 @@ class ResponseRule(StopRule):
         ratio = wheel.response(settings.stall_set_point_rad_s)
         if ratio is None:
             return
+        over_s = settings.response_s if wheel.is_full else 0.5 * settings.response_s
         text = (
-            f"wheel {index}: turns at {100.0 * ratio:.0f} % of its setpoints over {settings.response_s:g} s "
+            f"wheel {index}: turns at {100.0 * ratio:.0f} % of its setpoints over {over_s:g} s "
             "of driving; drive, motor or supply is weak, or wheel_radius_m or the mapping is wrong"
         )
-        if settings.response_ratio is not None and ratio < settings.response_ratio:
+        if wheel.is_full and settings.response_ratio is not None and ratio < settings.response_ratio:
             self._has_stopped = True
             yield StopReason("response", text, Severity.RECOVERABLE)
         elif ratio < WARNING_RATIO:

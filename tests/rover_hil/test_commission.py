@@ -28,7 +28,6 @@ from rover_hil.ready.commission.drive import read_poses
 from rover_hil.ready.commission.procedure import Plan
 from rover_hil.recording.schema import ESTIMATE
 from rover_hil.recording.writer import LogWriter
-from rover_hil.run.drive_order import DriveOrder
 from rover_hil.run.excitation import for_real_rover
 from rover_hil.run.executive import End, RunResult
 from tests.rover_hil.command import Command, assert_one_sentence
@@ -202,8 +201,9 @@ def test_a_real_run_without_a_passed_commissioning_does_not_excite_the_yaw(
         **options: object,
     ) -> object:
         driven.append(config)
-        show(None, ())
-        show(None, ())
+        output = SimpleNamespace(t_ns=0, reason="")
+        show(output, ())
+        show(output, ())
         raise LogError("enough")
 
     monkeypatch.setattr("rover_hil.drive.run_surroundings._status_line", lambda output: "")

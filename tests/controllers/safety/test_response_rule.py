@@ -61,11 +61,14 @@ def test_a_warning_comes_before_the_stop() -> None:
     assert seen == [Severity.SUSPICION, Severity.RECOVERABLE]
 
 
-@pytest.mark.parametrize(("setting_s", "before_s"), [(5.0, 4.7), (10.0, 9.4)])
-def test_nothing_is_judged_before_its_time_of_driving(setting_s: float, before_s: float) -> None:
+@pytest.mark.parametrize("setting_s", [5.0, 10.0])
+def test_it_warns_after_half_of_its_time_of_driving_and_stops_after_all_of_it(setting_s: float) -> None:
     wheels = Wheels(ResponseSettings(response_ratio=0.5, response_s=setting_s))
-    assert not wheels.turn(before_s, (3.0, 3.0), (1.2, 1.2))
-    assert wheels.turn(setting_s - before_s + 0.1, (3.0, 3.0), (1.2, 1.2)) == [Severity.RECOVERABLE] * 2
+    assert not wheels.turn(0.46 * setting_s, (3.0, 3.0), (1.2, 1.2))
+    assert wheels.turn(0.1 * setting_s, (3.0, 3.0), (1.2, 1.2)) == [Severity.SUSPICION] * 2
+    assert f"over {0.5 * setting_s:g} s of driving" in wheels.found[0].text
+    assert wheels.turn(0.38 * setting_s, (3.0, 3.0), (1.2, 1.2)) == [Severity.SUSPICION] * 2
+    assert wheels.turn(0.08 * setting_s, (3.0, 3.0), (1.2, 1.2)) == [Severity.RECOVERABLE] * 2
 
 
 @pytest.mark.parametrize(
@@ -99,8 +102,8 @@ def test_a_drive_that_lags_behind_its_ramps_is_healthy(period_s: float) -> None:
 
 def test_times_at_rest_do_not_count_and_do_not_clear() -> None:
     wheels = Wheels()
-    assert not wheels.turn(3.0, (3.0, 3.0), (3.0, 1.2))
-    assert not wheels.turn(40.0, (0.0, 0.0), (0.0, 0.0))
+    assert Severity.RECOVERABLE not in wheels.turn(3.0, (3.0, 3.0), (3.0, 1.2))
+    assert Severity.RECOVERABLE not in wheels.turn(40.0, (0.0, 0.0), (0.0, 0.0))
     assert wheels.turn(3.0, (3.0, 3.0), (3.0, 1.2)) == [Severity.RECOVERABLE]
 
 
@@ -108,7 +111,7 @@ def test_after_a_stop_for_it_the_wheels_are_measured_again() -> None:
     wheels = Wheels()
     assert wheels.turn(6.0, (3.0, 3.0), (3.0, 1.2)) == [Severity.RECOVERABLE]
     wheels.turn(2 * CYCLE_S, (0.0, 0.0), (0.0, 0.0))
-    assert not wheels.turn(4.0, (3.0, 3.0), (3.0, 1.2))
+    assert Severity.RECOVERABLE not in wheels.turn(4.0, (3.0, 3.0), (3.0, 1.2))
     assert wheels.turn(1.5, (3.0, 3.0), (3.0, 1.2)) == [Severity.RECOVERABLE]
 
 
