@@ -239,7 +239,7 @@ def _wrong_wheels(rover: str) -> Iterator[Case]:
 
 
 LOST_UNDER_LOAD_RAD_S = {"robotino": 0.5, "el-dorado": 0.3}
-"""What the simulated drives may lose under load; the shipped 0.5 is nearly 60 % of the El-Dorado's 0.87 rad/s."""
+"""What the simulated drives may lose under load; the shipped 0.5 would hide most of the El-Dorado's lack."""
 
 
 def rule_cases(rover: str) -> Iterator[Case]:
