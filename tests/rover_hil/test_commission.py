@@ -17,6 +17,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rich.text import Text
 
 from drivers.errors import LogError
 from rover_hil.config import Config, load_config, read_config_text
@@ -206,7 +207,7 @@ def test_a_real_run_without_a_passed_commissioning_does_not_excite_the_yaw(
         show(output, ())
         raise LogError("enough")
 
-    monkeypatch.setattr("rover_hil.drive.run_surroundings._status_line", lambda output: "")
+    monkeypatch.setattr("rover_hil.drive.run_surroundings._status_line", lambda output: Text())
     monkeypatch.setattr("rover_hil.run.driving.run_real", drive)
     monkeypatch.setattr("rover_hil.run.driving.run_virtual", drive)
     command("run", "robotino", "--out", "a")
