@@ -178,6 +178,7 @@ def test_poses_with_covariance_correct_the_estimate(command: Command) -> None:
     assert table.numbers("position_std_m")[1:] == pytest.approx(0.02 * math.sqrt(12.0))
 
 
+@pytest.mark.slow
 def test_positions_of_a_receiver_correct_the_estimate(command: Command) -> None:
     fixes = '[fixes]\ntopic = "/fix"\nmarker = { x_m = 0.3, y_m = 0.2 }\n'
     assert import_it(command, TOPICS + fixes, {"/fix": (10, Drive().satellites)}) == 0, command.error

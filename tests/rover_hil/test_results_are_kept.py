@@ -104,6 +104,7 @@ def test_a_run_that_fails_to_start_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_forced_run_that_fails_to_start_keeps_the_earlier_one(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -208,10 +209,11 @@ def test_a_folder_that_was_finished_replaces_an_earlier_one(tmp_path: Path) -> N
             "rover_hil.terrain.pages.render",
             {"wheel.csv"},
         ),
-        (
+        pytest.param(
             "calibrate imu robotino --virtual --out a/gyro.toml",
             "rover_hil.ready.procedure.draw_pictures",
             {"gyro.toml", "gyro.mcap"},
+            marks=pytest.mark.slow,
         ),
     ],
 )
