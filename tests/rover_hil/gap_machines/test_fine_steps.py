@@ -53,6 +53,7 @@ def true_runs(samples: int = 200, fine: int = 200) -> list[Run]:
     return runs
 
 
+@pytest.mark.slow
 def test_friction_far_from_its_natural_size_has_its_true_size() -> None:
     """With the steps of the natural size the integration left an error of half the sensor noise."""
     runs = true_runs()
