@@ -16,9 +16,9 @@ Prints every stop with its reason and the true progress over the half metre of t
 number of missions with one, and how the missions ended. A rover stopped below 2 % of progress is not healthy.
 Exit code 1 where a healthy mission did not finish, or one with fixes or a camera was stopped.
 
-`--area M` drives each mission twice: without an area, and in the box around its path that is wider by the
-greatest 95 % radius of its position and by M. It prints these radii; exit code 1 also where the area stopped
-a mission.
+`--area M` drives each mission twice: as configured, and with the stops that are off as shipped: the box
+around its path that is wider by the greatest 95 % radius of its position and by M as area, `response_ratio` and
+`least_supply_v`. It prints these radii; exit code 1 also where one of these stopped a mission.
 """
 
 import argparse
@@ -54,6 +54,9 @@ EL_DORADO_LIMIT_S = 120.0
 LIMIT_S = 300.0
 """A rover that loses most of its wheels' travel takes several times as long."""
 TRAVEL_M, LEAST_PROGRESS = 0.5, 0.02
+RESPONSE_RATIO, LEAST_SUPPLY_V = 0.6, 20.0
+STOPS = ("safety.area", "% of its setpoints over", "safety.least_supply_v")
+"""Parts of their reasons."""
 SENSORS = ("excitation", "encoders", "fixes", "encoders+fixes", "camera")
 
 
@@ -104,7 +107,7 @@ def outcome(rover: str, seed: int, sensors: str, margin_m: float | None) -> Outc
     driven = drive(config, limit_s=limit_s, make_plant=make_plant, make_camera=make_camera)
     radius_m = greatest_radius_m(driven)
     if margin_m is not None:
-        config = with_area(config, radius_m + margin_m)
+        config = with_stops(config, radius_m + margin_m)
         driven = drive(config, limit_s=limit_s, make_plant=make_plant, make_camera=make_camera)
     stops = [(f"{stop.t_s:.2f} s: {stop.output.reason}", progress(driven, stop)) for stop in driven.stops()]
     return Outcome(driven.mode.value, stops, radius_m)
@@ -119,14 +122,15 @@ def greatest_radius_m(driven: Driven) -> float:
     return math.sqrt(CHI_SQUARE * max(variances_m2))
 
 
-def with_area(config: Config, margin_m: float) -> Config:
-    """Return the rover in the box that is wider than the path of its mission by a margin."""
+def with_stops(config: Config, margin_m: float) -> Config:
+    """Return the rover with all stops, in the box that is wider than the path of its mission by a margin."""
     assert config.mission is not None
     xs, ys = zip(*config.mission.corners(), strict=True)
     (left, right), (bottom, top) = ((min(v) - margin_m, max(v) + margin_m) for v in (xs, ys))
     points = ((left, bottom), (right, bottom), (right, top), (left, top))
     area = PolygonArea(type="polygon", points_m=points)
-    return config.model_copy(update={"safety": config.safety.model_copy(update={"area": area})})
+    stops = {"area": area, "response_ratio": RESPONSE_RATIO, "least_supply_v": LEAST_SUPPLY_V}
+    return config.model_copy(update={"safety": config.safety.model_copy(update=stops)})
 
 
 def main() -> int:
@@ -153,7 +157,7 @@ def main() -> int:
         *["el-dorado"] * arguments.el_dorado,
     ]
     console, stopped, healthy, ends = Console(), 0, 0, Counter[str]()
-    by_area, radii_m = 0, dict[str, list[float]]()
+    by_option, radii_m = 0, dict[str, list[float]]()
     with open_executor(arguments.cluster, arguments.processes) as pool:
         shared = ([value] * len(rovers) for value in (arguments.sensors, arguments.area))
         results = pool.map(outcome, rovers, seeds, *shared)
@@ -162,7 +166,7 @@ def main() -> int:
             missions, total=len(rovers), console=Console(stderr=True)
         ):
             radii_m.setdefault(rover, []).append(radius_m)
-            by_area += any("safety.area" in stop for stop, _ in stops)
+            by_option += any(name in stop for stop, _ in stops for name in STOPS)
             for stop, share in stops:
                 console.print(f"{rover} {seed}: {stop} (progress {100.0 * share:.1f} %)", soft_wrap=True)
             if any(share < LEAST_PROGRESS for _, share in stops):
@@ -176,11 +180,11 @@ def main() -> int:
         middle_m = statistics.median(each_m)
         console.print(f"{rover}: 95 % radius median {middle_m:.3f} m, greatest {max(each_m):.3f} m")
     if arguments.area is not None:
-        console.print(f"{by_area} of {len(rovers)} missions were stopped by the area")
+        console.print(f"{by_option} of {len(rovers)} missions were stopped by area, response or supply")
     finished = sum(ends[f"{rover}: {Mode.FINISHED.value}"] for rover in set(rovers))
     is_strict = arguments.sensors.endswith("fixes") or arguments.sensors == "camera"
     is_reached = finished == healthy and not (stopped and is_strict)
-    return 0 if is_reached and not by_area else 1
+    return 0 if is_reached and not by_option else 1
 
 
 if __name__ == "__main__":
