@@ -17,7 +17,7 @@ number of missions with one, and how the missions ended. A rover stopped below 2
 Exit code 1 where a healthy mission did not finish, or one with fixes or a camera was stopped.
 
 `--area M` drives each mission twice: as configured, and with the stops that are off as shipped: the box
-around its path that is wider by the greatest 95 % radius of its position and by M as area, `response_ratio` and
+around its path that is wider by the greatest 95 % radius and by M as area, `response_ratio` and
 `least_supply_v`. It prints these radii; exit code 1 also where one of these stopped a mission.
 """
 
