@@ -35,16 +35,16 @@ def until(page: Page, state: str) -> None:
         clock.sleep_until(clock.now_ns() + nanoseconds(0.2))
 
 
-def drive(page: Page, folder: Path, *, is_hidden: bool) -> tuple[str, list[str], float]:
+def drive(page: Page, folder: Path, hidden_s: float) -> tuple[str, list[str], float]:
     """Drive the mission once; return its end, the reasons of its stops, how late a heartbeat was in ms."""
     before = set(folder.glob("runs/*"))
     page.click("Start mission")
     until(page, "running")
-    if is_hidden:
+    if hidden_s:
         own = page.driver.current_window_handle
         page.driver.execute_script(NOTE_HIDDEN)
         page.driver.switch_to.new_window("tab")
-        wait_for_end(next(iter(set(folder.glob("runs/*")) - before)) / LOG_NAME)
+        wait_for_end(next(iter(set(folder.glob("runs/*")) - before)) / LOG_NAME, hidden_s + END_S)
         page.driver.close()
         page.driver.switch_to.window(own)
         assert page.driver.execute_script("return window.wasHidden"), "the tab was not hidden"
@@ -75,7 +75,7 @@ def main() -> None:
         page = stack.enter_context(Page(url))
         page.driver.set_window_size(options.width, 1400)
         for number in range(1, options.times + 1):
-            end, stops, late_ms = drive(page, folder, is_hidden=is_hidden)
+            end, stops, late_ms = drive(page, folder, options.hidden)
             stopped += bool(stops) or end != MISSION_OVER[is_hidden]
             reasons = "; ".join(stops) or "none"
             print(f"run {number}: {end}; stops: {reasons}; heartbeat late by {late_ms:.0f} ms", flush=True)
