@@ -34,6 +34,8 @@ PRESS_BAR_S = 0.3
 """Where nothing is broken."""
 READERS = 300
 OUTAGE_S = 5.0
+AGAIN_S = 3.0
+"""After so long the user clicks again where the page still asks."""
 BACK_S = 3.0
 """So long nothing may move after what was lost is back."""
 TURNING_RAD_S = 0.2
@@ -71,11 +73,13 @@ class Loss:
         to_zero_s: From the loss to the last setpoint that is not zero.
         to_rest_s: From the loss until the last wheel turned.
         reason: Why the rover waited, by the page.
+        clicks: Number of confirmations until the rover moved: more than one where the page was lost again.
     """
 
     to_zero_s: float
     to_rest_s: float
     reason: str
+    clicks: int
 
 
 @dataclass(frozen=True)
@@ -271,12 +275,28 @@ def losses_in(case: str, folder: Path, times: int) -> Iterator[Loss]:
             reason = wait_until_asked(page)
             wait_s(BACK_S)
             click_ns = CLOCK.now_ns()
-            page.confirm()
-            page.wait(lambda: bool(page.driver.execute_script(MOVES)), "the rover does not move again")
+            clicks = confirm_until_it_moves(page)
             page.click("Stop")
             page.wait(lambda: page.mode == "idle", "the run does not end")
             (run,) = set(folder.glob("runs/*")) - before
-            yield Loss(*motion_s(run / LOG_NAME, lost_ns, click_ns), reason)
+            yield Loss(*motion_s(run / LOG_NAME, lost_ns, click_ns), reason, clicks)
+
+
+def confirm_until_it_moves(page: Page) -> int:
+    """Confirm until the rover moves, again where the page asks again; return the number of clicks."""
+    clicks, next_ns = 0, 0
+
+    def moves() -> bool:
+        nonlocal clicks, next_ns
+        if page.driver.execute_script(MOVES):
+            return True
+        if CLOCK.now_ns() >= next_ns and page.driver.find_element("id", "bench-confirm").is_displayed():
+            page.confirm()
+            clicks, next_ns = clicks + 1, CLOCK.now_ns() + nanoseconds(AGAIN_S)
+        return False
+
+    page.wait(moves, "the rover does not move again")
+    return clicks
 
 
 def wait_until_asked(page: Page) -> str:
@@ -365,7 +385,7 @@ def report_loss(case: str, loss: Loss) -> bool:
     """Print how a rover stopped after a loss; return whether that is within the bar."""
     print(
         f"{case}, and back: zero after {loss.to_zero_s:.3f} s, at rest after {loss.to_rest_s:.3f} s, "
-        f"bar {BAR_S:g} s\n    {loss.reason}",
+        f"bar {BAR_S:g} s; {loss.clicks} click\n    {loss.reason}",
         flush=True,
     )
     return loss.to_rest_s <= BAR_S
