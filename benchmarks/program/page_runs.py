@@ -15,7 +15,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from benchmarks.program.machine_load import loaded_machine
-from benchmarks.program.page_stop import wait_for_end
+from benchmarks.program.page_stop import wait_for_end, wait_s
 from drivers.clock import SystemClock, nanoseconds
 from rover_hil.bench.session import LOG_NAME
 from tests.rover_hil.bench.browser import Page, served, write_config
@@ -44,7 +44,8 @@ def drive(page: Page, folder: Path, hidden_s: float) -> tuple[str, list[str], fl
         own = page.driver.current_window_handle
         page.driver.execute_script(NOTE_HIDDEN)
         page.driver.switch_to.new_window("tab")
-        wait_for_end(next(iter(set(folder.glob("runs/*")) - before)) / LOG_NAME, hidden_s + END_S)
+        wait_s(hidden_s)
+        wait_for_end(next(iter(set(folder.glob("runs/*")) - before)) / LOG_NAME)
         page.driver.close()
         page.driver.switch_to.window(own)
         assert page.driver.execute_script("return window.wasHidden"), "the tab was not hidden"

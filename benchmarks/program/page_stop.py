@@ -343,9 +343,9 @@ def stop_in(case: str, folder: Path) -> Stop:
         return Stop(seconds(zero_ns(path) - press_ns), *ended(path), alarm)
 
 
-def wait_for_end(path: Path, longest_s: float = WAIT_S) -> None:
+def wait_for_end(path: Path) -> None:
     """Wait until a log states the end of its run."""
-    deadline_ns = CLOCK.now_ns() + nanoseconds(longest_s)
+    deadline_ns = CLOCK.now_ns() + nanoseconds(WAIT_S)
     while not any(message.topic == "/end" for message in LogReader(path).messages()):
         assert CLOCK.now_ns() < deadline_ns, "the run does not end"
         wait_s(0.5)
