@@ -21,7 +21,7 @@ from controllers.motion.limits import Limit, WheelLimiter
 from controllers.motion.missions.by_hand import ByHand
 from controllers.motion.missions.mission import Guidance
 from controllers.motion.planar import Pose
-from controllers.motion.rover_geometry import OmniRoverSettings, wheels_reach_m
+from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.operator import OperatorInput, check_gains, gain_ranges
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
@@ -159,7 +159,7 @@ class ControlLoop:
         self._steering_rad: tuple[float, ...] = ()
         self._is_paused = self._is_confirmed = self._is_led_out = False
         self._operator_reason = ""
-        self._border = Border(settings.safety.area, wheels_reach_m(settings.rover))
+        self._border = Border(settings.safety.area, settings.safety.body_m(settings.rover))
         self._gain_ranges = gain_ranges(settings)
         self._follower = None if mission is None else mission.follower(kinematics)
         rim_arm_m = settings.rover.wheel_radius_m * max(map(abs, kinematics.wheel_speeds(0.0, 0.0, 1.0)))

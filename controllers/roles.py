@@ -24,6 +24,7 @@ class DeviceRoles:
             where it is unknown; empty where all are.
         unmeasured_wheels: Wheels without an encoder.
         undriven_wheels: Wheels that no motor turns.
+        supplies: Devices that report their supply voltage.
     """
 
     wheels: str
@@ -37,6 +38,7 @@ class DeviceRoles:
     wheel_wraps_rad: tuple[float | None, ...] = ()
     unmeasured_wheels: frozenset[int] = frozenset()
     undriven_wheels: frozenset[int] = frozenset()
+    supplies: tuple[str, ...] = ()
 
     @property
     def motion_age_s(self) -> float:

@@ -11,9 +11,9 @@ from controllers.estimation.settings import FilterSettings
 from controllers.motion.rover_geometry import (
     OmniRoverSettings,
     RoverSettings,
+    SkidSteerRoverSettings,
     WheelsRoverSettings,
     has_four_wheels,
-    wheels_reach_m,
 )
 from controllers.motion.settings import LimitSettings, MissionSettings
 from controllers.safety.position_region import Region
@@ -76,9 +76,16 @@ def find_area_conflicts(
 ) -> Iterator[str]:
     """Yield where the mission leaves the area of the rover, with the fix."""
     area = safety.area
-    if area is None or mission is None:
+    if area is None:
         return
-    body_m = wheels_reach_m(rover)
+    if safety.area_body_m is None and isinstance(rover, SkidSteerRoverSettings):
+        yield (
+            "safety.area_body_m is missing: skid_steer_4 does not know where its wheels are; add the "
+            "distance of the outermost point of the rover from its origin, in m"
+        )
+    if mission is None:
+        return
+    body_m = safety.body_m(rover)
     corners = [complex(*corner) for corner in mission.corners()]
     start_m = area.excess(Region.of_line(corners[0], corners[0], body_m)).over_m
     if start_m > ROUNDING_M:

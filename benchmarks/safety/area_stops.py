@@ -144,7 +144,9 @@ def main() -> int:
             text = CAMERA.sub("", (CONFIGS / f"{name}.toml").read_text()).replace(*rover.mission)
             with tempfile.TemporaryDirectory() as folder_name:
                 folder = Path(folder_name)
-                (folder / "rover.toml").write_text(re.sub("(?m)^seed = .*", f"seed = {seed}", text) + lines)
+                body = "" if "[safety]" in text else f"\n[safety]\narea_body_m = {rover.body_m}\n"
+                seeded = re.sub("(?m)^seed = .*", f"seed = {seed}", text)
+                (folder / "rover.toml").write_text(seeded + body + lines)
                 config = load_config(str(folder / "rover.toml"))
                 run_in_two_processes(config, folder, rover.duration_s)
                 rows.append({"rover": name, "seed": seed, **measure(folder / "run.mcap", rover, over)})

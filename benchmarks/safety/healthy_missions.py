@@ -54,7 +54,7 @@ EL_DORADO_LIMIT_S = 120.0
 LIMIT_S = 300.0
 """A rover that loses most of its wheels' travel takes several times as long."""
 TRAVEL_M, LEAST_PROGRESS = 0.5, 0.02
-RESPONSE_RATIO, LEAST_SUPPLY_V = 0.6, 20.0
+RESPONSE_RATIO, LEAST_SUPPLY_V, BODY_M = 0.6, 20.0, 0.35
 STOPS = ("safety.area", "% of its setpoints over", "safety.least_supply_v")
 """Parts of their reasons."""
 SENSORS = ("excitation", "encoders", "fixes", "encoders+fixes", "camera")
@@ -129,7 +129,12 @@ def with_stops(config: Config, margin_m: float) -> Config:
     (left, right), (bottom, top) = ((min(v) - margin_m, max(v) + margin_m) for v in (xs, ys))
     points = ((left, bottom), (right, bottom), (right, top), (left, top))
     area = PolygonArea(type="polygon", points_m=points)
-    stops = {"area": area, "response_ratio": RESPONSE_RATIO, "least_supply_v": LEAST_SUPPLY_V}
+    stops = {
+        "area": area,
+        "area_body_m": BODY_M,
+        "response_ratio": RESPONSE_RATIO,
+        "least_supply_v": LEAST_SUPPLY_V,
+    }
     return config.model_copy(update={"safety": config.safety.model_copy(update=stops)})
 
 

@@ -2,12 +2,15 @@
 
 import cmath
 import math
+from functools import lru_cache
 from itertools import combinations, pairwise
+from operator import itemgetter
 from typing import Annotated, Literal, NamedTuple, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
 from controllers.motion.missions.mission import LARGEST_COORDINATE_M, Coordinate, Point
+from controllers.motion.rover_geometry import RoverSettings, wheels_reach_m
 from controllers.safety.position_region import Region
 from drivers.settings import Settings
 
@@ -21,10 +24,12 @@ class Excess(NamedTuple):
     Attributes:
         over_m: Greatest excess; negative where the region is inside: the distance that is left.
         outward: Direction in which it grows fastest, x + i y of length 1; 0 where that is not known.
+        others: The same for each other part of the border that the region is over.
     """
 
     over_m: float
     outward: complex
+    others: tuple[complex, ...] = ()
 
 
 UNKNOWN = Excess(math.inf, 0j)
@@ -83,12 +88,17 @@ class PolygonArea(Settings):
         """
         if not region.is_known:
             return UNKNOWN
-        corners = self._corners()
-        edges = list(pairwise([*corners, corners[0]]))
-        is_left = _signed_area(corners) > 0.0
+        edges, is_left = _edges(self.points_m)
         is_inside = _holds(edges, region.centre)
+        reach_m = region.longest_m + region.body_m
         parts: list[Excess] = []
-        for start, end in edges:
+        # The nearest edge first: an edge that is farther away than the region reaches has no greater excess.
+        for distance_m, start, end in sorted(
+            ((abs(region.centre - _foot(region.centre, *edge)), *edge) for edge in edges),
+            key=itemgetter(0),
+        ):
+            if parts and reach_m - distance_m <= min(0.0, max(part.over_m for part in parts)):
+                break
             outward = (-1j if is_left else 1j) * _unit(end - start)
             depth_m = _dot(start - region.centre, outward)
             if depth_m >= 0.0:
@@ -98,7 +108,9 @@ class PolygonArea(Settings):
                 parts.append(_over_edge(region, start, end, -outward))
         if not is_inside:
             parts.append(_from_outside(region, edges, is_left=is_left))
-        return max(parts, key=lambda part: part.over_m)
+        greatest = max(parts, key=lambda part: part.over_m)
+        others = (part.outward for part in parts if part is not greatest and part.over_m > 0.0)
+        return Excess(greatest.over_m, greatest.outward, tuple(others))
 
     def outline(self) -> tuple[Point, ...]:
         """Return the border as a closed line to draw."""
@@ -117,12 +129,25 @@ class AreaSettings(Settings):
     Attributes:
         area: The rover must not leave this polygon (3 to 100 points) or circle in the local frame, which
             begins where a run begins; none for no limit. Inside must be the 95 % ellipse of the estimated
-            position, enlarged by a circle through the outermost point of the wheels. What the body has beyond
-            its wheels is not known: draw the area smaller by that. A mission on which the wheels would leave
-            it is refused.
+            position, enlarged by `area_body_m`. A mission on which the body would leave it is refused.
+        area_body_m: Distance of the outermost point of the rover from its origin. Without a value it is that
+            of the outermost point of the wheels. `skid_steer_4` does not know where its wheels are and needs
+            a value.
     """
 
     area: Area | None = None
+    area_body_m: Annotated[float | None, Field(ge=0.01, le=100.0)] = None
+
+    def body_m(self, rover: RoverSettings) -> float:
+        """Return the radius in m of the rover about its origin."""
+        return wheels_reach_m(rover) if self.area_body_m is None else self.area_body_m
+
+
+@lru_cache(maxsize=8)
+def _edges(points_m: tuple[Point, ...]) -> tuple[list[tuple[complex, complex]], bool]:
+    """Return the edges of a polygon and whether its inside is on their left."""
+    corners = [complex(*point) for point in points_m]
+    return list(pairwise([*corners, corners[0]])), _signed_area(corners) > 0.0
 
 
 def _over_edge(region: Region, start: complex, end: complex, normal: complex) -> Excess:

@@ -31,8 +31,9 @@ class _State(Enum):
 class AreaRule(StopRule):
     """Stops when the region of the rover crosses the border of its area, until an operator confirms.
 
-    Then the rover may move as long as the greatest excess since the crossing does not grow. Where the region
-    is inside again, the rule begins anew. Before the first motion nothing has to be confirmed.
+    Then the rover may move back inside, as long as the greatest excess since the crossing does not grow.
+    Where the region is inside again, the rule begins anew. Before the first motion nothing has to be
+    confirmed.
     """
 
     observes = ()
@@ -52,9 +53,9 @@ class AreaRule(StopRule):
                 "test_a_position_that_is_not_known_cannot_be_confirmed",
             ),
             within="one cycle",
-            settings=("area",),
-            clears="when an operator confirms on the page of `bench`. Then only motion that does not "
-            "increase the excess over the border is possible. These stops do not count for "
+            settings=("area", "area_body_m"),
+            clears="when an operator confirms on the page of `bench`. Then only motion that leads back "
+            "inside, and rotation on the spot, is possible. These stops do not count for "
             "`identical_stops`. Without the page: end the run, and drive the rover back with "
             "`bench`",
         ),

@@ -65,6 +65,11 @@ class Region(NamedTuple):
         """Return how far the ellipse reaches from its centre in a direction of length 1."""
         return math.sqrt(max(0.0, self.shape(direction, direction)))
 
+    @property
+    def longest_m(self) -> float:
+        """Semi-axis of the ellipse in its longest direction."""
+        return self._axes()[0]
+
     def from_nearest(self, point: complex) -> complex:
         """Return the vector to a point from the nearest point of the ellipse; 0 where the point is inside.
 

@@ -17,7 +17,11 @@ WARNING_RATIO = 0.6
 """A wheel that turns at less than this share of its setpoints is a warning."""
 
 LAG_S = 0.3
-"""A drive may follow a change of its setpoint as slowly as a low-pass with this time constant."""
+"""A drive may follow a change of its setpoint as slowly as a low-pass with this time constant.
+
+Least squares of the speed on the setpoint behind this low-pass give the gain of a drive with this lag or with
+none, and more than the gain of one between: a speed m with m + T m' = s has the integral of s m equal to that
+of m^2, as m m' has the integral 0 from rest to rest."""
 
 PARTS = 20
 """Of the window, so that old cycles leave it in steps."""
@@ -28,8 +32,9 @@ class ResponseSettings(StallSettings):
 
     Attributes:
         response_s: The ratio of measured speed to setpoint of each wheel is that of the least squares
-            through zero over this time of driving: with setpoints above `stall_set_point_rad_s` that the
-            wheel follows in the sense of `stall_ratio`.
+            through zero over this time of driving: with setpoints above `stall_set_point_rad_s`. Where the
+            wheel does not follow in the sense of `stall_ratio`, the time counts as soon as it follows again;
+            `stall_s` is for a wheel that does not.
         response_ratio: The rover stops when the ratio of a wheel is below this. Below 0.6 it is a warning,
             from half of `response_s` on.
             Both only where the wheel lacks more than `stall_set_point_rad_s` on average, which its load may
@@ -42,7 +47,7 @@ class ResponseSettings(StallSettings):
 
 
 class _Sums(NamedTuple):
-    """Integrals over a time of driving: of setpoint times speed, of both setpoints squared and their size."""
+    """Integrals over a time of driving, after the low-pass: setpoint times speed, its square, its size."""
 
     t_s: float = 0.0
     speed: float = 0.0
@@ -64,37 +69,47 @@ class _Wheel:
 
     def __init__(self, response_s: float) -> None:
         self._part_s = response_s / PARTS
-        self._parts: deque[_Sums] = deque(maxlen=PARTS - 1)
-        self._full = self._newest = _Sums()
+        self._full_s = response_s - self._part_s
+        self._parts: deque[_Sums] = deque()
+        self._full = self._newest = self._open = _Sums()
         self.slow_rad_s = 0.0
 
-    def count(self, elapsed_s: float, set_point_rad_s: float, speed_rad_s: float) -> None:
-        """Count a cycle."""
-        self._newest = self._newest.plus(
-            _Sums(
-                elapsed_s,
-                elapsed_s * set_point_rad_s * speed_rad_s,
-                elapsed_s * set_point_rad_s**2,
-                elapsed_s * abs(set_point_rad_s),
-            )
-        )
+    def count(self, sums: _Sums, *, follows: bool) -> None:
+        """Count a cycle; one in which the wheel does not follow as soon as it follows again."""
+        self._open = self._open.plus(sums)
+        if not follows:
+            return
+        self._newest, self._open = self._newest.plus(self._open), _Sums()
         if self._newest.t_s >= self._part_s:
             self._parts.append(self._newest)
             self._newest, self._full = _Sums(), _Sums()
+            # A part in which the wheel did not follow for long is longer than the others.
+            while sum(part.t_s for part in self._parts) - self._parts[0].t_s >= self._full_s:
+                self._parts.popleft()
             for part in self._parts:
                 self._full = self._full.plus(part)
 
     @property
+    def open_s(self) -> float:
+        """Time of driving in which the wheel has not followed and not yet followed again."""
+        return self._open.t_s
+
+    def forget_open(self) -> None:
+        """Leave that time out, with what follows from its setpoints: the wheel stalls."""
+        self._open = _Sums()
+        self.slow_rad_s = 0.0
+
+    @property
     def is_full(self) -> bool:
         """Whether the window is full."""
-        return len(self._parts) >= PARTS - 1
+        return self._full.t_s >= self._full_s
 
     def response(self, load_rad_s: float) -> float | None:
         """Return the ratio of speed to setpoint over half of the window at least.
 
         None where the time is shorter, or the load may explain the ratio.
         """
-        if len(self._parts) < PARTS // 2:
+        if self._full.t_s < 0.5 * self._full_s:
             return None
         sums = self._full.plus(self._newest)
         if sums.speed + load_rad_s * sums.size >= sums.square:
@@ -103,7 +118,7 @@ class _Wheel:
 
 
 class ResponseRule(StopRule):
-    """Measures the ratio of speed to setpoint of each wheel while it follows."""
+    """Measures the ratio of speed to setpoint of each wheel that does not stall."""
 
     is_for_drives = False
 
@@ -147,8 +162,10 @@ class ResponseRule(StopRule):
             # After a stop for this the wheels must show again how they respond.
             forgets, self._has_stopped = self._has_stopped, False
             for index, wheel in self._wheels.items():
-                self._wheels[index] = _Wheel(self._settings.response_s) if forgets else wheel
-                self._wheels[index].slow_rad_s = 0.0
+                if forgets:
+                    self._wheels[index] = _Wheel(self._settings.response_s)
+                elif wheel.open_s:
+                    wheel.forget_open()
         for index, pair in enumerate(zip(cycle.commanded_rad_s, cycle.measured_rad_s, strict=True)):
             if index in self._wheels:
                 self._count(self._wheels[index], elapsed_s, *pair)
@@ -157,13 +174,19 @@ class ResponseRule(StopRule):
     def _count(self, wheel: _Wheel, elapsed_s: float, commanded: float, measured: float) -> None:
         settings = self._settings
         wheel.slow_rad_s += (commanded - wheel.slow_rad_s) * -math.expm1(-elapsed_s / LAG_S)
-        if commanded * wheel.slow_rad_s <= 0.0:
-            return
-        set_point = min(commanded, wheel.slow_rad_s, key=abs)
+        expected, size = wheel.slow_rad_s, abs(commanded)
+        is_driven = size >= settings.stall_set_point_rad_s
         turning = math.copysign(1.0, commanded) * measured
-        size = abs(set_point)
-        if size >= settings.stall_set_point_rad_s and turning > settings.least_speed_rad_s(size):
-            wheel.count(elapsed_s, set_point, measured)
+        sums = _Sums(
+            elapsed_s * is_driven,
+            elapsed_s * expected * measured,
+            elapsed_s * expected**2,
+            elapsed_s * abs(expected),
+        )
+        stalls = is_driven and turning <= settings.least_speed_rad_s(size)
+        wheel.count(sums, follows=not stalls and (is_driven or not wheel.open_s))
+        if wheel.open_s > settings.stall_s:
+            wheel.forget_open()
 
     def _judge(self, index: int, wheel: _Wheel) -> Iterator[StopReason]:
         settings = self._settings

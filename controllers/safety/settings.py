@@ -99,7 +99,7 @@ def make_rules(
         AreaRule(),
         LinkRule(roles),
         FaultRule(roles),
-        SupplyRule(settings),
+        SupplyRule(settings, roles),
         FreshnessRule(roles, wheel_count),
         SteeringReportRule(roles),
         MotionRule(roles),

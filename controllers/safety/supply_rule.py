@@ -7,6 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from drivers.clock import nanoseconds
 from drivers.safety_event import RESTART, WHEN_GONE, Outcome, SafetyEvent
@@ -26,8 +27,9 @@ class SupplySettings(Settings):
     Attributes:
         least_supply_v: The rover stops until restart when each reading of the supply voltage of a device has
             been below this for `supply_s`; it warns when each has been below 1.05 times this for half of
-            that time. It also stops while no device has reported a voltage for 5 s. Needs a device that
-            reports its supply voltage; without a value it is not watched.
+            that time. Before the first motion the rover only waits for a higher voltage. It also stops while
+            a device that reports its supply voltage has not done so for 5 s, or not yet. Needs such a
+            device; without a value it is not watched.
         supply_s: Time for which the voltage must be too low: it dips for moments when the motors accelerate.
     """
 
@@ -53,7 +55,10 @@ class _Supply:
 
 
 class SupplyRule(StopRule):
-    """Measures for how long each supply voltage has been too low."""
+    """Measures for how long each supply voltage has been too low.
+
+    A device that starts may report 0 V at first, so before the first motion a low voltage ends nothing.
+    """
 
     is_for_drives = False
     observes = (PowerSample,)
@@ -74,9 +79,9 @@ class SupplyRule(StopRule):
         ),
         SafetyEvent(
             Outcome.STOPS,
-            "With `least_supply_v`, no device has reported a voltage, or a device no longer "
-            "reports it for 5 s.",
-            "`no device has reported its supply voltage`, `…: no supply voltage within 5 s`",
+            "With `least_supply_v`, a device has not yet reported its voltage, or no longer reports it for "
+            "5 s, or its voltage is too low before the first motion.",
+            "`…: no supply voltage yet`, `…: no supply voltage within 5 s`, `…: supply voltage …`",
             (
                 "tests/controllers/safety/test_supply_rule.py::"
                 "test_a_voltage_that_is_no_longer_reported_stops_the_rover_until_it_is",
@@ -94,8 +99,10 @@ class SupplyRule(StopRule):
         ),
     )
 
-    def __init__(self, settings: SupplySettings) -> None:
+    def __init__(self, settings: SupplySettings, roles: DeviceRoles) -> None:
         self._settings = settings
+        self._expected = roles.supplies
+        self._has_moved = False
         self._stop_ns = nanoseconds(settings.supply_s)
         self._warning_ns = self._longest_gap_ns = nanoseconds(0.5 * settings.supply_s)
         self._supplies: dict[str, _Supply] = {}
@@ -118,8 +125,10 @@ class SupplyRule(StopRule):
         least_v = self._settings.least_supply_v
         if least_v is None:
             return
-        if not self._supplies:
-            yield StopReason("supply: unknown", "no device has reported its supply voltage")
+        self._has_moved |= any(cycle.commanded_rad_s)
+        for device in self._expected:
+            if device not in self._supplies:
+                yield StopReason(f"{device}: supply unknown", f"{device}: no supply voltage yet")
         for device, supply in self._supplies.items():
             # A single reading is no evidence of more time than half of `supply_s`.
             until_ns = min(cycle.now_ns, supply.t_ns + self._longest_gap_ns)
@@ -132,7 +141,8 @@ class SupplyRule(StopRule):
                     f"{reads}, below safety.least_supply_v ({least_v:g} V) for "
                     f"{self._settings.supply_s:g} s; charge or replace the battery"
                 )
-                yield StopReason(f"{device}: supply", text, Severity.FINAL)
+                severity = Severity.FINAL if self._has_moved else Severity.STOP
+                yield StopReason(f"{device}: supply", text, severity)
             elif supply.near_ns is not None and until_ns - supply.near_ns >= self._warning_ns:
                 text = f"{reads}, the rover stops below {least_v:g} V; charge the battery"
                 yield StopReason(f"{device}: supply", text, Severity.SUSPICION)

@@ -178,6 +178,11 @@ class Config(ControlSettings):
             camera=self.roles.camera,
             unmeasured_wheels=kinematics.unmeasured,
             undriven_wheels=kinematics.undriven,
+            supplies=(
+                ()
+                if self.safety.least_supply_v is None
+                else tuple(name for name, device in self.devices.items() if device.reports_supply())
+            ),
         )
 
     def require_simulation(self) -> SimulationSettings:

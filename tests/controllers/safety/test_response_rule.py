@@ -126,3 +126,48 @@ def test_a_pause_of_the_loop_counts_for_a_part_of_the_window() -> None:
     wheels.turn(0.1, (3.0, 3.0), (1.2, 1.2))
     wheels.now_ns += nanoseconds(60.0)
     assert not wheels.turn(0.1, (3.0, 3.0), (1.2, 1.2))
+
+
+def found_by(set_point: Callable[[float], float], follow: Callable[[float, float], float]) -> set[Severity]:
+    """Return what is found on one wheel within 14 s."""
+    wheels, speed, found = Wheels(), 0.0, set()
+    for cycle in range(round(14.0 / CYCLE_S)):
+        commanded = set_point(cycle * CYCLE_S)
+        speed = follow(speed, commanded)
+        wheels.cycle((commanded, 3.0), (speed, 2.9))
+        found |= {reason.severity for reason in wheels.found}
+    return found
+
+
+@pytest.mark.parametrize(("on_s", "period_s"), [(0.2, 0.5), (0.3, 1.0), (0.1, 1.0)])
+def test_a_drive_that_obeys_a_part_of_the_time_stops_the_rover(on_s: float, period_s: float) -> None:
+    cycles = iter(range(10_000))
+    found = found_by(
+        lambda _: 4.0, lambda _, wanted: wanted if next(cycles) * CYCLE_S % period_s < on_s else 0.0
+    )
+    assert Severity.RECOVERABLE in found
+
+
+SET_POINTS = {
+    "short moves": lambda t_s: 4.0 if t_s % 1.5 < 0.5 else 0.0,
+    "steps": lambda t_s: 4.0 if t_s % 0.8 < 0.4 else 1.0,
+    "reversals": lambda t_s: 4.0 if t_s % 2.0 < 1.0 else -4.0,
+}
+
+
+@pytest.mark.parametrize("name", SET_POINTS)
+@pytest.mark.parametrize("time_constant_s", [CYCLE_S, 0.1, 0.3])
+def test_setpoints_that_change_hide_no_weak_drive_and_blame_no_healthy_one(
+    name: str, time_constant_s: float
+) -> None:
+    follow = lagging(time_constant_s)
+    found = found_by(SET_POINTS[name], lambda speed, wanted: follow(speed, 0.4 * wanted))
+    assert Severity.RECOVERABLE in found or (name == "short moves" and Severity.SUSPICION in found)
+    assert not found_by(SET_POINTS[name], follow)
+
+
+def test_a_wheel_that_stalls_again_and_again_is_left_to_the_stall_monitor() -> None:
+    wheels = Wheels()
+    for _ in range(20):
+        assert not wheels.turn(0.98, (3.0, 3.0), (2.9, 0.0))
+        assert not wheels.turn(1.0, (0.0, 0.0), (0.0, 0.0))

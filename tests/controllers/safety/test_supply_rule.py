@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason
 from controllers.safety.supply_rule import SupplyRule, SupplySettings
 from drivers.clock import nanoseconds
@@ -15,8 +16,11 @@ LEAST_V = 20.0
 class Supply:
     """A rule on a cycle of 20 ms, with a reading in every tenth."""
 
-    def __init__(self, settings: SupplySettings | None = None) -> None:
-        self.rule = SupplyRule(settings or SupplySettings(least_supply_v=LEAST_V))
+    def __init__(
+        self, settings: SupplySettings | None = None, supplies: tuple[str, ...] = ("drive0",)
+    ) -> None:
+        roles = DeviceRoles(wheels="drive0", required={}, supplies=supplies)
+        self.rule = SupplyRule(settings or SupplySettings(least_supply_v=LEAST_V), roles)
         self.cycles = 0
         self.found: list[StopReason] = []
 
@@ -28,7 +32,7 @@ class Supply:
                 if self.cycles % every == 0:
                     sample = PowerSample(device=f"drive{device}", t_ns=now_ns, voltage_v=voltage_v)
                     self.rule.observe(sample, now_ns)
-            self.found = list(self.rule.check(Cycle(now_ns=now_ns)))
+            self.found = list(self.rule.check(Cycle(now_ns=now_ns, commanded_rad_s=(1.0,))))
             self.cycles += 1
         return self.found
 
@@ -101,7 +105,7 @@ def test_without_a_voltage_the_rover_stays_stopped(voltages_v: tuple[float, ...]
     supply = Supply()
     supply.rule.observe(RateSample(device="imu", t_ns=0, rate_z_rad_s=0.0), 0)
     assert supply.read(1.0, *voltages_v) == [
-        StopReason("supply: unknown", "no device has reported its supply voltage")
+        StopReason("drive0: supply unknown", "drive0: no supply voltage yet")
     ]
 
 
@@ -111,3 +115,26 @@ def test_a_voltage_that_is_no_longer_reported_stops_the_rover_until_it_is() -> N
     assert not supply.read(5.0)
     assert supply.read(0.02) == [StopReason("drive0: supply unknown", "drive0: no supply voltage within 5 s")]
     assert not supply.read(0.2, 24.0)
+
+
+def test_each_device_that_reports_its_supply_must_have_done_so() -> None:
+    supply = Supply(supplies=("drive0", "drive1"))
+    assert supply.read(30.0, 24.0) == [StopReason("drive1: supply unknown", "drive1: no supply voltage yet")]
+    assert not supply.read(1.0, 24.0, 24.0)
+
+
+def test_a_low_voltage_before_the_first_motion_ends_nothing() -> None:
+    rule = SupplyRule(
+        SupplySettings(least_supply_v=LEAST_V),
+        DeviceRoles(wheels="drive0", required={}, supplies=("drive0",)),
+    )
+
+    def severities_at(cycle: int, voltage_v: float, *commanded_rad_s: float) -> list[Severity]:
+        now_ns = nanoseconds(0.1) * cycle
+        rule.observe(PowerSample(device="drive0", t_ns=now_ns, voltage_v=voltage_v), now_ns)
+        return severities(list(rule.check(Cycle(now_ns=now_ns, commanded_rad_s=commanded_rad_s))))
+
+    assert [severities_at(cycle, 0.0, 0.0) for cycle in range(20)][-1] == [Severity.STOP]
+    assert not severities_at(20, 24.0, 0.0)
+    assert not severities_at(21, 24.0, 1.0)
+    assert [severities_at(cycle, 0.0, 1.0) for cycle in range(22, 42)][-1] == [Severity.FINAL]
