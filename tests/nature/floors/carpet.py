@@ -27,59 +27,49 @@ from numba import njit
 from tests.nature.floors.machine import (
     OMNI_ANGLE_RAD,
     Floats,
-    Machine,
-    add_body_force,
     centre_motion,
     draw_machine,
-    gear_loss,
     move_body,
     static_load,
 )
-from tests.nature.floors.measure import translation_slip
 from tests.nature.floors.patchwork import (
     Floor,
-    Grid,
-    between,
+    draw_kinds,
     draw_softness,
-    lay_tiles,
-    softness_of_kinds,
-    tile_constants,
+    graded,
+    lay_floor,
+    scatter,
+    table_of_kinds,
 )
-from tests.nature.floors.rover import Drive, OmniPlant, drive_wheel, run_board
+from tests.nature.floors.rover import (
+    OmniPlant,
+    Rover,
+    begin_step,
+    ground_under,
+    hub_velocity,
+    push_hub,
+    set_loads,
+    turn_wheel,
+)
 
-__all__ = ["CarpetPlant", "against_nap", "draw_floor", "pile_force", "pile_resistance", "steady_slip"]
+__all__ = ["CarpetPlant", "against_nap", "draw_floor", "pile_force", "pile_resistance"]
 
 # Meaning of a tile's constants.
-STIFFNESS: Final = 0
-"""K, 1/m: push of the pile per load and deflection."""
-LENGTH_M: Final = 1
-"""Travel that replaces the fibres under a wheel."""
-DAMPING_S_M: Final = 2
-"""D, s/m: rubbing of fibres on fibres, per load."""
-FRICTION: Final = 3
-"""Friction coefficient of fibre tips on the wheel."""
-ROLLER: Final = 4
-"""Drag per load against the rollers' turning."""
-RESISTANCE: Final = 5
-"""Resistance per load against the hub at creeping speed."""
-RESISTANCE_RISE: Final = 6
-"""Rise of the resistance up to high speed."""
-RISE_M_S: Final = 7
-"""Speed at which half of the rise is reached."""
-NAP_RAD: Final = 8
-"""Direction in which the pile leans, in the world frame."""
-NAP_STIFFNESS: Final = 9
-"""Relative change of the stiffness with or against the nap."""
-NAP_RESISTANCE: Final = 10
-"""Relative change of the resistance with or against the nap."""
-GIVE_N_M: Final = 11
-"""Vertical stiffness of the pile under a wheel."""
-CURRENT_A: Final = 12
-"""Limit of the motor current; the same on all tiles, as are the next two."""
-GEAR_STICKING: Final = 13
-"""Friction of the resting gear over that of the turning gear."""
-GEAR_RAD_S: Final = 14
-"""Wheel speed at which the gear's sticking has died out."""
+STIFFNESS: Final = 0  # K, 1/m: push of the pile per load and deflection.
+LENGTH_M: Final = 1  # Travel that replaces the fibres under a wheel.
+DAMPING_S_M: Final = 2  # D, s/m: rubbing of fibres on fibres, per load.
+FRICTION: Final = 3  # Friction coefficient of fibre tips on the wheel.
+ROLLER: Final = 4  # Drag per load against the rollers' turning.
+RESISTANCE: Final = 5  # Resistance per load against the hub at creeping speed.
+RESISTANCE_RISE: Final = 6  # Rise of the resistance up to high speed.
+RISE_M_S: Final = 7  # Speed at which half of the rise is reached.
+NAP_RAD: Final = 8  # Direction in which the pile leans, in the world frame.
+NAP_STIFFNESS: Final = 9  # Relative change of the stiffness with or against the nap.
+NAP_RESISTANCE: Final = 10  # Relative change of the resistance with or against the nap.
+GIVE_N_M: Final = 11  # Vertical stiffness of the pile under a wheel.
+CURRENT_A: Final = 12  # Limit of the motor current; the same on all tiles, as are the next two.
+GEAR_STICKING: Final = 13  # Friction of the resting gear over that of the turning gear.
+GEAR_RAD_S: Final = 14  # Wheel speed at which the gear's sticking has died out.
 CONSTANTS: Final = 15
 
 _SOFT_START_M_S: Final = 1e-2
@@ -158,95 +148,53 @@ def pile_force(
 
 
 @njit(cache=True)
-def _gear_friction(machine: Machine, ground: Floats, speed_rad_s: float, load_nm: float) -> float:
-    """Return the largest friction at the wheel: it falls from sticking to turning."""
-    turning_nm = machine.friction_nm * machine.gear_ratio + gear_loss(machine, speed_rad_s, load_nm)
+def _gear_sticking(ground: Floats, speed_rad_s: float) -> float:
+    """Return the gear's friction over that of a gear that turns: it falls from sticking to turning."""
     sticking = (ground[GEAR_STICKING] - 1.0) * math.exp(-((speed_rad_s / ground[GEAR_RAD_S]) ** 2))
-    return float(turning_nm * (1.0 + sticking))
+    return float(1.0 + sticking)
 
 
 @njit(cache=True)
-def _wheel_step(
-    machine: Machine,
-    grid: Grid,
-    drive: Drive,
-    pile: Pile,
-    wheel: int,
-    motion: Floats,
-    load_n: float,
-    wrench: Floats,
-    step_s: float,
-) -> None:
-    """Advance one wheel and add its force to the body's.
-
-    Args:
-        motion: Centre x, y, velocity ahead and left, yaw rate, cosine and sine of yaw; then room for the
-            tip's velocity.
-    """
+def _wheel_step(rover: Rover, pile: Pile, wheel: int, tip: Floats) -> None:
+    """Advance one wheel and add its force to the body's; `tip` is room for the velocity of its surface."""
+    machine, load_n = rover.machine, rover.load_n[wheel]
     cosine, sine = math.cos(OMNI_ANGLE_RAD[wheel]), math.sin(OMNI_ANGLE_RAD[wheel])
-    at_x, at_y = machine.arm_m * cosine, machine.arm_m * sine
-    turn_c, turn_s = motion[5], motion[6]
-    ground = tile_constants(
-        grid, motion[0] + turn_c * at_x - turn_s * at_y, motion[1] + turn_s * at_x + turn_c * at_y
-    )
-    along_m_s = -sine * motion[2] + cosine * motion[3] + machine.arm_m * motion[4]
-    across_m_s = cosine * motion[2] + sine * motion[3]
+    turn_c, turn_s = rover.motion[5], rover.motion[6]
+    ground = ground_under(rover, wheel)
+    along_m_s, across_m_s = hub_velocity(rover, wheel, machine.arm_m)
     # Directions of rim and axle in the world frame; (rim_y, -rim_x) points outwards along the axle.
     rim_x, rim_y = -turn_c * sine - turn_s * cosine, -turn_s * sine + turn_c * cosine
     hub_x = rim_x * along_m_s + rim_y * across_m_s
     hub_y = rim_y * along_m_s - rim_x * across_m_s
-    rim_m_s = machine.radius_m * drive.speed_rad_s[wheel]
+    speed_rad_s = rover.drive.speed_rad_s[wheel]
+    rim_m_s = machine.radius_m * speed_rad_s
     against = against_nap(ground, hub_x, hub_y)
     travel_m_s = math.hypot(hub_x, hub_y)
-    motion[7], motion[8] = hub_x - rim_m_s * rim_x, hub_y - rim_m_s * rim_y
+    tip[0], tip[1] = hub_x - rim_m_s * rim_x, hub_y - rim_m_s * rim_y
     along_n, across_n = pile_force(
-        ground, wheel, pile, load_n, against, motion[7:9], travel_m_s, rim_x, rim_y, step_s
+        ground, wheel, pile, load_n, against, tip, travel_m_s, rim_x, rim_y, rover.step_s
     )
-    load_nm = machine.radius_m * along_n
     resistance = load_n * pile_resistance(ground, travel_m_s, against)
-    along_n -= resistance * along_m_s
-    across_n -= resistance * across_m_s
-    add_body_force(
-        machine, wrench, at_x, at_y, -sine * along_n + cosine * across_n, cosine * along_n + sine * across_n
+    push_hub(
+        rover,
+        wheel,
+        machine.arm_m,
+        along_n - resistance * along_m_s,
+        across_n - resistance * across_m_s,
     )
-    friction_nm = _gear_friction(machine, ground, drive.speed_rad_s[wheel], load_nm)
-    drive_wheel(machine, drive, wheel, load_nm, friction_nm, step_s)
+    turn_wheel(rover, wheel, machine.radius_m * along_n, _gear_sticking(ground, speed_rad_s))
 
 
 @njit(cache=True)
-def _run(
-    machine: Machine,
-    grid: Grid,
-    drive: Drive,
-    pile: Pile,
-    body: Floats,
-    first: int,
-    steps: int,
-    substeps: int,
-    step_s: float,
-    lifted: bool,
-) -> None:
+def _run(rover: Rover, pile: Pile, first: int, steps: int, lifted: bool) -> None:
     """Integrate `steps` steps."""
-    motion, wrench, load_n = np.empty(9), np.empty(3), np.zeros(3)
-    for wheel in range(3):
-        angle = OMNI_ANGLE_RAD[wheel]
-        if not lifted:
-            load_n[wheel] = static_load(
-                machine,
-                machine.arm_m * math.cos(angle),
-                machine.arm_m * math.sin(angle),
-                machine.com_x_m,
-                machine.com_y_m,
-            )
+    set_loads(rover, lifted, rover.machine.com_x_m, rover.machine.com_y_m)
+    tip = np.empty(2)
     for step in range(first, first + steps):
-        if step % substeps == 0:
-            run_board(machine, drive)
-        motion[0], motion[1], motion[2], motion[3], motion[4] = centre_motion(machine, body)
-        motion[5], motion[6] = math.cos(body[2]), math.sin(body[2])
-        wrench[:] = 0.0
+        begin_step(rover, step)
         for wheel in range(3):
-            _wheel_step(machine, grid, drive, pile, wheel, motion, load_n[wheel], wrench, step_s)
-        move_body(machine, body, wrench, step_s)
+            _wheel_step(rover, pile, wheel, tip)
+        move_body(rover.machine, rover.body, rover.wrench, rover.step_s)
 
 
 class CarpetPlant(OmniPlant):
@@ -256,18 +204,7 @@ class CarpetPlant(OmniPlant):
         self._pile = Pile(np.zeros(3), np.zeros(3), np.zeros(3))
 
     def _integrate(self, steps: int) -> None:
-        _run(
-            self.machine,
-            self.floor.grid,
-            self.drive,
-            self._pile,
-            self.body,
-            self._steps,
-            steps,
-            self._substeps,
-            self._step_s,
-            self._lifted,
-        )
+        _run(self.rover, self._pile, self._steps, steps, self._lifted)
 
     def _tilt(self) -> tuple[float, float]:
         """Return roll and pitch of a frame whose wheels sink into the pile by their loads and tiles."""
@@ -296,45 +233,22 @@ class CarpetPlant(OmniPlant):
         )
 
 
-_KINDS: Final[dict[str, dict[int, tuple[float, float]]]] = {
-    # Hard and soft end; the tile's grade lies between.
-    "needle felt": {
-        STIFFNESS: (380.0, 20.0),
-        LENGTH_M: (0.016, 0.012),
-        FRICTION: (0.80, 0.55),
-        ROLLER: (0.030, 0.060),
-        RESISTANCE: (0.020, 0.090),
-        RESISTANCE_RISE: (0.010, 0.030),
-        NAP_STIFFNESS: (0.03, 0.05),
-        NAP_RESISTANCE: (0.03, 0.06),
-        GIVE_N_M: (6e4, 2.5e4),
+_KINDS: Final = table_of_kinds(
+    ("needle felt", "loop pile", "cut pile"),
+    {
+        # Hard and soft end; the tile's grade lies between.
+        STIFFNESS: ((380.0, 20.0), (330.0, 15.0), (290.0, 12.5)),
+        LENGTH_M: ((0.016, 0.012), (0.018, 0.014), (0.020, 0.016)),
+        FRICTION: ((0.80, 0.55), (0.75, 0.55), (0.70, 0.50)),
+        ROLLER: ((0.030, 0.060), (0.035, 0.065), (0.035, 0.060)),
+        RESISTANCE: ((0.020, 0.090), (0.025, 0.080), (0.025, 0.070)),
+        RESISTANCE_RISE: ((0.010, 0.030), (0.015, 0.050), (0.020, 0.060)),
+        NAP_STIFFNESS: ((0.03, 0.05), (0.05, 0.10), (0.10, 0.20)),
+        NAP_RESISTANCE: ((0.03, 0.06), (0.05, 0.10), (0.10, 0.20)),
+        GIVE_N_M: ((6e4, 2.5e4), (4e4, 1.5e4), (3e4, 1.0e4)),
     },
-    "loop pile": {
-        STIFFNESS: (330.0, 15.0),
-        LENGTH_M: (0.018, 0.014),
-        FRICTION: (0.75, 0.55),
-        ROLLER: (0.035, 0.065),
-        RESISTANCE: (0.025, 0.080),
-        RESISTANCE_RISE: (0.015, 0.050),
-        NAP_STIFFNESS: (0.05, 0.10),
-        NAP_RESISTANCE: (0.05, 0.10),
-        GIVE_N_M: (4e4, 1.5e4),
-    },
-    "cut pile": {
-        STIFFNESS: (290.0, 12.5),
-        LENGTH_M: (0.020, 0.016),
-        FRICTION: (0.70, 0.50),
-        ROLLER: (0.035, 0.060),
-        RESISTANCE: (0.025, 0.070),
-        RESISTANCE_RISE: (0.020, 0.060),
-        NAP_STIFFNESS: (0.10, 0.20),
-        NAP_RESISTANCE: (0.10, 0.20),
-        GIVE_N_M: (3e4, 1.0e4),
-    },
-}
+)
 """Origins are in README.md."""
-_KIND_SPREAD: Final = 0.12
-"""Grades of a floor's kinds differ by this to either side."""
 _LEAN: Final = 1.35
 """How far the floors' grades lean to the soft end."""
 
@@ -344,34 +258,25 @@ def draw_floor(seed: int) -> Floor:
     rng = np.random.default_rng([seed, 0xC])
     machine = draw_machine(rng)
     softness = draw_softness(seed, _LEAN)
-    names = tuple(str(name) for name in rng.permutation(list(_KINDS)))
-    grades = softness_of_kinds(rng, softness, len(names), _KIND_SPREAD)
+    kinds = draw_kinds(rng, softness, _KINDS)
     # Each kind comes off its own roll, so its tiles share the nap up to the care of the layer.
-    naps_rad = rng.uniform(-math.pi, math.pi, len(names))
+    naps_rad = rng.uniform(-math.pi, math.pi, len(kinds))
     drives = [float(rng.uniform(0.9, 1.3)), float(rng.uniform(1.2, 1.6)), float(rng.uniform(0.1, 0.4))]
     machine = machine._replace(current_limit_a=drives[0])
 
     def draw_tile(kind: int) -> list[float]:
         nap_rad = float(naps_rad[kind] + rng.uniform(-0.15, 0.15))
-        return _draw_tile(rng, names[kind], grades[kind], nap_rad) + drives
+        return _draw_tile(rng, *kinds[kind], nap_rad) + drives
 
-    kind, grid = lay_tiles(rng, len(names), draw_tile)
-    return Floor(seed, machine, softness, names, kind, grid)
+    return lay_floor(rng, seed, machine, softness, kinds, draw_tile)
 
 
 def _draw_tile(rng: np.random.Generator, name: str, grade: float, nap_rad: float) -> list[float]:
     """Return the constants STIFFNESS to GIVE_N_M of a tile."""
-    value = {meaning: between(hard, soft, grade) for meaning, (hard, soft) in _KINDS[name].items()}
-    for meaning in (STIFFNESS, RESISTANCE, ROLLER):
-        value[meaning] *= float(rng.uniform(0.93, 1.07))
+    value = graded(_KINDS[name], grade)
+    scatter(rng, value, (STIFFNESS, RESISTANCE, ROLLER))
     value[NAP_RAD] = nap_rad
     value[RISE_M_S] = float(rng.uniform(0.05, 0.15))
     # A fifth of critical for a wheel's share of the mass on the pile.
     value[DAMPING_S_M] = 0.4 * math.sqrt(value[STIFFNESS] * 1.3 / 41.0)
     return [value[meaning] for meaning in range(CURRENT_A)]
-
-
-def steady_slip(floor: Floor, speed_m_s: float = 0.15, direction_rad: float = 0.0) -> float:
-    """Return the steady slip of a straight drive across the floor, 1 - true path / path by the wheels."""
-    plant = CarpetPlant(floor, np.random.default_rng(floor.seed), 0)
-    return translation_slip(plant, speed_m_s, direction_rad)

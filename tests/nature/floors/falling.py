@@ -31,30 +31,29 @@ from typing import Final, NamedTuple
 import numpy as np
 from numba import njit
 
-from tests.nature.floors.machine import (
-    OMNI_ANGLE_RAD,
-    Floats,
-    Machine,
-    add_body_force,
-    centre_motion,
-    draw_machine,
-    gear_loss,
-    move_body,
-    static_load,
-)
-from tests.nature.floors.measure import translation_slip
+from tests.nature.floors.machine import Floats, draw_machine, move_body
 from tests.nature.floors.patchwork import (
+    Ends,
     Floor,
-    Grid,
     between,
+    draw_kinds,
     draw_softness,
-    lay_tiles,
-    softness_of_kinds,
-    tile_constants,
+    graded,
+    lay_floor,
+    scatter,
 )
-from tests.nature.floors.rover import Drive, OmniPlant, drive_wheel, run_board
+from tests.nature.floors.rover import (
+    OmniPlant,
+    Rover,
+    begin_step,
+    ground_under,
+    hub_velocity,
+    push_hub,
+    set_loads,
+    turn_wheel,
+)
 
-__all__ = ["FallingPlant", "contact_force", "drag_share", "draw_floor", "friction_level", "steady_slip"]
+__all__ = ["FallingPlant", "contact_force", "drag_share", "draw_floor", "friction_level"]
 
 # Families of ground.
 TYRE: Final = 0
@@ -64,36 +63,21 @@ WET: Final = 3
 
 # Meaning of a tile's constants; those that a family does not have are 0.
 FAMILY: Final = 0
-STIFFNESS: Final = 1
-"""Rise of f per deflection at rest, 1/m; sigma0 of `STRIBECK` and `WET`."""
-DAMPING: Final = 2
-"""sigma1, s/m."""
-LENGTH_M: Final = 3
-"""l: relaxation length."""
-FRICTION: Final = 4
-"""D, Coulomb friction, tan(phi), or friction left where the adhesion is lost and the film not yet built."""
-STATIC: Final = 5
-"""Friction at rest, of `STRIBECK` and `WET`."""
-FALL_M_S: Final = 6
-"""Sliding velocity of the fall, of `STRIBECK` and `WET`."""
-FILM: Final = 7
-"""Friction coefficient of the film at 0.1 m/s of sliding, of `STRIBECK` and `WET`."""
-SHAPE: Final = 8
-"""C of `TYRE`."""
-STEEPNESS: Final = 9
-"""B of `TYRE`."""
-SHEAR_M: Final = 10
-"""K of `LOOSE`."""
-DIGGING: Final = 11
-"""a of `LOOSE`: share of slip sinkage; 1 is deep soil."""
-BULLDOZING: Final = 12
-"""Bulldozing over compaction at no slip, of `LOOSE`."""
-RESISTANCE: Final = 13
-"""Force per load against the hub's motion, at no slip."""
-RESISTANCE_S_M: Final = 14
-"""Rise of the resistance per hub speed."""
-ROLLER: Final = 15
-"""Drag per load against the rollers' turning."""
+STIFFNESS: Final = 1  # Rise of f per deflection at rest, 1/m; sigma0 of `STRIBECK` and `WET`.
+DAMPING: Final = 2  # sigma1, s/m.
+LENGTH_M: Final = 3  # l: relaxation length.
+FRICTION: Final = 4  # D, Coulomb friction, tan(phi), or what is left between adhesion and film.
+STATIC: Final = 5  # Friction at rest, of `STRIBECK` and `WET`.
+FALL_M_S: Final = 6  # Sliding velocity of the fall, of `STRIBECK` and `WET`.
+FILM: Final = 7  # Friction coefficient of the film at 0.1 m/s of sliding, of `STRIBECK` and `WET`.
+SHAPE: Final = 8  # C of `TYRE`.
+STEEPNESS: Final = 9  # B of `TYRE`.
+SHEAR_M: Final = 10  # K of `LOOSE`.
+DIGGING: Final = 11  # a of `LOOSE`: share of slip sinkage; 1 is deep soil.
+BULLDOZING: Final = 12  # Bulldozing over compaction at no slip, of `LOOSE`.
+RESISTANCE: Final = 13  # Force per load against the hub's motion, at no slip.
+RESISTANCE_S_M: Final = 14  # Rise of the resistance per hub speed.
+ROLLER: Final = 15  # Drag per load against the rollers' turning.
 CONSTANTS: Final = 16
 
 _FILM_M_S: Final = 0.1
@@ -188,82 +172,33 @@ def _carry_over(contact: Contact, wheel: int, stiffness: float) -> None:
 
 
 @njit(cache=True)
-def _wheel_step(
-    machine: Machine,
-    grid: Grid,
-    drive: Drive,
-    contact: Contact,
-    wheel: int,
-    motion: Floats,
-    load_n: float,
-    wrench: Floats,
-    step_s: float,
-) -> None:
-    """Advance one wheel and add its force to the body's.
-
-    Args:
-        motion: Centre x, y, velocity ahead and left, yaw rate, cosine and sine of yaw.
-    """
-    cosine, sine = math.cos(OMNI_ANGLE_RAD[wheel]), math.sin(OMNI_ANGLE_RAD[wheel])
-    at_x, at_y = machine.arm_m * cosine, machine.arm_m * sine
-    ground = tile_constants(
-        grid, motion[0] + motion[5] * at_x - motion[6] * at_y, motion[1] + motion[6] * at_x + motion[5] * at_y
-    )
+def _wheel_step(rover: Rover, contact: Contact, wheel: int) -> None:
+    """Advance one wheel and add its force to the body's."""
+    machine, load_n = rover.machine, rover.load_n[wheel]
+    ground = ground_under(rover, wheel)
     if ground[STIFFNESS] != contact.stiffness[wheel]:
         _carry_over(contact, wheel, ground[STIFFNESS])
-    along_m_s = -sine * motion[2] + cosine * motion[3] + machine.arm_m * motion[4]
-    across_m_s = cosine * motion[2] + sine * motion[3]
-    rim_m_s = machine.radius_m * drive.speed_rad_s[wheel]
+    along_m_s, across_m_s = hub_velocity(rover, wheel, machine.arm_m)
+    rim_m_s = machine.radius_m * rover.drive.speed_rad_s[wheel]
+    sliding_m_s, running_m_s = rim_m_s - along_m_s, math.hypot(rim_m_s, across_m_s)
     traction_n, contact.along_m[wheel] = contact_force(
-        ground, load_n, rim_m_s - along_m_s, math.hypot(rim_m_s, across_m_s), contact.along_m[wheel], step_s
+        ground, load_n, sliding_m_s, running_m_s, contact.along_m[wheel], rover.step_s
     )
     drag = drag_share(ground, math.hypot(along_m_s, across_m_s), contact.along_m[wheel]) * load_n
     roller = ground[ROLLER] * load_n / math.hypot(across_m_s, _SOFT_START_M_S)
-    along_n, across_n = traction_n - drag * along_m_s, -(drag + roller) * across_m_s
-    add_body_force(
-        machine, wrench, at_x, at_y, -sine * along_n + cosine * across_n, cosine * along_n + sine * across_n
-    )
-    load_nm = machine.radius_m * traction_n
-    friction_nm = machine.friction_nm * machine.gear_ratio + gear_loss(
-        machine, drive.speed_rad_s[wheel], load_nm
-    )
-    drive_wheel(machine, drive, wheel, load_nm, friction_nm, step_s)
+    push_hub(rover, wheel, machine.arm_m, traction_n - drag * along_m_s, -(drag + roller) * across_m_s)
+    turn_wheel(rover, wheel, machine.radius_m * traction_n, 1.0)
 
 
 @njit(cache=True)
-def _run(
-    machine: Machine,
-    grid: Grid,
-    drive: Drive,
-    contact: Contact,
-    body: Floats,
-    first: int,
-    steps: int,
-    substeps: int,
-    step_s: float,
-    lifted: bool,
-) -> None:
+def _run(rover: Rover, contact: Contact, first: int, steps: int, lifted: bool) -> None:
     """Integrate `steps` steps."""
-    motion, wrench, load_n = np.empty(7), np.empty(3), np.zeros(3)
-    for wheel in range(3):
-        angle = OMNI_ANGLE_RAD[wheel]
-        if not lifted:
-            load_n[wheel] = static_load(
-                machine,
-                machine.arm_m * math.cos(angle),
-                machine.arm_m * math.sin(angle),
-                machine.com_x_m,
-                machine.com_y_m,
-            )
+    set_loads(rover, lifted, rover.machine.com_x_m, rover.machine.com_y_m)
     for step in range(first, first + steps):
-        if step % substeps == 0:
-            run_board(machine, drive)
-        motion[0], motion[1], motion[2], motion[3], motion[4] = centre_motion(machine, body)
-        motion[5], motion[6] = math.cos(body[2]), math.sin(body[2])
-        wrench[:] = 0.0
+        begin_step(rover, step)
         for wheel in range(3):
-            _wheel_step(machine, grid, drive, contact, wheel, motion, load_n[wheel], wrench, step_s)
-        move_body(machine, body, wrench, step_s)
+            _wheel_step(rover, contact, wheel)
+        move_body(rover.machine, rover.body, rover.wrench, rover.step_s)
 
 
 class FallingPlant(OmniPlant):
@@ -273,21 +208,10 @@ class FallingPlant(OmniPlant):
         self._contact = Contact(np.zeros(3), np.zeros(3))
 
     def _integrate(self, steps: int) -> None:
-        _run(
-            self.machine,
-            self.floor.grid,
-            self.drive,
-            self._contact,
-            self.body,
-            self._steps,
-            steps,
-            self._substeps,
-            self._step_s,
-            self._lifted,
-        )
+        _run(self.rover, self._contact, self._steps, steps, self._lifted)
 
 
-_KINDS: Final[dict[str, tuple[int, dict[int, tuple[float, float]]]]] = {
+_KINDS: Final[dict[str, tuple[int, dict[int, Ends]]]] = {
     # Family, then hard and soft end; the tile's grade lies between.
     "tyre": (
         TYRE,
@@ -346,8 +270,6 @@ _FALLS: Final = (0.2, 0.6)
 """Fall of `TYRE` from its peak to a slip of 1, as part of the peak."""
 _STATIC_FACTORS: Final = {STRIBECK: (1.3, 2.5), WET: (2.8, 4.0)}
 """Static friction over `FRICTION`."""
-_KIND_SPREAD: Final = 0.12
-"""Grades of a floor's kinds differ by this to either side."""
 _LEAN: Final = 2.6
 """How far the floors' grades lean to the soft end."""
 
@@ -357,24 +279,15 @@ def draw_floor(seed: int) -> Floor:
     rng = np.random.default_rng([seed, 0xD])
     machine = draw_machine(rng)
     softness = draw_softness(seed, _LEAN)
-    names = tuple(str(name) for name in rng.permutation(list(_KINDS)))
-    grades = softness_of_kinds(rng, softness, len(names), _KIND_SPREAD)
-
-    def draw_tile(kind: int) -> list[float]:
-        return _draw_tile(rng, names[kind], grades[kind])
-
-    kind, grid = lay_tiles(rng, len(names), draw_tile)
-    return Floor(seed, machine, softness, names, kind, grid)
+    kinds = draw_kinds(rng, softness, _KINDS)
+    return lay_floor(rng, seed, machine, softness, kinds, lambda kind: _draw_tile(rng, *kinds[kind]))
 
 
 def _draw_tile(rng: np.random.Generator, name: str, grade: float) -> list[float]:
     """Return the constants of a tile."""
     family, ends = _KINDS[name]
-    value = dict.fromkeys(range(CONSTANTS), 0.0)
-    value |= {meaning: between(hard, soft, grade) for meaning, (hard, soft) in ends.items()}
-    value[FAMILY] = float(family)
-    for meaning in (FRICTION, LENGTH_M, RESISTANCE, ROLLER):
-        value[meaning] *= float(rng.uniform(0.93, 1.07))
+    value = dict.fromkeys(range(CONSTANTS), 0.0) | graded(ends, grade) | {FAMILY: float(family)}
+    scatter(rng, value, (FRICTION, LENGTH_M, RESISTANCE, ROLLER))
     if family == TYRE:
         value[SHAPE], value[STEEPNESS] = _tyre_curve(between(*_PEAK_SLIP, grade), float(rng.uniform(*_FALLS)))
         value[STIFFNESS] = value[FRICTION] * value[SHAPE] * value[STEEPNESS] / value[LENGTH_M]
@@ -399,9 +312,3 @@ def _tyre_curve(peak_slip: float, fall: float) -> tuple[float, float]:
         else:
             high = shape
     return shape, steepness
-
-
-def steady_slip(floor: Floor, speed_m_s: float = 0.15, direction_rad: float = 0.0) -> float:
-    """Return the steady slip of a straight drive across the floor, 1 - true path / path by the wheels."""
-    plant = FallingPlant(floor, np.random.default_rng(floor.seed), 0)
-    return translation_slip(plant, speed_m_s, direction_rad)

@@ -1,8 +1,8 @@
-"""Geometry of a floor: square tiles, each with its own constants; what they mean is each nature's affair."""
+"""Floors of square tiles, each with its own constants; what they mean is each nature's affair."""
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -12,11 +12,28 @@ from numpy.typing import NDArray
 
 from tests.nature.floors.machine import Floats, Machine
 
-__all__ = ["Floor", "Grid", "between", "draw_softness", "lay_tiles", "softness_of_kinds", "tile_constants"]
+__all__ = [
+    "Ends",
+    "Floor",
+    "Grid",
+    "between",
+    "draw_kinds",
+    "draw_softness",
+    "graded",
+    "lay_floor",
+    "scatter",
+    "table_of_kinds",
+    "tile_constants",
+]
+
+Ends = tuple[float, float]
+"""A constant of hard and of soft ground."""
 
 _GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
 _HALF_WIDTH_M: Final = 3.0
 """A floor covers 6 m x 6 m around the start; its outermost tiles go on for ever."""
+_KIND_SPREAD: Final = 0.12
+"""Grades of a floor's kinds differ by this to either side."""
 
 
 class Grid(NamedTuple):
@@ -72,13 +89,22 @@ def draw_softness(seed: int, lean: float) -> float:
     return float(1.0 - (seed * _GOLDEN % 1.0) ** lean)
 
 
-def softness_of_kinds(rng: np.random.Generator, softness: float, kinds: int, spread: float) -> list[float]:
-    """Draw the grades of a floor's kinds of ground around the floor's own grade.
+def draw_kinds(
+    rng: np.random.Generator, softness: float, names: Iterable[str]
+) -> tuple[tuple[str, float], ...]:
+    """Draw the order of a floor's kinds of ground, and their grades around the floor's own grade.
 
     The grades are spread evenly, not drawn one by one: so no floor has kinds that are all alike.
     """
-    places = np.linspace(-1.0, 1.0, kinds) + rng.uniform(-0.2, 0.2, kinds)
-    return [min(1.0, max(0.0, softness + spread * float(place))) for place in rng.permutation(places)]
+    kinds = [str(name) for name in rng.permutation(list(names))]
+    places = np.linspace(-1.0, 1.0, len(kinds)) + rng.uniform(-0.2, 0.2, len(kinds))
+    grades = (softness + _KIND_SPREAD * float(place) for place in rng.permutation(places))
+    return tuple((name, min(1.0, max(0.0, grade))) for name, grade in zip(kinds, grades, strict=True))
+
+
+def table_of_kinds(names: Sequence[str], rows: Mapping[int, Sequence[Ends]]) -> dict[str, dict[int, Ends]]:
+    """Return the ends of each kind's constants by their meaning, from a row per meaning."""
+    return {name: {meaning: row[place] for meaning, row in rows.items()} for place, name in enumerate(names)}
 
 
 def between(hard: float, soft: float, grade: float) -> float:
@@ -86,22 +112,42 @@ def between(hard: float, soft: float, grade: float) -> float:
     return float(hard * (soft / hard) ** grade)
 
 
-def lay_tiles(
-    rng: np.random.Generator, kinds: int, draw_tile: Callable[[int], list[float]]
-) -> tuple[NDArray[np.int64], Grid]:
+def graded(ends: Mapping[int, Ends], grade: float) -> dict[int, float]:
+    """Return the constants of a grade of ground, by their meaning."""
+    return {meaning: between(hard, soft, grade) for meaning, (hard, soft) in ends.items()}
+
+
+def scatter(rng: np.random.Generator, value: dict[int, float], meanings: Iterable[int]) -> None:
+    """Let some of a tile's constants scatter."""
+    for meaning in meanings:
+        value[meaning] *= float(rng.uniform(0.93, 1.07))
+
+
+def lay_floor(
+    rng: np.random.Generator,
+    seed: int,
+    machine: Machine,
+    softness: float,
+    kinds: Sequence[tuple[str, float]],
+    draw_tile: Callable[[int], list[float]],
+) -> Floor:
     """Lay tiles of random kinds over the floor.
 
     Args:
         rng: Source of the tile size, the place of the tile corners and the kinds.
-        kinds: Number of kinds of ground.
+        seed: Of the floor.
+        machine: The rover that drives on it.
+        softness: Grade of the floor.
+        kinds: Kinds of ground with their grades.
         draw_tile: Returns the constants of a tile of a kind.
     """
     tile_m = float(rng.uniform(0.3, 0.6))
     count = math.ceil(2.0 * _HALF_WIDTH_M / tile_m) + 1
     corner_x_m, corner_y_m = (float(-_HALF_WIDTH_M - tile_m * part) for part in rng.uniform(0.0, 1.0, 2))
-    kind = rng.integers(0, kinds, (count, count))
+    kind = rng.integers(0, len(kinds), (count, count))
     constants = np.array([[draw_tile(int(entry)) for entry in row] for row in kind], dtype=np.float64)
-    return kind, Grid(constants, corner_x_m, corner_y_m, tile_m)
+    grid = Grid(constants, corner_x_m, corner_y_m, tile_m)
+    return Floor(seed, machine, softness, tuple(name for name, _ in kinds), kind, grid)
 
 
 @njit(cache=True)

@@ -1,4 +1,4 @@
-"""Python side that all rovers share: set-points that arrive late, the time grid, and the true state.
+"""What all rovers share: steps of motors, wheels and body, set-points that arrive late, and the true state.
 
 The integration runs on a fixed grid of steps counted from the start, so how often a caller asks does not
 change the result. `truth` carries the place on from the last grid point by less than one step.
@@ -20,15 +20,31 @@ from tests.nature.floors.machine import (
     OMNI_ANGLE_RAD,
     Floats,
     Machine,
+    add_body_force,
     board_voltage,
     centre_motion,
+    gear_loss,
     motor_current,
+    static_load,
     supply_voltage,
     wheel_speed,
 )
-from tests.nature.floors.patchwork import Floor
+from tests.nature.floors.patchwork import Floor, Grid, tile_constants
 
-__all__ = ["Drive", "OmniPlant", "RoverPlant", "drive_wheel", "run_board", "slip_ratio"]
+__all__ = [
+    "Drive",
+    "OmniPlant",
+    "Rover",
+    "RoverPlant",
+    "begin_step",
+    "ground_at",
+    "ground_under",
+    "hub_velocity",
+    "push_hub",
+    "set_loads",
+    "slip_ratio",
+    "turn_wheel",
+]
 
 _DRIVING_M_S: Final = 2e-3
 """Below this rim speed slip is no meaningful number."""
@@ -47,8 +63,30 @@ class Drive(NamedTuple):
     supply_v: Floats
 
 
+class Rover(NamedTuple):
+    """A rover on a floor as compiled code sees it, without the state of its contacts.
+
+    Attributes:
+        body: x, y, yaw of the centre of mass and their rates, in the world frame.
+        motion: Centre x, y, velocity ahead and left, yaw rate, cosine and sine of yaw, in this step.
+        wrench: Force ahead and left and yaw moment in this step.
+        load_n: Of each wheel, and of a castor.
+        substeps: Steps per period of the board.
+    """
+
+    machine: Machine
+    grid: Grid
+    drive: Drive
+    body: Floats
+    motion: Floats
+    wrench: Floats
+    load_n: Floats
+    substeps: int
+    step_s: float
+
+
 @njit(cache=True)
-def run_board(machine: Machine, drive: Drive) -> None:
+def _run_board(machine: Machine, drive: Drive) -> None:
     """Run one period of the board: the battery's voltage, then the speed loop of every motor."""
     drive.supply_v[0] = supply_voltage(machine, drive.voltage_v, drive.current_a, drive.supply_v[0])
     for wheel in range(drive.speed_rad_s.size):
@@ -64,17 +102,85 @@ def run_board(machine: Machine, drive: Drive) -> None:
 
 
 @njit(cache=True)
-def drive_wheel(
-    machine: Machine, drive: Drive, wheel: int, load_nm: float, friction_nm: float, step_s: float
-) -> None:
-    """Advance one motor and its wheel by a step."""
+def begin_step(rover: Rover, step: int) -> None:
+    """Run the board if its period begins, and set the motion; no force acts yet."""
+    if step % rover.substeps == 0:
+        _run_board(rover.machine, rover.drive)
+    motion = rover.motion
+    motion[0], motion[1], motion[2], motion[3], motion[4] = centre_motion(rover.machine, rover.body)
+    motion[5], motion[6] = math.cos(rover.body[2]), math.sin(rover.body[2])
+    rover.wrench[:] = 0.0
+
+
+@njit(cache=True)
+def turn_wheel(rover: Rover, wheel: int, load_nm: float, sticking: float) -> None:
+    """Advance one motor and its wheel by a step.
+
+    Args:
+        load_nm: Torque of the ground against positive rotation.
+        sticking: Friction of the gear over that of a gear that turns.
+    """
+    machine, drive, step_s = rover.machine, rover.drive, rover.step_s
+    friction_nm = machine.friction_nm * machine.gear_ratio + gear_loss(
+        machine, drive.speed_rad_s[wheel], load_nm
+    )
     drive.current_a[wheel] = motor_current(
         machine, drive.current_a[wheel], drive.voltage_v[wheel], drive.speed_rad_s[wheel], step_s
     )
     drive.speed_rad_s[wheel] = wheel_speed(
-        machine, drive.speed_rad_s[wheel], drive.current_a[wheel], load_nm, friction_nm, step_s
+        machine, drive.speed_rad_s[wheel], drive.current_a[wheel], load_nm, friction_nm * sticking, step_s
     )
     drive.angle_rad[wheel] += step_s * drive.speed_rad_s[wheel]
+
+
+@njit(cache=True)
+def ground_at(rover: Rover, at_x_m: float, at_y_m: float) -> Floats:
+    """Return the constants of the tile under a place on the rover."""
+    motion = rover.motion
+    return tile_constants(
+        rover.grid,
+        motion[0] + motion[5] * at_x_m - motion[6] * at_y_m,
+        motion[1] + motion[6] * at_x_m + motion[5] * at_y_m,
+    )
+
+
+@njit(cache=True)
+def ground_under(rover: Rover, wheel: int) -> Floats:
+    """Return the constants of the tile under an omnidirectional wheel."""
+    angle, arm_m = OMNI_ANGLE_RAD[wheel], rover.machine.arm_m
+    return ground_at(rover, arm_m * math.cos(angle), arm_m * math.sin(angle))
+
+
+@njit(cache=True)
+def hub_velocity(rover: Rover, wheel: int, arm_m: float) -> tuple[float, float]:
+    """Return the velocity of an omnidirectional wheel's hub along its rim and along its axle."""
+    cosine, sine = math.cos(OMNI_ANGLE_RAD[wheel]), math.sin(OMNI_ANGLE_RAD[wheel])
+    motion = rover.motion
+    return -sine * motion[2] + cosine * motion[3] + arm_m * motion[4], cosine * motion[2] + sine * motion[3]
+
+
+@njit(cache=True)
+def push_hub(rover: Rover, wheel: int, arm_m: float, along_n: float, across_n: float) -> None:
+    """Add the force on an omnidirectional wheel, along its rim and along its axle, to the body's."""
+    cosine, sine = math.cos(OMNI_ANGLE_RAD[wheel]), math.sin(OMNI_ANGLE_RAD[wheel])
+    add_body_force(
+        rover.machine,
+        rover.wrench,
+        arm_m * cosine,
+        arm_m * sine,
+        -sine * along_n + cosine * across_n,
+        cosine * along_n + sine * across_n,
+    )
+
+
+@njit(cache=True)
+def set_loads(rover: Rover, lifted: bool, moment_x_m: float, moment_y_m: float) -> None:
+    """Set the loads of three omnidirectional wheels; further arguments as of `static_load`."""
+    arm_m = rover.machine.arm_m
+    for wheel in range(3):
+        cosine, sine = math.cos(OMNI_ANGLE_RAD[wheel]), math.sin(OMNI_ANGLE_RAD[wheel])
+        load_n = static_load(rover.machine, arm_m * cosine, arm_m * sine, moment_x_m, moment_y_m)
+        rover.load_n[wheel] = 0.0 if lifted else load_n
 
 
 def slip_ratio(rim_m_s: float, ground_m_s: float) -> float:
@@ -110,7 +216,6 @@ class RoverPlant(ABC):
     ) -> None:
         self.floor = floor
         self.machine = floor.machine
-        self._substeps = substeps
         self._lifted = lifted
         self._rate_hz = BOARD_RATE_HZ * substeps
         self._step_s = 1.0 / self._rate_hz
@@ -134,6 +239,17 @@ class RoverPlant(ABC):
                 0.0,
                 0.0,
             ]
+        )
+        self.rover = Rover(
+            self.machine,
+            floor.grid,
+            self.drive,
+            self.body,
+            np.zeros(7),
+            np.zeros(3),
+            np.zeros(3),
+            substeps,
+            self._step_s,
         )
         # Where in its turn each wheel starts: nobody sets the wheels before a run.
         self.phase_rad = rng.uniform(0.0, 2.0 * math.pi, count)

@@ -336,7 +336,7 @@ class TestFalling:
         for seed in range(0, 26, 2):
             floor = falling.draw_floor(seed)
             place = np.argwhere(floor.grid.constants[:, :, falling.FAMILY] == family)[0].tolist()
-            slips.append(falling.steady_slip(floor.uniform(*place), 0.15, 0.3))
+            slips.append(NATURES[-1].steady_slip(floor.uniform(*place), 0.15, 0.3))
         assert 0.0 < min(slips) < 0.1
         assert 0.3 < max(slips) < 0.9
 

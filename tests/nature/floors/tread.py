@@ -22,46 +22,39 @@ from typing import Final, NamedTuple
 import numpy as np
 from numba import njit
 
-from tests.nature.floors.machine import (
-    OMNI_ANGLE_RAD,
-    Floats,
-    Machine,
-    add_body_force,
-    centre_motion,
-    draw_machine,
-    gear_loss,
-    move_body,
-    static_load,
-)
-from tests.nature.floors.measure import translation_slip
+from tests.nature.floors.machine import Floats, Machine, draw_machine, move_body
 from tests.nature.floors.patchwork import (
     Floor,
-    Grid,
-    between,
+    draw_kinds,
     draw_softness,
-    lay_tiles,
-    softness_of_kinds,
-    tile_constants,
+    graded,
+    lay_floor,
+    scatter,
+    table_of_kinds,
 )
-from tests.nature.floors.rover import Drive, OmniPlant, drive_wheel, run_board
+from tests.nature.floors.rover import (
+    OmniPlant,
+    Rover,
+    begin_step,
+    ground_under,
+    hub_velocity,
+    push_hub,
+    set_loads,
+    turn_wheel,
+)
 
-__all__ = ["TreadPlant", "brush_force", "drag_share", "draw_floor", "draw_tread_floor", "steady_slip"]
+__all__ = ["TreadPlant", "brush_force", "drag_share", "draw_floor", "draw_tread_floor"]
 
 # Meaning of a tile's constants.
-FRICTION: Final = 0
-"""mu."""
-SLIP_STIFFNESS: Final = 1
-"""C per load: rise of the traction coefficient per slip, at small slip."""
-RELAXATION_M: Final = 2
-"""Relaxation length."""
-DAMPING_S_M: Final = 3
-"""Damping of the tread that sticks, per load; only felt near rest (Pacejka 2012, section 8.6)."""
-DRAG: Final = 4
-"""Rolling drag per load against the hub's motion."""
-DRAG_S_M: Final = 5
-"""Rise of the rolling drag per hub speed."""
-ROLLER: Final = 6
-"""Drag per load against the rollers' turning."""
+FRICTION: Final = 0  # mu.
+SLIP_STIFFNESS: Final = 1  # C per load: rise of the traction coefficient per slip, at small slip.
+RELAXATION_M: Final = 2  # Relaxation length.
+DAMPING_S_M: Final = (
+    3  # Damping of the tread that sticks, per load; only felt near rest (Pacejka 2012, section 8.6).
+)
+DRAG: Final = 4  # Rolling drag per load against the hub's motion.
+DRAG_S_M: Final = 5  # Rise of the rolling drag per hub speed.
+ROLLER: Final = 6  # Drag per load against the rollers' turning.
 CONSTANTS: Final = 7
 
 _SOFT_START_M_S: Final = 2e-3
@@ -102,80 +95,31 @@ def drag_share(ground: Floats, speed_m_s: float) -> float:
 
 
 @njit(cache=True)
-def _wheel_step(
-    machine: Machine,
-    grid: Grid,
-    drive: Drive,
-    tread: Tread,
-    wheel: int,
-    motion: Floats,
-    load_n: float,
-    wrench: Floats,
-    step_s: float,
-) -> None:
-    """Advance one wheel and add its force to the body's.
-
-    Args:
-        motion: Centre x, y, velocity ahead and left, yaw rate, cosine and sine of yaw.
-    """
-    cosine, sine = math.cos(OMNI_ANGLE_RAD[wheel]), math.sin(OMNI_ANGLE_RAD[wheel])
-    at_x, at_y = machine.arm_m * cosine, machine.arm_m * sine
-    ground = tile_constants(
-        grid, motion[0] + motion[5] * at_x - motion[6] * at_y, motion[1] + motion[6] * at_x + motion[5] * at_y
-    )
-    along_m_s = -sine * motion[2] + cosine * motion[3] + machine.arm_m * motion[4]
-    across_m_s = cosine * motion[2] + sine * motion[3]
-    rim_m_s = machine.radius_m * drive.speed_rad_s[wheel]
+def _wheel_step(rover: Rover, tread: Tread, wheel: int) -> None:
+    """Advance one wheel and add its force to the body's."""
+    machine, load_n = rover.machine, rover.load_n[wheel]
+    ground = ground_under(rover, wheel)
+    along_m_s, across_m_s = hub_velocity(rover, wheel, machine.arm_m)
+    rim_m_s = machine.radius_m * rover.drive.speed_rad_s[wheel]
+    sliding_m_s, running_m_s = rim_m_s - along_m_s, math.hypot(rim_m_s, across_m_s)
     traction_n, tread.along_m[wheel] = brush_force(
-        ground, load_n, rim_m_s - along_m_s, math.hypot(rim_m_s, across_m_s), tread.along_m[wheel], step_s
+        ground, load_n, sliding_m_s, running_m_s, tread.along_m[wheel], rover.step_s
     )
     drag = drag_share(ground, math.hypot(along_m_s, across_m_s)) * load_n
     roller = ground[ROLLER] * load_n / math.hypot(across_m_s, _SOFT_START_M_S)
-    along_n, across_n = traction_n - drag * along_m_s, -(drag + roller) * across_m_s
-    add_body_force(
-        machine, wrench, at_x, at_y, -sine * along_n + cosine * across_n, cosine * along_n + sine * across_n
-    )
-    load_nm = machine.radius_m * traction_n
-    friction_nm = machine.friction_nm * machine.gear_ratio + gear_loss(
-        machine, drive.speed_rad_s[wheel], load_nm
-    )
-    drive_wheel(machine, drive, wheel, load_nm, friction_nm, step_s)
+    push_hub(rover, wheel, machine.arm_m, traction_n - drag * along_m_s, -(drag + roller) * across_m_s)
+    turn_wheel(rover, wheel, machine.radius_m * traction_n, 1.0)
 
 
 @njit(cache=True)
-def _run(
-    machine: Machine,
-    grid: Grid,
-    drive: Drive,
-    tread: Tread,
-    body: Floats,
-    first: int,
-    steps: int,
-    substeps: int,
-    step_s: float,
-    lifted: bool,
-) -> None:
+def _run(rover: Rover, tread: Tread, first: int, steps: int, lifted: bool) -> None:
     """Integrate `steps` steps."""
-    motion, wrench, load_n = np.empty(7), np.empty(3), np.zeros(3)
-    for wheel in range(3):
-        angle = OMNI_ANGLE_RAD[wheel]
-        if not lifted:
-            load_n[wheel] = static_load(
-                machine,
-                machine.arm_m * math.cos(angle),
-                machine.arm_m * math.sin(angle),
-                machine.com_x_m,
-                machine.com_y_m,
-            )
+    set_loads(rover, lifted, rover.machine.com_x_m, rover.machine.com_y_m)
     for step in range(first, first + steps):
-        if step % substeps == 0:
-            run_board(machine, drive)
-        motion[0], motion[1], motion[2], motion[3], motion[4] = centre_motion(machine, body)
-        motion[5], motion[6] = math.cos(body[2]), math.sin(body[2])
-        wrench[:] = 0.0
+        begin_step(rover, step)
         for wheel in range(3):
-            _wheel_step(machine, grid, drive, tread, wheel, motion, load_n[wheel], wrench, step_s)
-        move_body(machine, body, wrench, step_s)
+            _wheel_step(rover, tread, wheel)
+        move_body(rover.machine, rover.body, rover.wrench, rover.step_s)
 
 
 class TreadPlant(OmniPlant):
@@ -185,50 +129,22 @@ class TreadPlant(OmniPlant):
         self._tread = Tread(np.zeros(3))
 
     def _integrate(self, steps: int) -> None:
-        _run(
-            self.machine,
-            self.floor.grid,
-            self.drive,
-            self._tread,
-            self.body,
-            self._steps,
-            steps,
-            self._substeps,
-            self._step_s,
-            self._lifted,
-        )
+        _run(self.rover, self._tread, self._steps, steps, self._lifted)
 
 
-_KINDS: Final[dict[str, dict[int, tuple[float, float]]]] = {
-    # Hard and soft end; the tile's grade lies between.
-    "linoleum": {
-        FRICTION: (0.70, 0.35),
-        SLIP_STIFFNESS: (6.0, 0.50),
-        RELAXATION_M: (0.004, 0.010),
-        DRAG: (0.025, 0.085),
-        DRAG_S_M: (0.01, 0.05),
-        ROLLER: (0.020, 0.045),
+_KINDS: Final = table_of_kinds(
+    ("linoleum", "concrete", "mat"),
+    {
+        # Hard and soft end; the tile's grade lies between.
+        FRICTION: ((0.70, 0.35), (0.85, 0.40), (0.80, 0.50)),
+        SLIP_STIFFNESS: ((6.0, 0.50), (8.0, 0.58), (5.0, 0.48)),
+        RELAXATION_M: ((0.004, 0.010), (0.002, 0.008), (0.008, 0.020)),
+        DRAG: ((0.025, 0.085), (0.028, 0.100), (0.028, 0.100)),
+        DRAG_S_M: ((0.01, 0.05), (0.01, 0.03), (0.02, 0.10)),
+        ROLLER: ((0.020, 0.045), (0.025, 0.050), (0.020, 0.040)),
     },
-    "concrete": {
-        FRICTION: (0.85, 0.40),
-        SLIP_STIFFNESS: (8.0, 0.58),
-        RELAXATION_M: (0.002, 0.008),
-        DRAG: (0.028, 0.100),
-        DRAG_S_M: (0.01, 0.03),
-        ROLLER: (0.025, 0.050),
-    },
-    "mat": {
-        FRICTION: (0.80, 0.50),
-        SLIP_STIFFNESS: (5.0, 0.48),
-        RELAXATION_M: (0.008, 0.020),
-        DRAG: (0.028, 0.100),
-        DRAG_S_M: (0.02, 0.10),
-        ROLLER: (0.020, 0.040),
-    },
-}
+)
 """Origins are in README.md."""
-_KIND_SPREAD: Final = 0.12
-"""Grades of a floor's kinds differ by this to either side."""
 _LEAN: Final = 2.0
 """How far the floors' grades lean to the soft end."""
 
@@ -241,22 +157,17 @@ def draw_tread_floor(
     Args:
         tread_factor: Slip stiffness of this rover's tread over that of an omnidirectional wheel's rollers.
     """
-    names = tuple(str(name) for name in rng.permutation(list(_KINDS)))
-    grades = softness_of_kinds(rng, softness, len(names), _KIND_SPREAD)
-
-    def draw_tile(kind: int) -> list[float]:
-        return _draw_tile(rng, names[kind], grades[kind], tread_factor)
-
-    kind, grid = lay_tiles(rng, len(names), draw_tile)
-    return Floor(seed, machine, softness, names, kind, grid)
+    kinds = draw_kinds(rng, softness, _KINDS)
+    return lay_floor(
+        rng, seed, machine, softness, kinds, lambda kind: _draw_tile(rng, *kinds[kind], tread_factor)
+    )
 
 
 def _draw_tile(rng: np.random.Generator, name: str, grade: float, tread_factor: float) -> list[float]:
     """Return the constants of a tile."""
-    value = {meaning: between(hard, soft, grade) for meaning, (hard, soft) in _KINDS[name].items()}
+    value = graded(_KINDS[name], grade)
     value[SLIP_STIFFNESS] *= tread_factor
-    for meaning in (SLIP_STIFFNESS, DRAG, ROLLER):
-        value[meaning] *= float(rng.uniform(0.93, 1.07))
+    scatter(rng, value, (SLIP_STIFFNESS, DRAG, ROLLER))
     # A fifth of critical for a wheel's share of the mass on its tread.
     value[DAMPING_S_M] = 0.4 * math.sqrt(value[SLIP_STIFFNESS] / value[RELAXATION_M] * 1.3 / 41.0)
     return [value[meaning] for meaning in range(CONSTANTS)]
@@ -267,9 +178,3 @@ def draw_floor(seed: int) -> Floor:
     rng = np.random.default_rng([seed, 0xB])
     machine = draw_machine(rng)
     return draw_tread_floor(rng, seed, machine, draw_softness(seed, _LEAN))
-
-
-def steady_slip(floor: Floor, speed_m_s: float = 0.15, direction_rad: float = 0.0) -> float:
-    """Return the steady slip of a straight drive across the floor, 1 - true path / path by the wheels."""
-    plant = TreadPlant(floor, np.random.default_rng(floor.seed), 0)
-    return translation_slip(plant, speed_m_s, direction_rad)

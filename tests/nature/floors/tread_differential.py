@@ -23,14 +23,11 @@ from tests.nature.floors.machine import (
     Floats,
     Machine,
     add_body_force,
-    centre_motion,
     draw_machine,
-    gear_loss,
     move_body,
 )
-from tests.nature.floors.measure import translation_slip
-from tests.nature.floors.patchwork import Floor, Grid, draw_softness, tile_constants
-from tests.nature.floors.rover import Drive, RoverPlant, drive_wheel, run_board
+from tests.nature.floors.patchwork import Floor, draw_softness
+from tests.nature.floors.rover import Rover, RoverPlant, begin_step, ground_at, turn_wheel
 from tests.nature.floors.tread import (
     DAMPING_S_M,
     FRICTION,
@@ -40,7 +37,7 @@ from tests.nature.floors.tread import (
     draw_tread_floor,
 )
 
-__all__ = ["DifferentialTreadPlant", "brush_vector", "draw_floor", "scrub_moment", "steady_slip"]
+__all__ = ["DifferentialTreadPlant", "brush_vector", "draw_floor", "scrub_moment"]
 
 _SWIVEL_X_M: Final = -0.18
 """Place of the castor's swivel, behind the axle."""
@@ -118,53 +115,29 @@ def scrub_moment(
 
 
 @njit(cache=True)
-def _ground_at(grid: Grid, motion: Floats, at_x_m: float, at_y_m: float) -> Floats:
-    """Return the constants of the tile under a place on the rover."""
-    return tile_constants(
-        grid,
-        motion[0] + motion[5] * at_x_m - motion[6] * at_y_m,
-        motion[1] + motion[6] * at_x_m + motion[5] * at_y_m,
-    )
-
-
-@njit(cache=True)
-def _wheel_step(
-    machine: Machine,
-    grid: Grid,
-    drive: Drive,
-    tyres: Tyres,
-    wheel: int,
-    motion: Floats,
-    load_n: float,
-    wrench: Floats,
-    step_s: float,
-) -> None:
+def _wheel_step(rover: Rover, tyres: Tyres, wheel: int) -> None:
     """Advance one driven wheel and add its force and scrub to the body's."""
+    machine, motion, load_n, step_s = rover.machine, rover.motion, rover.load_n[wheel], rover.step_s
     at_y = machine.arm_m * (1.0 - 2.0 * wheel)
-    ground = _ground_at(grid, motion, 0.0, at_y)
+    ground = ground_at(rover, 0.0, at_y)
     along_m_s, across_m_s = motion[2] - motion[4] * at_y, motion[3]
-    rim_m_s = machine.radius_m * drive.speed_rad_s[wheel]
+    rim_m_s = machine.radius_m * rover.drive.speed_rad_s[wheel]
     traction_n, side_n = brush_vector(
         ground, wheel, tyres, load_n, rim_m_s - along_m_s, -across_m_s, rim_m_s, step_s
     )
     drag = drag_share(ground, math.hypot(along_m_s, across_m_s)) * load_n
-    add_body_force(machine, wrench, 0.0, at_y, traction_n - drag * along_m_s, side_n - drag * across_m_s)
-    wrench[2] += scrub_moment(ground, wheel, tyres, load_n, motion[4], rim_m_s, step_s)
-    load_nm = machine.radius_m * traction_n
-    friction_nm = machine.friction_nm * machine.gear_ratio + gear_loss(
-        machine, drive.speed_rad_s[wheel], load_nm
-    )
-    drive_wheel(machine, drive, wheel, load_nm, friction_nm, step_s)
+    along_n, across_n = traction_n - drag * along_m_s, side_n - drag * across_m_s
+    add_body_force(machine, rover.wrench, 0.0, at_y, along_n, across_n)
+    rover.wrench[2] += scrub_moment(ground, wheel, tyres, load_n, motion[4], rim_m_s, step_s)
+    turn_wheel(rover, wheel, machine.radius_m * traction_n, 1.0)
 
 
 @njit(cache=True)
-def _castor_step(
-    machine: Machine, grid: Grid, tyres: Tyres, motion: Floats, load_n: float, wrench: Floats, step_s: float
-) -> None:
+def _castor_step(rover: Rover, tyres: Tyres) -> None:
     """Advance the castor: its side force acts on the swivel's place, its moment on the swivel alone."""
+    motion, wrench, load_n, step_s = rover.motion, rover.wrench, rover.load_n[2], rover.step_s
     cosine, sine = math.cos(tyres.swivel[0]), math.sin(tyres.swivel[0])
-    at_x, at_y = _SWIVEL_X_M - _TRAIL_M * cosine, -_TRAIL_M * sine
-    ground = _ground_at(grid, motion, at_x, at_y)
+    ground = ground_at(rover, _SWIVEL_X_M - _TRAIL_M * cosine, -_TRAIL_M * sine)
     turn_rad_s = motion[4] + tyres.swivel[1]
     swivel_x_m_s, swivel_y_m_s = motion[2], motion[3] + motion[4] * _SWIVEL_X_M
     along_m_s = cosine * swivel_x_m_s + sine * swivel_y_m_s
@@ -175,7 +148,7 @@ def _castor_step(
     along_n, across_n = -drag * along_m_s, side_n - drag * across_m_s
     scrub_nm = scrub_moment(ground, 2, tyres, load_n, turn_rad_s, along_m_s, step_s)
     add_body_force(
-        machine,
+        rover.machine,
         wrench,
         _SWIVEL_X_M,
         0.0,
@@ -198,36 +171,20 @@ def castor_share(machine: Machine) -> float:
 
 
 @njit(cache=True)
-def _run(
-    machine: Machine,
-    grid: Grid,
-    drive: Drive,
-    tyres: Tyres,
-    body: Floats,
-    first: int,
-    steps: int,
-    substeps: int,
-    step_s: float,
-    lifted: bool,
-) -> None:
+def _run(rover: Rover, tyres: Tyres, first: int, steps: int, lifted: bool) -> None:
     """Integrate `steps` steps."""
-    motion, wrench, load_n = np.empty(7), np.empty(3), np.zeros(3)
-    if not lifted:
-        weight_n = machine.mass_kg * GRAVITY_M_S2
-        load_n[2] = weight_n * castor_share(machine)
-        for wheel in range(2):
-            side = machine.com_y_m / machine.arm_m * (1.0 - 2.0 * wheel)
-            load_n[wheel] = 0.5 * (weight_n - load_n[2]) + 0.5 * weight_n * side
+    machine, load_n = rover.machine, rover.load_n
+    weight_n = 0.0 if lifted else machine.mass_kg * GRAVITY_M_S2
+    load_n[2] = weight_n * castor_share(machine)
+    for wheel in range(2):
+        side = machine.com_y_m / machine.arm_m * (1.0 - 2.0 * wheel)
+        load_n[wheel] = 0.5 * (weight_n - load_n[2]) + 0.5 * weight_n * side
     for step in range(first, first + steps):
-        if step % substeps == 0:
-            run_board(machine, drive)
-        motion[0], motion[1], motion[2], motion[3], motion[4] = centre_motion(machine, body)
-        motion[5], motion[6] = math.cos(body[2]), math.sin(body[2])
-        wrench[:] = 0.0
+        begin_step(rover, step)
         for wheel in range(2):
-            _wheel_step(machine, grid, drive, tyres, wheel, motion, load_n[wheel], wrench, step_s)
-        _castor_step(machine, grid, tyres, motion, load_n[2], wrench, step_s)
-        move_body(machine, body, wrench, step_s)
+            _wheel_step(rover, tyres, wheel)
+        _castor_step(rover, tyres)
+        move_body(machine, rover.body, rover.wrench, rover.step_s)
 
 
 class DifferentialTreadPlant(RoverPlant):
@@ -249,18 +206,7 @@ class DifferentialTreadPlant(RoverPlant):
         self.tyres = Tyres(np.zeros(3), np.zeros(3), np.zeros(3), np.array([swivel_rad, 0.0]))
 
     def _integrate(self, steps: int) -> None:
-        _run(
-            self.machine,
-            self.floor.grid,
-            self.drive,
-            self.tyres,
-            self.body,
-            self._steps,
-            steps,
-            self._substeps,
-            self._step_s,
-            self._lifted,
-        )
+        _run(self.rover, self.tyres, self._steps, steps, self._lifted)
 
 
 _LEAN: Final = 2.0
@@ -272,13 +218,3 @@ def draw_floor(seed: int) -> Floor:
     rng = np.random.default_rng([seed, 0xD])
     machine = draw_machine(rng, radius_m=0.06, arm_m=0.15, com_x_m=-0.05)
     return draw_tread_floor(rng, seed, machine, draw_softness(seed, _LEAN), _TREAD_FACTOR)
-
-
-def steady_slip(floor: Floor, speed_m_s: float = 0.15, direction_rad: float = 0.0) -> float:
-    """Return the steady slip of a drive straight ahead, 1 - true path / path by the wheels.
-
-    This rover cannot drive sideways: it starts with its nose in the direction.
-    """
-    rng = np.random.default_rng(floor.seed)
-    plant = DifferentialTreadPlant(floor, rng, 0, start_yaw_rad=direction_rad)
-    return translation_slip(plant, speed_m_s, 0.0)
