@@ -1,7 +1,7 @@
 """What a case and a family of machines consist of."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 KINDS = ("none", "single", "pair", "outside", "broad")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Parameter:
     """A constant of the base law.
 
@@ -63,7 +63,7 @@ class InputSignal:
     high: float
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Effect:
     """A hidden effect that a user may have thought of.
 
@@ -81,11 +81,11 @@ class Effect:
     group: str
     formula: str
     size: Mapping[str, tuple[float, float]]
-    drawn: Mapping[str, tuple[float, float]]
+    drawn: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     signed: bool = False
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Term:
     """A hidden term outside the catalogue: `equation` gets `coefficient` times a shape of the variables.
 
@@ -95,22 +95,22 @@ class Term:
         variables: What the term depends on: states and inputs by name.
         shape: One of `square`, `signed_square`, `cube`, `fourth_power`, `square_root`, `sine`, `product`,
             `threshold`; `product` may carry powers, which `formula` gives.
-        sign: Of the term for positive variables, +1 or -1.
         formula: The term as it is added to the right-hand side.
         coefficient: Name of its coefficient.
         largest: Largest sensible coefficient.
         drawn: Name of each other parameter, with the range it is drawn from uniformly.
+        sign: Of the term for positive variables, +1 or -1.
     """
 
     name: str
     equation: str
     variables: tuple[str, ...]
     shape: str
-    sign: int
     formula: str
     coefficient: str
     largest: float
-    drawn: Mapping[str, tuple[float, float]]
+    drawn: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    sign: int = -1
 
 
 @dataclass(frozen=True, kw_only=True)

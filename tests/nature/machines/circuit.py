@@ -109,17 +109,46 @@ def _plan(rng: np.random.Generator, samples: int, index: int) -> Plan:
     )
 
 
+PARAMETERS = (
+    # Nominal value, spread, scatter from run to run, meaning.
+    Parameter("inductance_h", 0.1, 0.04, 0.0005, "L, coil"),
+    Parameter("resistance_ohm", 30.0, 0.05, 0.004, "R, in all"),
+    Parameter("capacitance_f", 1e-5, 0.04, 0.0005, "C, capacitor"),
+    Parameter("amplifier_gain", 1.0, 0.02, 0.001, "k, voltage per command"),
+)  # fmt: skip
+CATALOGUE = (
+    # Group, formula, size without and largest; what else is drawn.
+    Effect("contact_drop", "contact",
+        "L di/dt gets -drop_v sgn(i) (a pair of diodes in series, dry friction of the current); at i = 0 "
+        "it holds the current at zero while |k U - v| <= drop_v", {"drop_v": (0.0, 3.0)}),
+    Effect("dead_zone", "crossover", "U becomes sgn(U) max(|U| - dead_zone_v, 0)",
+        {"dead_zone_v": (0.0, 3.0)}),
+    Effect("saturation", "limit", "U becomes max(-limit_v, min(U, limit_v))", {"limit_v": (10.0, 2.0)}),
+    Effect("supply_sag", "sag", "U becomes U (1 - sag_per_v |U|)", {"sag_per_v": (0.0, 0.04)}),
+    Effect("input_delay", "late", "U(t) becomes U(t - delay_s); before the start U had its first value",
+        {"delay_s": (0.0, 6e-4)}),
+    Effect("actuator_lag", "late", "U becomes y with dy/dt = (U - y)/lag_s; y begins at the first U",
+        {"lag_s": (0.0, 1e-3)}),
+    Effect("sensor_offset", "sensor_1", "measured_current_a is i + offset_a; the conditions give i",
+        {"offset_a": (0.0, 0.04)}, signed=True),
+)  # fmt: skip
+OUTSIDE = (
+    # Equation, variables, shape, formula, coefficient, its largest value; what else is drawn.
+    Term("hot_resistor", "current_a", ("current_a",), "cube", "L di/dt gets -cubic_ohm_a2 i^3",
+        "cubic_ohm_a2", 3e3),
+    Term("varactor", "current_a", ("capacitor_v",), "cube", "L di/dt gets -varactor_per_v2 v^3",
+        "varactor_per_v2", 3e-3),
+    Term("core_loss", "current_a", ("current_a",), "signed_square", "L di/dt gets -core_ohm_a i |i|",
+        "core_ohm_a", 300.0),
+    Term("clamp", "capacitor_v", ("capacitor_v",), "threshold",
+        "C dv/dt gets -clamp_a_v sgn(v) max(|v| - clamp_start_v, 0)", "clamp_a_v", 0.05,
+        {"clamp_start_v": (3.0, 6.0)}),
+)  # fmt: skip
+
 FAMILY = Family(
     name="circuit",
     dt_s=2e-4,
-    parameters=(
-        Parameter(name="inductance_h", nominal=0.1, spread=0.04, scatter=0.0005, meaning="L, coil"),
-        Parameter(name="resistance_ohm", nominal=30.0, spread=0.05, scatter=0.004, meaning="R, in all"),
-        Parameter(name="capacitance_f", nominal=1e-5, spread=0.04, scatter=0.0005, meaning="C, capacitor"),
-        Parameter(
-            name="amplifier_gain", nominal=1.0, spread=0.02, scatter=0.001, meaning="k, voltage per command"
-        ),
-    ),
+    parameters=PARAMETERS,
     states=(
         State(name="current_a", spread=0.0, scale=0.1),
         State(name="capacitor_v", spread=0.05, scale=5.0),
@@ -130,105 +159,8 @@ FAMILY = Family(
         Channel(name="measured_capacitor_v", sigma=0.05, quantum=0.02),
     ),
     inputs=(InputSignal(name="voltage_v", low=-10.0, high=10.0),),
-    catalogue=(
-        Effect(
-            name="contact_drop",
-            group="contact",
-            formula="L di/dt gets -drop_v sgn(i) (a pair of diodes in series, dry friction of the current); "
-            "at i = 0 it holds the current at zero while |k U - v| <= drop_v",
-            size={"drop_v": (0.0, 3.0)},
-            drawn={},
-        ),
-        Effect(
-            name="dead_zone",
-            group="crossover",
-            formula="U becomes sgn(U) max(|U| - dead_zone_v, 0)",
-            size={"dead_zone_v": (0.0, 3.0)},
-            drawn={},
-        ),
-        Effect(
-            name="saturation",
-            group="limit",
-            formula="U becomes max(-limit_v, min(U, limit_v))",
-            size={"limit_v": (10.0, 2.0)},
-            drawn={},
-        ),
-        Effect(
-            name="supply_sag",
-            group="sag",
-            formula="U becomes U (1 - sag_per_v |U|)",
-            size={"sag_per_v": (0.0, 0.04)},
-            drawn={},
-        ),
-        Effect(
-            name="input_delay",
-            group="late",
-            formula="U(t) becomes U(t - delay_s); before the start U had its first value",
-            size={"delay_s": (0.0, 6e-4)},
-            drawn={},
-        ),
-        Effect(
-            name="actuator_lag",
-            group="late",
-            formula="U becomes y with dy/dt = (U - y)/lag_s; y begins at the first U",
-            size={"lag_s": (0.0, 1e-3)},
-            drawn={},
-        ),
-        Effect(
-            name="sensor_offset",
-            group="sensor_1",
-            formula="measured_current_a is i + offset_a; the conditions give i",
-            size={"offset_a": (0.0, 0.04)},
-            drawn={},
-            signed=True,
-        ),
-    ),
-    outside=(
-        Term(
-            name="hot_resistor",
-            equation="current_a",
-            variables=("current_a",),
-            shape="cube",
-            sign=-1,
-            formula="L di/dt gets -cubic_ohm_a2 i^3",
-            coefficient="cubic_ohm_a2",
-            largest=3e3,
-            drawn={},
-        ),
-        Term(
-            name="varactor",
-            equation="current_a",
-            variables=("capacitor_v",),
-            shape="cube",
-            sign=-1,
-            formula="L di/dt gets -varactor_per_v2 v^3",
-            coefficient="varactor_per_v2",
-            largest=3e-3,
-            drawn={},
-        ),
-        Term(
-            name="core_loss",
-            equation="current_a",
-            variables=("current_a",),
-            shape="signed_square",
-            sign=-1,
-            formula="L di/dt gets -core_ohm_a i |i|",
-            coefficient="core_ohm_a",
-            largest=300.0,
-            drawn={},
-        ),
-        Term(
-            name="clamp",
-            equation="capacitor_v",
-            variables=("capacitor_v",),
-            shape="threshold",
-            sign=-1,
-            formula="C dv/dt gets -clamp_a_v sgn(v) max(|v| - clamp_start_v, 0)",
-            coefficient="clamp_a_v",
-            largest=0.05,
-            drawn={"clamp_start_v": (3.0, 6.0)},
-        ),
-    ),
+    catalogue=CATALOGUE,
+    outside=OUTSIDE,
     disturbance=Disturbance(equation="current_a", unit="V", largest_rms=5.0, correlation_s=0.003),
     constants=CONSTANTS,
     slope=_slope,

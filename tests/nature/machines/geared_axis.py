@@ -177,36 +177,56 @@ def _plan(rng: np.random.Generator, samples: int, index: int) -> Plan:
     )
 
 
+PARAMETERS = (
+    # Nominal value, spread, scatter from run to run, meaning.
+    Parameter("torque_constant_v_s", 0.05, 0.03, 0.002, "K, back-EMF and torque constant (N m/A)"),
+    Parameter("resistance_ohm", 1.0, 0.05, 0.004, "R, winding"),
+    Parameter("inertia_kg_m2", 1e-4, 0.05, 0.0, "J, motor and load at the motor shaft"),
+    Parameter("viscous_nm_s", 2e-4, 0.2, 0.02, "b, bearing at the motor shaft"),
+    Parameter("gear_ratio", 20.0, 0.0, 0.0, "N, motor turns per load turn"),
+)  # fmt: skip
+CATALOGUE = (
+    # Group, formula, size without and largest; what else is drawn.
+    Effect("coulomb_friction", "friction",
+        "J dw/dt gets -coulomb_nm sgn(w); at w = 0 it holds the shaft against any torque up to "
+        "coulomb_nm", {"coulomb_nm": (0.0, 0.1)}),
+    Effect("asymmetric_friction", "friction",
+        "J dw/dt gets -coulomb_nm (1 + asymmetry) if w > 0 and +coulomb_nm (1 - asymmetry) if w < 0; at "
+        "w = 0 it holds the shaft against any torque up to the same values", {"coulomb_nm": (0.0, 0.1)},
+        {"asymmetry": (0.3, 0.8)}),
+    Effect("presliding_friction", "friction",
+        "J dw/dt gets -bristle_nm z with dz/dt = (w - |w| z)/bristle_rad, z = 0 at the start (Dahl); "
+        "bristle_rad is an angle of the motor shaft", {"bristle_nm": (0.0, 0.1)},
+        {"bristle_rad": (0.5, 3.0)}),
+    Effect("backlash", "gear",
+        "motor and load are two bodies with (1 - load_share) J and load_share J at the motor shaft; the "
+        "load turns freely while |q - N load angle| < N backlash_rad/2 (b acts on the motor); contact is "
+        "rigid, impact plastic; the motor touches its forward side at the start, so that the load angle "
+        "begins at q/N - backlash_rad/2", {"backlash_rad": (0.0, 0.6)}, {"load_share": (0.3, 0.6)}),
+    Effect("dead_zone", "voltage", "U becomes sgn(U) max(|U| - dead_zone_v, 0)", {"dead_zone_v": (0.0, 3.0)}),
+    Effect("supply_sag", "voltage", "U becomes U (1 - sag_per_v |U|)", {"sag_per_v": (0.0, 0.03)}),
+    Effect("input_delay", "delay", "U(t) becomes U(t - delay_s); before the start U had its first value",
+        {"delay_s": (0.0, 0.06)}),
+    Effect("cogging", "cogging", "J dw/dt gets -cogging_nm sin(cogging_per_turn q + cogging_phase_rad)",
+        {"cogging_nm": (0.0, 0.06)}, {"cogging_per_turn": (4.0, 4.0), "cogging_phase_rad": (0.0, 6.28)}),
+)  # fmt: skip
+OUTSIDE = (
+    # Equation, variables, shape, formula, coefficient, its largest value; what else is drawn.
+    Term("cubic_damping", "motor_speed_rad_s", ("motor_speed_rad_s",), "cube",
+        "J dw/dt gets -cubic_damping_nm_s3 w^3", "cubic_damping_nm_s3", 3e-7),
+    Term("unbalance", "motor_speed_rad_s", ("load_angle_rad",), "sine", "J dw/dt gets -unbalance_nm sin(q/N)",
+        "unbalance_nm", 0.3),
+    Term("field_weakening", "motor_speed_rad_s", ("voltage_v", "motor_speed_rad_s"), "product",
+        "J dw/dt gets -field_weakening_nm_s_v U |w|", "field_weakening_nm_s_v", 2e-4),
+    Term("fan_above_a_speed", "motor_speed_rad_s", ("motor_speed_rad_s",), "threshold",
+        "J dw/dt gets -fan_nm_s sgn(w) max(|w| - fan_start_rad_s, 0)", "fan_nm_s", 2e-2,
+        {"fan_start_rad_s": (30.0, 60.0)}),
+)  # fmt: skip
+
 FAMILY = Family(
     name="geared_axis",
     dt_s=0.01,
-    parameters=(
-        Parameter(
-            name="torque_constant_v_s",
-            nominal=0.05,
-            spread=0.03,
-            scatter=0.002,
-            meaning="K, back-EMF and torque constant (N m/A)",
-        ),
-        Parameter(name="resistance_ohm", nominal=1.0, spread=0.05, scatter=0.004, meaning="R, winding"),
-        Parameter(
-            name="inertia_kg_m2",
-            nominal=1e-4,
-            spread=0.05,
-            scatter=0.0,
-            meaning="J, motor and load at the motor shaft",
-        ),
-        Parameter(
-            name="viscous_nm_s",
-            nominal=2e-4,
-            spread=0.2,
-            scatter=0.02,
-            meaning="b, bearing at the motor shaft",
-        ),
-        Parameter(
-            name="gear_ratio", nominal=20.0, spread=0.0, scatter=0.0, meaning="N, motor turns per load turn"
-        ),
-    ),
+    parameters=PARAMETERS,
     states=(
         State(name="motor_speed_rad_s", spread=0.0, scale=10.0),
         State(name="motor_angle_rad", spread=0.1, scale=10.0),
@@ -217,120 +237,8 @@ FAMILY = Family(
         Channel(name="load_angle_rad", sigma=0.01, quantum=math.tau / 1000),
     ),
     inputs=(InputSignal(name="voltage_v", low=-12.0, high=12.0),),
-    catalogue=(
-        Effect(
-            name="coulomb_friction",
-            group="friction",
-            formula="J dw/dt gets -coulomb_nm sgn(w); at w = 0 it holds the shaft against any "
-            "torque up to coulomb_nm",
-            size={"coulomb_nm": (0.0, 0.1)},
-            drawn={},
-        ),
-        Effect(
-            name="asymmetric_friction",
-            group="friction",
-            formula="J dw/dt gets -coulomb_nm (1 + asymmetry) if w > 0 and +coulomb_nm (1 - "
-            "asymmetry) if w < 0; "
-            "at w = 0 it holds the shaft against any torque up to the same values",
-            size={"coulomb_nm": (0.0, 0.1)},
-            drawn={"asymmetry": (0.3, 0.8)},
-        ),
-        Effect(
-            name="presliding_friction",
-            group="friction",
-            formula="J dw/dt gets -bristle_nm z with dz/dt = (w - |w| z)/bristle_rad, z = 0 "
-            "at the start (Dahl); "
-            "bristle_rad is an angle of the motor shaft",
-            size={"bristle_nm": (0.0, 0.1)},
-            drawn={"bristle_rad": (0.5, 3.0)},
-        ),
-        Effect(
-            name="backlash",
-            group="gear",
-            formula="motor and load are two bodies with (1 - load_share) J and load_share J "
-            "at the motor shaft; "
-            "the load turns freely while |q - N load angle| < N backlash_rad/2 (b "
-            "acts on the motor); contact is "
-            "rigid, impact plastic; the motor touches its forward side at the start, so that the load angle "
-            "begins at q/N - backlash_rad/2",
-            size={"backlash_rad": (0.0, 0.6)},
-            drawn={"load_share": (0.3, 0.6)},
-        ),
-        Effect(
-            name="dead_zone",
-            group="voltage",
-            formula="U becomes sgn(U) max(|U| - dead_zone_v, 0)",
-            size={"dead_zone_v": (0.0, 3.0)},
-            drawn={},
-        ),
-        Effect(
-            name="supply_sag",
-            group="voltage",
-            formula="U becomes U (1 - sag_per_v |U|)",
-            size={"sag_per_v": (0.0, 0.03)},
-            drawn={},
-        ),
-        Effect(
-            name="input_delay",
-            group="delay",
-            formula="U(t) becomes U(t - delay_s); before the start U had its first value",
-            size={"delay_s": (0.0, 0.06)},
-            drawn={},
-        ),
-        Effect(
-            name="cogging",
-            group="cogging",
-            formula="J dw/dt gets -cogging_nm sin(cogging_per_turn q + cogging_phase_rad)",
-            size={"cogging_nm": (0.0, 0.06)},
-            drawn={"cogging_per_turn": (4.0, 4.0), "cogging_phase_rad": (0.0, 6.28)},
-        ),
-    ),
-    outside=(
-        Term(
-            name="cubic_damping",
-            equation="motor_speed_rad_s",
-            variables=("motor_speed_rad_s",),
-            shape="cube",
-            sign=-1,
-            formula="J dw/dt gets -cubic_damping_nm_s3 w^3",
-            coefficient="cubic_damping_nm_s3",
-            largest=3e-7,
-            drawn={},
-        ),
-        Term(
-            name="unbalance",
-            equation="motor_speed_rad_s",
-            variables=("load_angle_rad",),
-            shape="sine",
-            sign=-1,
-            formula="J dw/dt gets -unbalance_nm sin(q/N)",
-            coefficient="unbalance_nm",
-            largest=0.3,
-            drawn={},
-        ),
-        Term(
-            name="field_weakening",
-            equation="motor_speed_rad_s",
-            variables=("voltage_v", "motor_speed_rad_s"),
-            shape="product",
-            sign=-1,
-            formula="J dw/dt gets -field_weakening_nm_s_v U |w|",
-            coefficient="field_weakening_nm_s_v",
-            largest=2e-4,
-            drawn={},
-        ),
-        Term(
-            name="fan_above_a_speed",
-            equation="motor_speed_rad_s",
-            variables=("motor_speed_rad_s",),
-            shape="threshold",
-            sign=-1,
-            formula="J dw/dt gets -fan_nm_s sgn(w) max(|w| - fan_start_rad_s, 0)",
-            coefficient="fan_nm_s",
-            largest=2e-2,
-            drawn={"fan_start_rad_s": (30.0, 60.0)},
-        ),
-    ),
+    catalogue=CATALOGUE,
+    outside=OUTSIDE,
     disturbance=Disturbance(equation="motor_speed_rad_s", unit="N m", largest_rms=0.3, correlation_s=0.2),
     constants=CONSTANTS,
     slope=_slope,

@@ -101,27 +101,50 @@ def _plan(rng: np.random.Generator, samples: int, index: int) -> Plan:
     )
 
 
+PARAMETERS = (
+    # Nominal value, spread, scatter from run to run, meaning.
+    Parameter("inertia_kg_m2", 0.02, 0.04, 0.0, "J about the pivot"),
+    Parameter("gravity_nm", 0.75, 0.03, 0.0003, "G = mass x gravity x distance of the centre of mass"),
+    Parameter("viscous_nm_s", 0.015, 0.2, 0.005, "b, bearing"),
+    Parameter("drive_gain", 1.0, 0.03, 0.002, "k, torque per commanded torque"),
+)  # fmt: skip
+CATALOGUE = (
+    # Group, formula, size without and largest; what else is drawn.
+    Effect("coulomb_friction", "friction",
+        "J d2a/dt2 gets -coulomb_nm sgn(da/dt); at rest it holds the pendulum against any torque up to "
+        "coulomb_nm", {"coulomb_nm": (0.0, 0.1)}),
+    Effect("stribeck_friction", "friction",
+        "J d2a/dt2 gets -coulomb_nm (1 + stiction_share exp(-(da/dt / stribeck_rad_s)^2)) sgn(da/dt); at "
+        "rest it holds the pendulum against any torque up to coulomb_nm (1 + stiction_share)",
+        {"coulomb_nm": (0.0, 0.1)}, {"stiction_share": (0.4, 1.5), "stribeck_rad_s": (0.2, 1.0)}),
+    Effect("quadratic_drag", "drag", "J d2a/dt2 gets -drag_nm_s2 (da/dt) |da/dt|",
+        {"drag_nm_s2": (0.0, 0.03)}),
+    Effect("cubic_stiffness", "stiffness", "J d2a/dt2 gets -stiffness_nm_rad3 a^3",
+        {"stiffness_nm_rad3": (0.0, 0.1)}, signed=True),
+    Effect("actuator_lag", "actuator", "M becomes m with dm/dt = (M - m)/lag_s; m begins at the first M",
+        {"lag_s": (0.0, 0.4)}),
+    Effect("input_delay", "actuator", "M(t) becomes M(t - delay_s); before the start M had its first value",
+        {"delay_s": (0.0, 0.3)}),
+    Effect("sensor_offset", "sensor", "the measured angle is a + offset_rad; the conditions give a",
+        {"offset_rad": (0.0, 0.2)}, signed=True),
+)  # fmt: skip
+OUTSIDE = (
+    # Equation, variables, shape, formula, coefficient, its largest value; what else is drawn.
+    Term("cubic_damping", "rate_rad_s", ("rate_rad_s",), "cube",
+        "J d2a/dt2 gets -cubic_damping_nm_s3 (da/dt)^3", "cubic_damping_nm_s3", 0.01),
+    Term("second_harmonic", "rate_rad_s", ("angle_rad",), "sine",
+        "J d2a/dt2 gets -second_harmonic_nm sin(2 a)", "second_harmonic_nm", 0.2),
+    Term("angle_damping", "rate_rad_s", ("angle_rad", "rate_rad_s"), "product",
+        "J d2a/dt2 gets -angle_damping_nm_s a^2 (da/dt)", "angle_damping_nm_s", 0.2),
+    Term("soft_bumper", "rate_rad_s", ("angle_rad",), "threshold",
+        "J d2a/dt2 gets -bumper_nm_rad sgn(a) max(|a| - bumper_rad, 0)", "bumper_nm_rad", 3.0,
+        {"bumper_rad": (0.3, 0.6)}),
+)  # fmt: skip
+
 FAMILY = Family(
     name="pendulum",
     dt_s=0.02,
-    parameters=(
-        Parameter(name="inertia_kg_m2", nominal=0.02, spread=0.04, scatter=0.0, meaning="J about the pivot"),
-        Parameter(
-            name="gravity_nm",
-            nominal=0.75,
-            spread=0.03,
-            scatter=0.0003,
-            meaning="G = mass x gravity x distance of the centre of mass",
-        ),
-        Parameter(name="viscous_nm_s", nominal=0.015, spread=0.2, scatter=0.005, meaning="b, bearing"),
-        Parameter(
-            name="drive_gain",
-            nominal=1.0,
-            spread=0.03,
-            scatter=0.002,
-            meaning="k, torque per commanded torque",
-        ),
-    ),
+    parameters=PARAMETERS,
     states=(
         State(name="angle_rad", spread=0.01, scale=0.5),
         State(name="rate_rad_s", spread=0.01, scale=2.0),
@@ -129,108 +152,8 @@ FAMILY = Family(
     extra_states=(("lagged_torque_nm", 0.1),),
     channels=(Channel(name="measured_angle_rad", sigma=0.004, quantum=math.tau / 4096),),
     inputs=(InputSignal(name="torque_nm", low=-0.2, high=0.2),),
-    catalogue=(
-        Effect(
-            name="coulomb_friction",
-            group="friction",
-            formula="J d2a/dt2 gets -coulomb_nm sgn(da/dt); at rest it holds the pendulum "
-            "against any torque up to coulomb_nm",
-            size={"coulomb_nm": (0.0, 0.1)},
-            drawn={},
-        ),
-        Effect(
-            name="stribeck_friction",
-            group="friction",
-            formula="J d2a/dt2 gets -coulomb_nm (1 + stiction_share exp(-(da/dt / "
-            "stribeck_rad_s)^2)) sgn(da/dt); "
-            "at rest it holds the pendulum against any torque up to coulomb_nm (1 + stiction_share)",
-            size={"coulomb_nm": (0.0, 0.1)},
-            drawn={"stiction_share": (0.4, 1.5), "stribeck_rad_s": (0.2, 1.0)},
-        ),
-        Effect(
-            name="quadratic_drag",
-            group="drag",
-            formula="J d2a/dt2 gets -drag_nm_s2 (da/dt) |da/dt|",
-            size={"drag_nm_s2": (0.0, 0.03)},
-            drawn={},
-        ),
-        Effect(
-            name="cubic_stiffness",
-            group="stiffness",
-            formula="J d2a/dt2 gets -stiffness_nm_rad3 a^3",
-            size={"stiffness_nm_rad3": (0.0, 0.1)},
-            drawn={},
-            signed=True,
-        ),
-        Effect(
-            name="actuator_lag",
-            group="actuator",
-            formula="M becomes m with dm/dt = (M - m)/lag_s; m begins at the first M",
-            size={"lag_s": (0.0, 0.4)},
-            drawn={},
-        ),
-        Effect(
-            name="input_delay",
-            group="actuator",
-            formula="M(t) becomes M(t - delay_s); before the start M had its first value",
-            size={"delay_s": (0.0, 0.3)},
-            drawn={},
-        ),
-        Effect(
-            name="sensor_offset",
-            group="sensor",
-            formula="the measured angle is a + offset_rad; the conditions give a",
-            size={"offset_rad": (0.0, 0.2)},
-            drawn={},
-            signed=True,
-        ),
-    ),
-    outside=(
-        Term(
-            name="cubic_damping",
-            equation="rate_rad_s",
-            variables=("rate_rad_s",),
-            shape="cube",
-            sign=-1,
-            formula="J d2a/dt2 gets -cubic_damping_nm_s3 (da/dt)^3",
-            coefficient="cubic_damping_nm_s3",
-            largest=0.01,
-            drawn={},
-        ),
-        Term(
-            name="second_harmonic",
-            equation="rate_rad_s",
-            variables=("angle_rad",),
-            shape="sine",
-            sign=-1,
-            formula="J d2a/dt2 gets -second_harmonic_nm sin(2 a)",
-            coefficient="second_harmonic_nm",
-            largest=0.2,
-            drawn={},
-        ),
-        Term(
-            name="angle_damping",
-            equation="rate_rad_s",
-            variables=("angle_rad", "rate_rad_s"),
-            shape="product",
-            sign=-1,
-            formula="J d2a/dt2 gets -angle_damping_nm_s a^2 (da/dt)",
-            coefficient="angle_damping_nm_s",
-            largest=0.2,
-            drawn={},
-        ),
-        Term(
-            name="soft_bumper",
-            equation="rate_rad_s",
-            variables=("angle_rad",),
-            shape="threshold",
-            sign=-1,
-            formula="J d2a/dt2 gets -bumper_nm_rad sgn(a) max(|a| - bumper_rad, 0)",
-            coefficient="bumper_nm_rad",
-            largest=3.0,
-            drawn={"bumper_rad": (0.3, 0.6)},
-        ),
-    ),
+    catalogue=CATALOGUE,
+    outside=OUTSIDE,
     disturbance=Disturbance(equation="rate_rad_s", unit="N m", largest_rms=0.2, correlation_s=0.3),
     constants=CONSTANTS,
     slope=_slope,

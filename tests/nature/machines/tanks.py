@@ -93,20 +93,47 @@ def _plan(rng: np.random.Generator, samples: int, index: int) -> Plan:
     )
 
 
+PARAMETERS = (
+    # Nominal value, spread, scatter from run to run, meaning.
+    Parameter("area_1_m2", 0.0154, 0.02, 0.0, "A1, first tank"),
+    Parameter("area_2_m2", 0.0154, 0.02, 0.0, "A2, second tank"),
+    Parameter("pump_m3_s_v", 6e-6, 0.04, 0.001, "p, flow per pump voltage"),
+    Parameter("pipe_m2", 5e-5, 0.05, 0.003, "a, pipe between the tanks"),
+    Parameter("outlet_m2", 3e-5, 0.05, 0.001, "o, outlet of tank 2"),
+)  # fmt: skip
+CATALOGUE = (
+    # Group, formula, size without and largest; what else is drawn.
+    Effect("overflow", "overflow",
+        "tank 1 cannot hold more than rim_m: what comes above it runs off "
+        f"(A1 dh1/dt gets -A1/({SPILL_S:g} s) max(h1 - rim_m, 0))", {"rim_m": (0.6, 0.08)}),
+    Effect("dead_zone", "pump", "u becomes max(u - dead_zone_v, 0)", {"dead_zone_v": (0.0, 4.0)}),
+    Effect("saturation", "limit", "u becomes min(u, limit_v)", {"limit_v": (10.0, 2.0)}),
+    Effect("input_delay", "late", "u(t) becomes u(t - delay_s); before the start u had its first value",
+        {"delay_s": (0.0, 60.0)}),
+    Effect("actuator_lag", "late", "u becomes y with dy/dt = (u - y)/lag_s; y begins at the first u",
+        {"lag_s": (0.0, 80.0)}),
+    Effect("sensor_offset", "sensor_1", "measured_level_1_m is h1 + offset_m; the conditions give h1",
+        {"offset_m": (0.0, 0.05)}, signed=True),
+    Effect("gain_error", "sensor_2", "measured_level_2_m is h2 (1 + gain_error); the conditions give h2",
+        {"gain_error": (0.0, 0.3)}, signed=True),
+)  # fmt: skip
+OUTSIDE = (
+    # Equation, variables, shape, formula, coefficient, its largest value; what else is drawn.
+    Term("leak", "level_1_m", ("level_1_m",), "square_root", "A1 dh1/dt gets -leak_m2 s(h1)", "leak_m2",
+        3e-5),
+    Term("pump_head", "level_1_m", ("pump_v", "level_1_m"), "product", "A1 dh1/dt gets -head_m2_s_v u h1",
+        "head_m2_s_v", 2e-5),
+    Term("bypass", "level_2_m", ("level_2_m",), "threshold",
+        "A2 dh2/dt gets -bypass_m2_s max(h2 - bypass_level_m, 0)", "bypass_m2_s", 2e-2,
+        {"bypass_level_m": (0.05, 0.09)}),
+    Term("seepage", "level_2_m", ("level_2_m",), "square", "A2 dh2/dt gets -seepage_m_s h2^2", "seepage_m_s",
+        5e-3),
+)  # fmt: skip
+
 FAMILY = Family(
     name="tanks",
     dt_s=2.0,
-    parameters=(
-        Parameter(name="area_1_m2", nominal=0.0154, spread=0.02, scatter=0.0, meaning="A1, first tank"),
-        Parameter(name="area_2_m2", nominal=0.0154, spread=0.02, scatter=0.0, meaning="A2, second tank"),
-        Parameter(
-            name="pump_m3_s_v", nominal=6e-6, spread=0.04, scatter=0.001, meaning="p, flow per pump voltage"
-        ),
-        Parameter(
-            name="pipe_m2", nominal=5e-5, spread=0.05, scatter=0.003, meaning="a, pipe between the tanks"
-        ),
-        Parameter(name="outlet_m2", nominal=3e-5, spread=0.05, scatter=0.001, meaning="o, outlet of tank 2"),
-    ),
+    parameters=PARAMETERS,
     states=(
         State(name="level_1_m", spread=0.002, scale=0.1),
         State(name="level_2_m", spread=0.002, scale=0.1),
@@ -117,106 +144,8 @@ FAMILY = Family(
         Channel(name="measured_level_2_m", sigma=0.0007, quantum=0.0002),
     ),
     inputs=(InputSignal(name="pump_v", low=0.0, high=10.0),),
-    catalogue=(
-        Effect(
-            name="overflow",
-            group="overflow",
-            formula="tank 1 cannot hold more than rim_m: what comes above it runs off "
-            f"(A1 dh1/dt gets -A1/({SPILL_S:g} s) max(h1 - rim_m, 0))",
-            size={"rim_m": (0.6, 0.08)},
-            drawn={},
-        ),
-        Effect(
-            name="dead_zone",
-            group="pump",
-            formula="u becomes max(u - dead_zone_v, 0)",
-            size={"dead_zone_v": (0.0, 4.0)},
-            drawn={},
-        ),
-        Effect(
-            name="saturation",
-            group="limit",
-            formula="u becomes min(u, limit_v)",
-            size={"limit_v": (10.0, 2.0)},
-            drawn={},
-        ),
-        Effect(
-            name="input_delay",
-            group="late",
-            formula="u(t) becomes u(t - delay_s); before the start u had its first value",
-            size={"delay_s": (0.0, 60.0)},
-            drawn={},
-        ),
-        Effect(
-            name="actuator_lag",
-            group="late",
-            formula="u becomes y with dy/dt = (u - y)/lag_s; y begins at the first u",
-            size={"lag_s": (0.0, 80.0)},
-            drawn={},
-        ),
-        Effect(
-            name="sensor_offset",
-            group="sensor_1",
-            formula="measured_level_1_m is h1 + offset_m; the conditions give h1",
-            size={"offset_m": (0.0, 0.05)},
-            drawn={},
-            signed=True,
-        ),
-        Effect(
-            name="gain_error",
-            group="sensor_2",
-            formula="measured_level_2_m is h2 (1 + gain_error); the conditions give h2",
-            size={"gain_error": (0.0, 0.3)},
-            drawn={},
-            signed=True,
-        ),
-    ),
-    outside=(
-        Term(
-            name="leak",
-            equation="level_1_m",
-            variables=("level_1_m",),
-            shape="square_root",
-            sign=-1,
-            formula="A1 dh1/dt gets -leak_m2 s(h1)",
-            coefficient="leak_m2",
-            largest=3e-5,
-            drawn={},
-        ),
-        Term(
-            name="pump_head",
-            equation="level_1_m",
-            variables=("pump_v", "level_1_m"),
-            shape="product",
-            sign=-1,
-            formula="A1 dh1/dt gets -head_m2_s_v u h1",
-            coefficient="head_m2_s_v",
-            largest=2e-5,
-            drawn={},
-        ),
-        Term(
-            name="bypass",
-            equation="level_2_m",
-            variables=("level_2_m",),
-            shape="threshold",
-            sign=-1,
-            formula="A2 dh2/dt gets -bypass_m2_s max(h2 - bypass_level_m, 0)",
-            coefficient="bypass_m2_s",
-            largest=2e-2,
-            drawn={"bypass_level_m": (0.05, 0.09)},
-        ),
-        Term(
-            name="seepage",
-            equation="level_2_m",
-            variables=("level_2_m",),
-            shape="square",
-            sign=-1,
-            formula="A2 dh2/dt gets -seepage_m_s h2^2",
-            coefficient="seepage_m_s",
-            largest=5e-3,
-            drawn={},
-        ),
-    ),
+    catalogue=CATALOGUE,
+    outside=OUTSIDE,
     disturbance=Disturbance(equation="level_1_m", unit="m^3/s", largest_rms=4e-5, correlation_s=60.0),
     constants=CONSTANTS,
     slope=_slope,

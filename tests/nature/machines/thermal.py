@@ -93,20 +93,42 @@ def _plan(rng: np.random.Generator, samples: int, index: int) -> Plan:
     )
 
 
+PARAMETERS = (
+    # Nominal value, spread, scatter from run to run, meaning.
+    Parameter("capacity_1_j_k", 40.0, 0.04, 0.0, "C1, body"),
+    Parameter("capacity_2_j_k", 150.0, 0.04, 0.0, "C2, shell"),
+    Parameter("conductance_w_k", 1.0, 0.06, 0.001, "G, from body to shell"),
+    Parameter("loss_w_k", 0.8, 0.06, 0.001, "H, from shell to room"),
+    Parameter("heater_gain", 1.0, 0.02, 0.001, "k, heat per commanded heat"),
+)  # fmt: skip
+CATALOGUE = (
+    # Group, formula, size without and largest; what else is drawn.
+    Effect("dead_zone", "heater", "P becomes max(P - dead_zone_w, 0)", {"dead_zone_w": (0.0, 20.0)}),
+    Effect("saturation", "limit", "P becomes min(P, limit_w)", {"limit_w": (60.0, 15.0)}),
+    Effect("supply_sag", "sag", "P becomes P (1 - sag_per_w P)", {"sag_per_w": (0.0, 0.008)}),
+    Effect("input_delay", "delay", "P(t) becomes P(t - delay_s); before the start P had its first value",
+        {"delay_s": (0.0, 80.0)}),
+    Effect("sensor_lag", "sensor_1", "measured_1_c is y with dy/dt = (T1 - y)/sensor_lag_s; y begins at T1",
+        {"sensor_lag_s": (0.0, 120.0)}),
+    Effect("sensor_offset", "sensor_2", "measured_2_c is T2 + offset_k; the conditions give T2",
+        {"offset_k": (0.0, 5.0)}, signed=True),
+)  # fmt: skip
+OUTSIDE = (
+    # Equation, variables, shape, formula, coefficient, its largest value; what else is drawn.
+    Term("radiation", "temperature_2_c", ("temperature_2_c", "room_c"), "fourth_power",
+        "C2 dT2/dt gets -radiation_w_k4 ((T2 + 273.15)^4 - (Ta + 273.15)^4)", "radiation_w_k4", 1e-8),
+    Term("free_convection", "temperature_2_c", ("temperature_2_c", "room_c"), "signed_square",
+        "C2 dT2/dt gets -convection_w_k2 (T2 - Ta) |T2 - Ta|", "convection_w_k2", 0.03),
+    Term("fading_heater", "temperature_1_c", ("heater_w", "temperature_1_c", "room_c"), "product",
+        "C1 dT1/dt gets -fade_per_k P (T1 - Ta)", "fade_per_k", 0.01),
+    Term("fan_above_a_temperature", "temperature_2_c", ("temperature_2_c",), "threshold",
+        "C2 dT2/dt gets -fan_w_k max(T2 - fan_start_c, 0)", "fan_w_k", 3.0, {"fan_start_c": (35.0, 45.0)}),
+)  # fmt: skip
+
 FAMILY = Family(
     name="thermal",
     dt_s=4.0,
-    parameters=(
-        Parameter(name="capacity_1_j_k", nominal=40.0, spread=0.04, scatter=0.0, meaning="C1, body"),
-        Parameter(name="capacity_2_j_k", nominal=150.0, spread=0.04, scatter=0.0, meaning="C2, shell"),
-        Parameter(
-            name="conductance_w_k", nominal=1.0, spread=0.06, scatter=0.001, meaning="G, from body to shell"
-        ),
-        Parameter(name="loss_w_k", nominal=0.8, spread=0.06, scatter=0.001, meaning="H, from shell to room"),
-        Parameter(
-            name="heater_gain", nominal=1.0, spread=0.02, scatter=0.001, meaning="k, heat per commanded heat"
-        ),
-    ),
+    parameters=PARAMETERS,
     states=(
         State(name="temperature_1_c", spread=0.3, scale=20.0),
         State(name="temperature_2_c", spread=0.3, scale=20.0),
@@ -120,97 +142,8 @@ FAMILY = Family(
         InputSignal(name="heater_w", low=0.0, high=60.0),
         InputSignal(name="room_c", low=15.5, high=26.5),
     ),
-    catalogue=(
-        Effect(
-            name="dead_zone",
-            group="heater",
-            formula="P becomes max(P - dead_zone_w, 0)",
-            size={"dead_zone_w": (0.0, 20.0)},
-            drawn={},
-        ),
-        Effect(
-            name="saturation",
-            group="limit",
-            formula="P becomes min(P, limit_w)",
-            size={"limit_w": (60.0, 15.0)},
-            drawn={},
-        ),
-        Effect(
-            name="supply_sag",
-            group="sag",
-            formula="P becomes P (1 - sag_per_w P)",
-            size={"sag_per_w": (0.0, 0.008)},
-            drawn={},
-        ),
-        Effect(
-            name="input_delay",
-            group="delay",
-            formula="P(t) becomes P(t - delay_s); before the start P had its first value",
-            size={"delay_s": (0.0, 80.0)},
-            drawn={},
-        ),
-        Effect(
-            name="sensor_lag",
-            group="sensor_1",
-            formula="measured_1_c is y with dy/dt = (T1 - y)/sensor_lag_s; y begins at T1",
-            size={"sensor_lag_s": (0.0, 120.0)},
-            drawn={},
-        ),
-        Effect(
-            name="sensor_offset",
-            group="sensor_2",
-            formula="measured_2_c is T2 + offset_k; the conditions give T2",
-            size={"offset_k": (0.0, 5.0)},
-            drawn={},
-            signed=True,
-        ),
-    ),
-    outside=(
-        Term(
-            name="radiation",
-            equation="temperature_2_c",
-            variables=("temperature_2_c", "room_c"),
-            shape="fourth_power",
-            sign=-1,
-            formula="C2 dT2/dt gets -radiation_w_k4 ((T2 + 273.15)^4 - (Ta + 273.15)^4)",
-            coefficient="radiation_w_k4",
-            largest=1e-8,
-            drawn={},
-        ),
-        Term(
-            name="free_convection",
-            equation="temperature_2_c",
-            variables=("temperature_2_c", "room_c"),
-            shape="signed_square",
-            sign=-1,
-            formula="C2 dT2/dt gets -convection_w_k2 (T2 - Ta) |T2 - Ta|",
-            coefficient="convection_w_k2",
-            largest=0.03,
-            drawn={},
-        ),
-        Term(
-            name="fading_heater",
-            equation="temperature_1_c",
-            variables=("heater_w", "temperature_1_c", "room_c"),
-            shape="product",
-            sign=-1,
-            formula="C1 dT1/dt gets -fade_per_k P (T1 - Ta)",
-            coefficient="fade_per_k",
-            largest=0.01,
-            drawn={},
-        ),
-        Term(
-            name="fan_above_a_temperature",
-            equation="temperature_2_c",
-            variables=("temperature_2_c",),
-            shape="threshold",
-            sign=-1,
-            formula="C2 dT2/dt gets -fan_w_k max(T2 - fan_start_c, 0)",
-            coefficient="fan_w_k",
-            largest=3.0,
-            drawn={"fan_start_c": (35.0, 45.0)},
-        ),
-    ),
+    catalogue=CATALOGUE,
+    outside=OUTSIDE,
     disturbance=Disturbance(equation="temperature_1_c", unit="W", largest_rms=30.0, correlation_s=60.0),
     constants=CONSTANTS,
     slope=_slope,

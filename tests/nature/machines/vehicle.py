@@ -111,27 +111,51 @@ def _plan(rng: np.random.Generator, samples: int, index: int) -> Plan:
     )
 
 
+PARAMETERS = (
+    # Nominal value, spread, scatter from run to run, meaning.
+    Parameter("mass_kg", 1200.0, 0.04, 0.0005, "m"),
+    Parameter("damping_n_s_m", 60.0, 0.15, 0.004, "c, drag per speed"),
+    Parameter("drive_gain", 1.0, 0.02, 0.001, "k, force per commanded force"),
+    Parameter("wheelbase_m", 2.6, 0.01, 0.0, "W"),
+    Parameter("characteristic_m_s", 20.0, 0.08, 0.002, "vc, speed of largest yaw rate per steering angle"),
+    Parameter("yaw_lag_s", 0.2, 0.15, 0.0, "T, lag of the yaw rate"),
+)  # fmt: skip
+CATALOGUE = (
+    # Group, formula, size without and largest; what else is drawn.
+    Effect("rolling_friction", "friction",
+        "m dv/dt gets -rolling_n sgn(v); at v = 0 it holds the vehicle against "
+        "any force up to rolling_n", {"rolling_n": (0.0, 1500.0)}),
+    Effect("quadratic_drag", "drag", "m dv/dt gets -drag_n_s2_m2 v |v|", {"drag_n_s2_m2": (0.0, 10.0)}),
+    Effect("saturation", "force", "F becomes max(-limit_n, min(F, limit_n))", {"limit_n": (3000.0, 500.0)}),
+    Effect("input_delay", "delay", "d(t) becomes d(t - delay_s); before the start d had its first value",
+        {"delay_s": (0.0, 0.8)}),
+    Effect("steering_backlash", "steering",
+        "d becomes y, which stays within play_rad/2 of d and moves only if it must; y begins at the "
+        "first d", {"play_rad": (0.0, 0.1)}),
+    Effect("sensor_offset", "sensor_2", "measured_yaw_rate_rad_s is r + offset_rad_s; the conditions give r",
+        {"offset_rad_s": (0.0, 0.2)}, signed=True),
+    Effect("gain_error", "sensor_1", "measured_speed_m_s is v (1 + gain_error); the conditions give v",
+        {"gain_error": (0.0, 0.2)}, signed=True),
+)  # fmt: skip
+OUTSIDE = (
+    # Equation, variables, shape, formula, coefficient, its largest value; what else is drawn.
+    Term("cornering_drag", "speed_m_s", ("speed_m_s", "yaw_rate_rad_s"), "product",
+        "m dv/dt gets -cornering_n_s3_m v r^2", "cornering_n_s3_m", 3e4),
+    Term("cubic_drag", "speed_m_s", ("speed_m_s",), "cube", "m dv/dt gets -cubic_n_s3_m3 v^3",
+        "cubic_n_s3_m3", 1.0),
+    Term("steering_loss", "yaw_rate_rad_s", ("speed_m_s", "steering_rad"), "product",
+        "T dr/dt gets -steering_loss_s2 v d^3", "steering_loss_s2", 60.0),
+    Term("yaw_drag", "yaw_rate_rad_s", ("yaw_rate_rad_s",), "signed_square", "T dr/dt gets -yaw_drag_s r |r|",
+        "yaw_drag_s", 20.0),
+    Term("speed_brake", "speed_m_s", ("speed_m_s",), "threshold",
+        "m dv/dt gets -brake_n_s_m max(v - brake_start_m_s, 0)", "brake_n_s_m", 2000.0,
+        {"brake_start_m_s": (3.0, 7.0)}),
+)  # fmt: skip
+
 FAMILY = Family(
     name="vehicle",
     dt_s=0.05,
-    parameters=(
-        Parameter(name="mass_kg", nominal=1200.0, spread=0.04, scatter=0.0005, meaning="m"),
-        Parameter(
-            name="damping_n_s_m", nominal=60.0, spread=0.15, scatter=0.004, meaning="c, drag per speed"
-        ),
-        Parameter(
-            name="drive_gain", nominal=1.0, spread=0.02, scatter=0.001, meaning="k, force per commanded force"
-        ),
-        Parameter(name="wheelbase_m", nominal=2.6, spread=0.01, scatter=0.0, meaning="W"),
-        Parameter(
-            name="characteristic_m_s",
-            nominal=20.0,
-            spread=0.08,
-            scatter=0.002,
-            meaning="vc, speed of largest yaw rate per steering angle",
-        ),
-        Parameter(name="yaw_lag_s", nominal=0.2, spread=0.15, scatter=0.0, meaning="T, lag of the yaw rate"),
-    ),
+    parameters=PARAMETERS,
     states=(
         State(name="speed_m_s", spread=0.1, scale=5.0),
         State(name="yaw_rate_rad_s", spread=0.003, scale=0.1),
@@ -145,118 +169,8 @@ FAMILY = Family(
         InputSignal(name="force_n", low=-3000.0, high=3000.0),
         InputSignal(name="steering_rad", low=-0.1, high=0.1),
     ),
-    catalogue=(
-        Effect(
-            name="rolling_friction",
-            group="friction",
-            formula="m dv/dt gets -rolling_n sgn(v); at v = 0 it holds the vehicle against "
-            "any force up to rolling_n",
-            size={"rolling_n": (0.0, 1500.0)},
-            drawn={},
-        ),
-        Effect(
-            name="quadratic_drag",
-            group="drag",
-            formula="m dv/dt gets -drag_n_s2_m2 v |v|",
-            size={"drag_n_s2_m2": (0.0, 10.0)},
-            drawn={},
-        ),
-        Effect(
-            name="saturation",
-            group="force",
-            formula="F becomes max(-limit_n, min(F, limit_n))",
-            size={"limit_n": (3000.0, 500.0)},
-            drawn={},
-        ),
-        Effect(
-            name="input_delay",
-            group="delay",
-            formula="d(t) becomes d(t - delay_s); before the start d had its first value",
-            size={"delay_s": (0.0, 0.8)},
-            drawn={},
-        ),
-        Effect(
-            name="steering_backlash",
-            group="steering",
-            formula="d becomes y, which stays within play_rad/2 of d and moves only if it "
-            "must; y begins at the first d",
-            size={"play_rad": (0.0, 0.1)},
-            drawn={},
-        ),
-        Effect(
-            name="sensor_offset",
-            group="sensor_2",
-            formula="measured_yaw_rate_rad_s is r + offset_rad_s; the conditions give r",
-            size={"offset_rad_s": (0.0, 0.2)},
-            drawn={},
-            signed=True,
-        ),
-        Effect(
-            name="gain_error",
-            group="sensor_1",
-            formula="measured_speed_m_s is v (1 + gain_error); the conditions give v",
-            size={"gain_error": (0.0, 0.2)},
-            drawn={},
-            signed=True,
-        ),
-    ),
-    outside=(
-        Term(
-            name="cornering_drag",
-            equation="speed_m_s",
-            variables=("speed_m_s", "yaw_rate_rad_s"),
-            shape="product",
-            sign=-1,
-            formula="m dv/dt gets -cornering_n_s3_m v r^2",
-            coefficient="cornering_n_s3_m",
-            largest=3e4,
-            drawn={},
-        ),
-        Term(
-            name="cubic_drag",
-            equation="speed_m_s",
-            variables=("speed_m_s",),
-            shape="cube",
-            sign=-1,
-            formula="m dv/dt gets -cubic_n_s3_m3 v^3",
-            coefficient="cubic_n_s3_m3",
-            largest=1.0,
-            drawn={},
-        ),
-        Term(
-            name="steering_loss",
-            equation="yaw_rate_rad_s",
-            variables=("speed_m_s", "steering_rad"),
-            shape="product",
-            sign=-1,
-            formula="T dr/dt gets -steering_loss_s2 v d^3",
-            coefficient="steering_loss_s2",
-            largest=60.0,
-            drawn={},
-        ),
-        Term(
-            name="yaw_drag",
-            equation="yaw_rate_rad_s",
-            variables=("yaw_rate_rad_s",),
-            shape="signed_square",
-            sign=-1,
-            formula="T dr/dt gets -yaw_drag_s r |r|",
-            coefficient="yaw_drag_s",
-            largest=20.0,
-            drawn={},
-        ),
-        Term(
-            name="speed_brake",
-            equation="speed_m_s",
-            variables=("speed_m_s",),
-            shape="threshold",
-            sign=-1,
-            formula="m dv/dt gets -brake_n_s_m max(v - brake_start_m_s, 0)",
-            coefficient="brake_n_s_m",
-            largest=2000.0,
-            drawn={"brake_start_m_s": (3.0, 7.0)},
-        ),
-    ),
+    catalogue=CATALOGUE,
+    outside=OUTSIDE,
     disturbance=Disturbance(equation="speed_m_s", unit="N", largest_rms=3000.0, correlation_s=1.0),
     constants=CONSTANTS,
     slope=_slope,
