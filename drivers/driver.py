@@ -148,7 +148,7 @@ class DriveCodec(Codec[bytes], Protocol):
         ...
 
     def encode_speeds(self, speed_rad_s: Sequence[float]) -> tuple[Sequence[bytes], tuple[float, ...]]:
-        """Return payloads for the wheel speed set-points, and the speeds they really mean.
+        """Return payloads for the wheel speed setpoints, and the speeds they really mean.
 
         `speed_rad_s` holds `wheel_count` finite numbers; the caller checks.
         """
@@ -172,7 +172,7 @@ class SteeringCodec(DriveCodec, Protocol):
     """A codec of a drive that also steers wheels.
 
     Attributes:
-        steering_limits_rad: Least and greatest set-point that the device takes, by the index of each wheel
+        steering_limits_rad: Least and greatest setpoint that the device takes, by the index of each wheel
             that it steers; empty where the device has no such signal.
     """
 
@@ -452,12 +452,12 @@ class WheelDrive(Driver[bytes]):
             super().close()
 
     def command(self, command: WheelCommand) -> SentCommand:
-        """Send wheel speed set-points; an expired or malformed command sends zero speeds instead.
+        """Send wheel speed setpoints; an expired or malformed command sends zero speeds instead.
 
         Such a command does not steer either: the last steering angles stay.
 
         Returns:
-            The set-points that the device really got, and whether they went out.
+            The setpoints that the device really got, and whether they went out.
 
         Raises:
             NotConnectedError: Before `connect` or after `close`.

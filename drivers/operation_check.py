@@ -3,11 +3,11 @@
 from drivers.clock import NANOSECONDS_PER_SECOND
 
 START_TIME_NS = NANOSECONDS_PER_SECOND
-"""Time for a drive to begin to operate after the first set-point."""
+"""Time for a drive to begin to operate after the first setpoint."""
 
 
 class OperationCheck:
-    """Remembers whether a drive gets set-points, and whether it has obeyed them.
+    """Remembers whether a drive gets setpoints, and whether it has obeyed them.
 
     A drive that gets none may rest in any state. One that gets them must operate within a second, and then
     until it is stopped; a fault lasts until it operates again.
@@ -17,7 +17,7 @@ class OperationCheck:
         self.note_stop()
 
     def note_set_point(self) -> None:
-        """Note that a set-point is sent."""
+        """Note that a setpoint is sent."""
         self._is_commanded = True
 
     def note_stop(self) -> None:

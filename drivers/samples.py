@@ -182,10 +182,10 @@ class LinkSample(Sample):
 
 @record(frozen=True, slots=True, kw_only=True)
 class WheelCommand:
-    """Wheel speed set-points in rad/s at the wheel, one per wheel, and until when they hold.
+    """Wheel speed setpoints in rad/s at the wheel, one per wheel, and until when they hold.
 
     Attributes:
-        steering_rad: Steering set-points, one per wheel; None where the drive keeps its last ones.
+        steering_rad: Steering setpoints, one per wheel; None where the drive keeps its last ones.
     """
 
     t_ns: int
@@ -196,13 +196,13 @@ class WheelCommand:
 
 @record(frozen=True, slots=True, kw_only=True)
 class SentCommand:
-    """The set-points that a drive really got.
+    """The setpoints that a drive really got.
 
     Attributes:
         t_ns: Host monotonic time of sending.
-        speed_rad_s: Set-points after the device's own rounding and clipping.
+        speed_rad_s: Setpoints after the device's own rounding and clipping.
         delivered: False when the link was down or full and nothing went out.
-        steering_rad: Steering set-points of all wheels; None for a drive that does not steer.
+        steering_rad: Steering setpoints of all wheels; None for a drive that does not steer.
     """
 
     t_ns: int

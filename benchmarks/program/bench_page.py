@@ -102,7 +102,7 @@ def click(driver: Any, text: str) -> None:
 
 
 def measure(url: str, number: int) -> tuple[float, float, float]:
-    """Return first paint, slider to gain, stop to zero set-points, in ms.
+    """Return first paint, slider to gain, stop to zero setpoints, in ms.
 
     Gains hold for the next run: with each number the slider is pressed at another place.
     """
@@ -195,7 +195,7 @@ def main() -> None:
     for name, figure, bar in (
         ("first paint", paint_ms, PAINT_BAR_MS),
         ("slider to applied gain", slider_ms, SLIDER_BAR_MS),
-        ("emergency stop to zero set-points", stop_ms, STOP_BAR_MS),
+        ("emergency stop to zero setpoints", stop_ms, STOP_BAR_MS),
     ):
         print(f"{name}: median {figure:.0f} ms of {times}, bar {bar:.0f} ms")
     one_minute, five, fifteen = os.getloadavg()

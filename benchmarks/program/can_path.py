@@ -2,7 +2,7 @@
 
     python -m benchmarks.program.can_path [--seconds 60]
 
-Four wheels at 100 Hz, an IMU at 100 Hz that nobody listens to, and set-points at 100 Hz the other way, with
+Four wheels at 100 Hz, an IMU at 100 Hz that nobody listens to, and setpoints at 100 Hz the other way, with
 the real driver and link, on python-can's virtual bus and over slcan on a pseudo-terminal. Prints JSON; exit
 code 1 when a frame was lost.
 """
@@ -39,7 +39,7 @@ CALLS, REPEATS = 20_000, 7
 
 
 class Rover(threading.Thread):
-    """The far end: sends a frame of wheels at rest every 2 ms and counts the set-points it hears."""
+    """The far end: sends a frame of wheels at rest every 2 ms and counts the setpoints it hears."""
 
     def __init__(self, port: Port[bytes]) -> None:
         super().__init__(daemon=True)
@@ -80,7 +80,7 @@ def sustain(interface: Literal["virtual", "slcan"], seconds: float) -> dict[str,
         rover.start()
         with drive:
             received, commanded = drive_rover(drive, rover, seconds)
-            heard = rover.heard  # before the zero set-points with which the drive closes
+            heard = rover.heard  # before the zero setpoints with which the drive closes
         rejected = dict(drive.health().rejected)
         rover.is_listening = False
         rover.join()
@@ -98,7 +98,7 @@ def sustain(interface: Literal["virtual", "slcan"], seconds: float) -> dict[str,
 
 
 def drive_rover(drive: WheelDrive, rover: Rover, seconds: float) -> tuple[int, int]:
-    """Poll and command at 100 Hz; return how many wheel samples came and set-points were tried."""
+    """Poll and command at 100 Hz; return how many wheel samples came and setpoints were tried."""
     received = commanded = 0
     start_ns = CLOCK.now_ns()
     stop_ns = start_ns + nanoseconds(seconds)

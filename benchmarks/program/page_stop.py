@@ -87,7 +87,7 @@ class Stop:
     """How a rover stopped.
 
     Attributes:
-        to_zero_s: From the press to the last set-points being zero.
+        to_zero_s: From the press to the last setpoints being zero.
         reasons: Why the operator was lost before, in order.
         end: How the run ended.
         alarm: What the red bar said; "" where there was none.
@@ -363,7 +363,7 @@ def ended(path: Path) -> tuple[tuple[str, ...], str]:
 
 
 def zero_ns(path: Path) -> int:
-    """Return when the set-points on the bus became zero for good, by the log of a real run."""
+    """Return when the setpoints on the bus became zero for good, by the log of a real run."""
     moving_ns, sent_ns = 0, list[int]()
     for message in LogReader(path).messages():
         if message.topic == "/command" and any(json.loads(message.data)["speed_rad_s"]):

@@ -37,7 +37,7 @@ P99_BAR_US = 1000.0
 
 @dataclass
 class Course:
-    """Wheel positions of a rover that obeys its set-points at once, and its noisy sensors."""
+    """Wheel positions of a rover that obeys its setpoints at once, and its noisy sensors."""
 
     generator: np.random.Generator
     position_rad: list[float]

@@ -1,4 +1,4 @@
-"""Steady states of the measured Robotino runs, and of the simulated rover given the same set-points."""
+"""Steady states of the measured Robotino runs, and of the simulated rover given the same setpoints."""
 
 import gzip
 import math
@@ -137,7 +137,7 @@ def measured_cells_2021(folder: Path, scale_mm_per_px: float) -> list[Cell]:
 
 
 def truncated(speed_rad_s: Floats) -> tuple[float, ...]:
-    """Return set-points as the board gets them: whole speed steps of 27 rpm at the motor, cut off."""
+    """Return setpoints as the board gets them: whole speed steps of 27 rpm at the motor, cut off."""
     steps = np.trunc(speed_rad_s / SPEED_STEP_RAD_S + np.copysign(1e-9, speed_rad_s))
     return tuple((steps * SPEED_STEP_RAD_S).tolist())
 
@@ -149,7 +149,7 @@ def simulated(
     centre_of_mass_x_m: float | None = None,
     duration_s: float = 3.0,
 ) -> Cell:
-    """Return what the simulated rover does on an even floor of a surface with the same set-points."""
+    """Return what the simulated rover does on an even floor of a surface with the same setpoints."""
     patches = [] if sinkage_m == 0.0 else [_everywhere(cell.surface, sinkage_m)]
     site = Site(
         floor=cell.surface,

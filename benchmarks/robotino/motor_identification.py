@@ -2,7 +2,7 @@
 
     python -m benchmarks.robotino.motor_identification [SEEDS]
 
-simulates `SEEDS` motors (100) twice through the measured staircase of set-points, with the measured noise: as
+simulates `SEEDS` motors (100) twice through the measured staircase of setpoints, with the measured noise: as
 the board drives a free motor, and with a soft speed loop, a third of a rover as inertia and the voltage
 measured. Prints JSON: for each parameter bias and rms error as a share of the truth, half of the interval,
 and how often the interval covers the truth; then the misfit of fit and data sheet on the measured records.
@@ -41,7 +41,7 @@ def truth(motor: TrueMotor) -> dict[str, float]:
         "coulomb_a": motor.coulomb_nm / kt,
         "viscous_a_s_per_rad": viscous,
         "inertia_a_s2_per_rad": inertia,
-        # A set-point waits for half a cycle of the board on average.
+        # A setpoint waits for half a cycle of the board on average.
         "delay_s": motor.delay_s + LOOP_PERIOD_S / 2,
         "lag_s": inertia * droop / (1 + droop * viscous),
         "gain": (motor.feed_forward_v_s + motor.stiffness_v_s) / stiff,

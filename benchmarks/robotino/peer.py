@@ -24,7 +24,7 @@ SMOOTH_RAD_S = 0.02
 
 
 class Peer:
-    """The rover on an even floor of one surface at constant set-points.
+    """The rover on an even floor of one surface at constant setpoints.
 
     The state is x, y, yaw; velocity x, y, yaw rate in the body; wheel speeds; currents.
     """

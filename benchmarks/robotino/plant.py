@@ -4,7 +4,7 @@
         [--earlier ../shared/data/robotino_2021]
 
 A cell is one measured run (BrOleg5/research-wheel-slippage): surface, commanded speed, direction. The
-simulated rover gets the same set-points on an even floor. A cell counts when mean motor current and true
+simulated rover gets the same setpoints on an even floor. A cell counts when mean motor current and true
 speed are both within 15 per cent. The surfaces were fitted to the directions 0, 20, 40 ... degrees
 (`benchmarks.robotino.fit`); the directions 10, 30, 50 ... are the check. `--cells` lists every cell,
 `--earlier` adds the blue and red runs of 2021, outside the count.
@@ -126,7 +126,7 @@ def times_real_time(cycle_ns: int, simulated_s: int = 200) -> float:
     """Return how many times faster than real time the plant is, driving to and fro over a site.
 
     Args:
-        cycle_ns: How often it gets set-points and is asked for the truth.
+        cycle_ns: How often it gets setpoints and is asked for the truth.
         simulated_s: For how long.
     """
     settings = RobotinoPlantSettings(site=load_site("paper_like"))

@@ -2,7 +2,7 @@
 
     python -m benchmarks.robotino.torque_correction
 
-Prints how often the busiest wheel's set-point turns round per second, and how much set-points change.
+Prints how often the busiest wheel's setpoint turns round per second, and how much setpoints change.
 """
 
 import numpy as np
@@ -28,7 +28,7 @@ CORRECTIONS: tuple[dict[str, object] | None, ...] = (
 
 
 def judge(correction: dict[str, object] | None, site: int) -> str:
-    """Drive once; return reversals per second and mean change of a set-point in rad/s2."""
+    """Drive once; return reversals per second and mean change of a setpoint in rad/s2."""
     table = load_config("robotino").model_dump(by_alias=True)
     table["slip"] |= {"use": "linear_m", "unknown_ground": "map", "torque_correction": correction}
     config = Config.model_validate(table)

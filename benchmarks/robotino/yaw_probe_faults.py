@@ -94,7 +94,7 @@ class FaultyGyro:
         self._t_ns: int | None = None
 
     def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
-        """Pass the set-points on."""
+        """Pass the setpoints on."""
         self._plant.set_wheel_speeds(speed_rad_s)
 
     def advance(self, t_ns: int) -> None:

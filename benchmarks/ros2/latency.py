@@ -2,7 +2,7 @@
 
 Prints, for the simulated Robotino at 50 Hz: from the time of the wheel positions behind a /odom until a peer
 has it; from a /cmd_vel of a commander in a process of its own, at any moment of a cycle, until the cycle is
-over in which its set-points are sent. With ROS2_PEER (the program that `make test-ros2` builds) the peer is
+over in which its setpoints are sent. With ROS2_PEER (the program that `make test-ros2` builds) the peer is
 Fast DDS, else Cyclone DDS.
 
     python -m benchmarks.ros2.latency [SECONDS]
@@ -66,7 +66,7 @@ class Follower:
         """End nothing."""
 
     def show(self, view: CycleView) -> None:
-        """Look at the set-points and at /odom."""
+        """Look at the setpoints and at /odom."""
         is_driven = any(view.sent.speed_rad_s)
         if is_driven is not self._was_driven:
             self._was_driven = is_driven
@@ -76,7 +76,7 @@ class Follower:
 
 
 def reactions_ns(changes: list[tuple[int, bool]], sent: list[str]) -> list[int]:
-    """Return the times from commands to the changes of the set-points that follow from them."""
+    """Return the times from commands to the changes of the setpoints that follow from them."""
     commands = [(int(time_ns), bool(int(is_ahead))) for time_ns, is_ahead in map(str.split, sent)]
     reactions = []
     for changed_ns, is_driven in changes:
@@ -122,7 +122,7 @@ def main() -> int:
             rows = [row.split() for row in read.read_text().splitlines()[1:]]
             odometry_ns = [int(arrival) - int(stamp) for _, _, stamp, arrival in rows]
     print(f"sample to /odom at {'Fast DDS' if peer else 'a reader once per cycle'}: {quantiles(odometry_ns)}")
-    print(f"/cmd_vel to set-points: {quantiles(reaction_ns)}")
+    print(f"/cmd_vel to setpoints: {quantiles(reaction_ns)}")
     period_ms = 1e3 / RATE_HZ
     is_good = (
         np.median(odometry_ns) * MS < period_ms + 2.0

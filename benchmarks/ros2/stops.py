@@ -1,8 +1,8 @@
 """How soon a rover that is driven over ROS 2 rests when something fails, its stops without need, its motion.
 
 The simulated Robotino in real time, with a commander in a process of its own that drives it ahead. Prints the
-greatest time from the event until set-points are zero; false stops: cycles at rest before the event, or after
-one that is none; and motion that nobody commands: set-points against the command, or after the rest.
+greatest time from the event until setpoints are zero; false stops: cycles at rest before the event, or after
+one that is none; and motion that nobody commands: setpoints against the command, or after the rest.
 
 Payloads that are too short or too long come from Fast DDS: they need ROS2_PEER, the program that
 `make test-ros2` builds. The network is taken away in a namespace of its own:
@@ -153,7 +153,7 @@ class Watcher:
     Attributes:
         false_stops: Cycles at rest without need.
         uncommanded: Cycles of motion that the commander does not command.
-        rest_s: Time from the event to set-points of zero.
+        rest_s: Time from the event to setpoints of zero.
         late_s: How late that cycle was over: since the time at which it should have begun.
     """
 
@@ -194,7 +194,7 @@ class Watcher:
                 self._strike()
                 self._struck_ns = self._clock.now_ns()
             return
-        # From a command of the rival on set-points turn round through zero, but need not meet it in a cycle.
+        # From a command of the rival on setpoints turn round through zero, but need not meet it in a cycle.
         wanted = None if view.wanted is None else view.wanted.motion
         is_over = not is_driven or (is_rival and wanted is not None and wanted[0] < 0.0)
         if self.rest_s is None and is_over:

@@ -51,7 +51,7 @@ class Drive:
 
     Attributes:
         end: How the run ended; "started" where there is no run.
-        moved_ns: Wall time of the last set-point that is not zero; 0 for none.
+        moved_ns: Wall time of the last setpoint that is not zero; 0 for none.
     """
 
     end: str

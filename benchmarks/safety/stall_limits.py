@@ -34,7 +34,7 @@ CREEPING_RAD_S = 1.0
 
 
 class _Excused(StallMonitor):
-    """No stall at creeping set-points while a camera measures progress: a rival of the limits."""
+    """No stall at creeping setpoints while a camera measures progress: a rival of the limits."""
 
     def __init__(self, settings: StallSettings, wheel_count: int) -> None:
         super().__init__(settings, wheel_count)
@@ -54,11 +54,11 @@ RULES = {
     "turns from 0.02 rad/s on": (StallMonitor, StallSettings(stall_speed_rad_s=0.02)),
     "turns from 0.01 rad/s on, shipped": (StallMonitor, StallSettings()),
     "turns from 0.005 rad/s on": (StallMonitor, StallSettings(stall_speed_rad_s=0.005)),
-    "0.02, set-points from 0.7 rad/s on": (
+    "0.02, setpoints from 0.7 rad/s on": (
         StallMonitor,
         StallSettings(stall_speed_rad_s=0.02, stall_set_point_rad_s=0.7),
     ),
-    "0.02, set-points from 1 rad/s on": (
+    "0.02, setpoints from 1 rad/s on": (
         StallMonitor,
         StallSettings(stall_speed_rad_s=0.02, stall_set_point_rad_s=1.0),
     ),

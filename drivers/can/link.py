@@ -37,7 +37,7 @@ GARBLED = b""
 class CanLink(ThreadedLink[bytes]):
     """A CAN bus; payloads are 16-byte frames, those in which the controller reports errors included.
 
-    Set-points are sent one by one: cyclic sending by the kernel would continue when this program hangs, and
+    Setpoints are sent one by one: cyclic sending by the kernel would continue when this program hangs, and
     so defeat the watchdogs of the drives.
 
     Args:

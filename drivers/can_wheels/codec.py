@@ -28,7 +28,7 @@ OTHER_TRAFFIC = (Rejection("other_traffic"),)
 
 
 class _Outbox:
-    """One set-point message and the wheels that it commands: speeds, and steering angles."""
+    """One setpoint message and the wheels that it commands: speeds, and steering angles."""
 
     def __init__(self, writer: MessageWriter) -> None:
         self.writer = writer
@@ -142,10 +142,10 @@ class CanWheelsCodec:
         return [*standstill, *fresh.encode_stop()]
 
     def encode_speeds(self, speed_rad_s: Sequence[float]) -> tuple[Sequence[bytes], tuple[float, ...]]:
-        """Return the set-point messages, and the speeds they mean after clipping and rounding.
+        """Return the setpoint messages, and the speeds they mean after clipping and rounding.
 
-        A wheel without a set-point in the mapping gets none; its speed is given as 0. Steering angles stay at
-        their last set-points, 0 at first.
+        A wheel without a setpoint in the mapping gets none; its speed is given as 0. Steering angles stay at
+        their last setpoints, 0 at first.
         """
         payloads, meant, _ = self.encode_set_points(speed_rad_s, self._steering_rad)
         return payloads, meant
@@ -153,7 +153,7 @@ class CanWheelsCodec:
     def encode_set_points(
         self, speed_rad_s: Sequence[float], steering_rad: Sequence[float]
     ) -> tuple[Sequence[bytes], tuple[float, ...], tuple[float, ...]]:
-        """Return the set-point messages, and the speeds and steering angles they mean.
+        """Return the setpoint messages, and the speeds and steering angles they mean.
 
         A steering angle without a signal in the mapping is given as 0.
         """

@@ -75,7 +75,7 @@ class BusDescription:
         } | ({} if wheel.steering is None else {"steering": self.steering_scale(wheel, wheel.steering)})
 
     def setpoint_scale(self, wheel: WheelMapping, setpoint: Setpoint) -> Scale:
-        """Return the conversion of a wheel's speed set-point."""
+        """Return the conversion of a wheel's speed setpoint."""
         return self._scale(setpoint, _speed_factor(wheel, setpoint))
 
     def steering_scale(self, wheel: WheelMapping, source: SteeringSource) -> Scale:

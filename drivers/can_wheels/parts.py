@@ -317,7 +317,7 @@ class StatePart:
         self.signals: Sequence[str] = (name.signal,)
 
     def reset(self) -> None:
-        """Take the drive for one that gets no set-points, until the next."""
+        """Take the drive for one that gets no setpoints, until the next."""
         self._operation.note_stop()
 
     def read(self, t_ns: int, values: Mapping[str, float]) -> Results:
@@ -326,7 +326,7 @@ class StatePart:
         code, text = 0, ""
         if self._operation.is_at_fault(t_ns, is_operating=state in self._operating):
             code = state or 1  # 0 would mean no fault
-            text = f"the drive does not obey set-points, its state is {self._names.get(state, state)}"
+            text = f"the drive does not obey setpoints, its state is {self._names.get(state, state)}"
         fault = self._board.report(t_ns, self._wheel, self._source, code, text)
         if fault is not None:
             yield fault

@@ -1,7 +1,7 @@
-"""CANopen drives: configured by SDO one answer at a time, then set-points and readings in PDOs.
+"""CANopen drives: configured by SDO one answer at a time, then setpoints and readings in PDOs.
 
-Set-points other than 0 are sent only when all drives are configured and enabled. What moves a drive towards
-operation is sent with each set-point, by the statusword that it last sent: no thread and no clock are needed,
+Setpoints other than 0 are sent only when all drives are configured and enabled. What moves a drive towards
+operation is sent with each setpoint, by the statusword that it last sent: no thread and no clock are needed,
 and a replay gives the same frames.
 
 There is no counter and no time in PDOs: old or lost ones do not show. Not detectable: wrong counts, gear or
@@ -55,7 +55,7 @@ TOO_SHORT = (Rejection("too_short"),)
 IMPLAUSIBLE_JUMP = (Rejection("implausible_jump"),)
 
 CALLS_UNTIL_REPEAT = 25
-"""Set-points after which an SDO without an answer is sent again."""
+"""Setpoints after which an SDO without an answer is sent again."""
 _PLAUSIBLE_OVERSPEED = 1.5
 _ABORT = 0x80
 _DOWNLOADED = 0x60
@@ -115,7 +115,7 @@ class _Drive:
         return self.is_started and self.state is State.ENABLED
 
     def next_frames(self, velocity: int, is_standstill: bool) -> list[bytes]:
-        """Return what brings the drive a step further, or its set-point; nothing when it stays off."""
+        """Return what brings the drive a step further, or its setpoint; nothing when it stays off."""
         if self.is_off:
             return []
         if self.is_configured and not self.is_started:
@@ -180,7 +180,7 @@ class CanopenWheelsCodec:
 
     TPDO 1 gives the speed, TPDO 2 the position and, with the rated current in the settings, the current.
     Positions count from the drive's own zero. Faults: emergencies, the fault state of a drive, a drive that
-    leaves "operation enabled" or does not come to it while set-points are sent, an object that it refuses, a
+    leaves "operation enabled" or does not come to it while setpoints are sent, an object that it refuses, a
     restart, and a drive that is no longer operational.
 
     Rejections: "not_a_frame"; "other_traffic"; "other_node", a CANopen message of a node that no wheel has;
@@ -237,7 +237,7 @@ class CanopenWheelsCodec:
     def encode_start(self) -> Sequence[bytes]:
         """Return nothing, and allow each drive one reset of a fault while zero speeds are commanded.
 
-        Drives are configured and switched on step by step with the set-points. `WheelDrive` decides when and
+        Drives are configured and switched on step by step with the setpoints. `WheelDrive` decides when and
         how often a fault is followed by a new start.
         """
         for drive in self._drives:
@@ -291,7 +291,7 @@ class CanopenWheelsCodec:
         is_at_fault = drive.operation.is_at_fault(t_ns, is_operating=drive.state is State.ENABLED)
         code = statusword if is_at_fault or drive.state is State.FAULT else 0
         state = drive.state.name.lower().replace("_", " ")
-        text = "fault" if drive.state is State.FAULT else f"the drive does not obey set-points: {state}"
+        text = "fault" if drive.state is State.FAULT else f"the drive does not obey setpoints: {state}"
         speed_rad_s = velocity / drive.units_per_rad_s
         drive.speed_check.note_speed(speed_rad_s)
         return (

@@ -33,7 +33,7 @@ class CanopenWheelsParameters(CanDeviceSettings, DriveSettings):
         counts_per_motor_turn: Counts of the position (6064h) per turn of the motor.
         gear_ratio: Turns of the motor per turn of the wheel.
         velocity_units_per_rpm: Size of 1 rpm at the motor in the velocity unit of the drive (60FFh, 606Ch).
-        rpm_limit: Largest speed of the motors: set-points are clipped to it, and positions that move one and
+        rpm_limit: Largest speed of the motors: setpoints are clipped to it, and positions that move one and
             a half times as fast are rejected.
         rated_current_a: Rated current of the motors (6075h), the unit of 6078h; without it no current is
             read.

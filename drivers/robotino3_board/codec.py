@@ -102,7 +102,7 @@ class Robotino3BoardCodec:
         return [build_frame(build_message(SET_EMERGENCY_BUMPER, bytes((self._emergency_bumper,))))]
 
     def encode_speeds(self, speed_rad_s: Sequence[float]) -> tuple[Sequence[bytes], tuple[float, ...]]:
-        """Return one request with the set-points and a question for all readings, and the speeds it means."""
+        """Return one request with the setpoints and a question for all readings, and the speeds it means."""
         body = b""
         meant = []
         for motor, speed in enumerate(speed_rad_s):

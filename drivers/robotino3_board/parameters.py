@@ -14,7 +14,7 @@ class Robotino3BoardParameters(SerialDeviceSettings, DriveSettings):
         baud_rate: Not used by the USB port; any value works.
         gear_ratio: Turns of the motor per turn of the wheel.
         ticks_per_motor_turn: Encoder counts per turn of the motor.
-        rpm_limit: Largest speed of the motors in turns per minute: set-points are clipped to it, and
+        rpm_limit: Largest speed of the motors in turns per minute: setpoints are clipped to it, and
             positions that move one and a half times as fast are rejected.
         emergency_bumper: The board itself stops the motors while the bumper is pressed.
     """

@@ -63,8 +63,8 @@ class BoardRequest(NamedTuple):
     """A request of the host.
 
     Attributes:
-        speed_steps: Set-point of each motor, -255 to 255 speed steps, forward positive.
-        brakes_off: Whether each motor may turn; with the brake on its set-point counts as 0.
+        speed_steps: Setpoint of each motor, -255 to 255 speed steps, forward positive.
+        brakes_off: Whether each motor may turn; with the brake on its setpoint counts as 0.
         gains: kp, ki, kd, 0 to 255, the same for the three motors.
     """
 

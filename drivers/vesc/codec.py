@@ -131,11 +131,11 @@ class _Wheel:
 
 
 class VescCodec:
-    """Status messages to samples; wheel speeds to set-points, and with them questions for fault and status.
+    """Status messages to samples; wheel speeds to setpoints, and with them questions for fault and status.
 
     Status 1 gives speed and current, status 5 the position and, from the first wheel's controller, the supply
     voltage. Positions count from the controller's own zero. Beside the controller's own faults, a timeout or
-    kill switch that keeps the motor off while set-points are sent is one.
+    kill switch that keeps the motor off while setpoints are sent is one.
 
     Rejections: "not_a_frame"; "other_traffic"; "other_node", a status message of a controller that no wheel
     has; "too_short"; "implausible_jump", see `PositionCounter`; "no_fault_report", a controller that answers
@@ -181,11 +181,11 @@ class VescCodec:
         return (*recovered, *self._read(item.t_ns, frame.can_id >> 8, frame.can_id & 0xFF, frame.data))
 
     def encode_start(self) -> Sequence[bytes]:
-        """Return nothing: a controller obeys the first set-point."""
+        """Return nothing: a controller obeys the first setpoint."""
         return ()
 
     def encode_speeds(self, speed_rad_s: Sequence[float]) -> tuple[Sequence[bytes], tuple[float, ...]]:
-        """Return the set-points, whole electrical turns per minute within the limit, and what they mean.
+        """Return the setpoints, whole electrical turns per minute within the limit, and what they mean.
 
         Questions for fault and status of one wheel after the other are added to each call.
         """

@@ -32,7 +32,7 @@ class VescParameters(CanDeviceSettings, DriveSettings):
         wheel: In the rover's order, e.g. front left, front right, rear left, rear right.
         pole_pairs: Pairs of magnetic poles of the motors.
         gear_ratio: Turns of the motor per turn of the wheel.
-        erpm_limit: Largest electrical speed of the motors, in turns per minute: set-points are clipped to it,
+        erpm_limit: Largest electrical speed of the motors, in turns per minute: setpoints are clipped to it,
             and positions that move faster are rejected. Enter the Max ERPM of VESC Tool.
         host_id: VESC ID under which this program asks for faults; no controller may have it.
     """

@@ -77,7 +77,7 @@ class View(TypedDict):
         slip_reason: Why the first entry that is not valid is not, or why all are unsure.
         suspicion: What may be wrong although it stops nothing; empty for nothing.
         current_a: Newest current of each wheel; None before the first.
-        set_rad_s: Set-points as sent.
+        set_rad_s: Setpoints as sent.
         work_us: Longest time of a cycle since the view before; `late_us` likewise.
         gains: Gains that the operator has changed.
         lost_s: Real time by which a simulated run has fallen behind.

@@ -76,7 +76,7 @@ class RoleSettings(Settings):
     """Which device the estimator uses for what; the rover stops when one of them sends nothing.
 
     Attributes:
-        wheels: The device that reports wheel positions and takes set-points.
+        wheels: The device that reports wheel positions and takes setpoints.
         gyro: The device whose yaw rate is used; without one the yaw comes from the wheels.
         headings: The devices whose headings are used.
         fixes: The overhead cameras whose poses are used. What happens before the first one cannot be

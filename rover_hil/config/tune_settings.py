@@ -46,7 +46,7 @@ class ObjectiveSettings(Settings):
         path_rms_m: Reference of the distance between true and commanded path, root mean square.
         closure_m: Reference of the distance between the true end and the commanded one.
         heading_deg: Reference of the true heading error along the path.
-        effort_rad_s2: Reference of the set-points' acceleration, root mean square.
+        effort_rad_s2: Reference of the setpoints' acceleration, root mean square.
         duration_s: Reference of the time that the mission takes.
         quantile: Quantile of the costs of all cases that counts, 0.5 (median) to 1 (worst).
     """
@@ -122,7 +122,7 @@ class StabilitySettings(Settings):
     """Which gains are rejected as oscillating, at any cost; unfinished missions are always rejected.
 
     Attributes:
-        reversal_rad_s: A wheel set-point has reversed when it goes back by this much.
+        reversal_rad_s: A wheel setpoint has reversed when it goes back by this much.
         reversals_per_s: Largest accepted rate of reversals of one wheel, over four seconds. A corner takes
             two or three.
     """

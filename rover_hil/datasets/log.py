@@ -28,7 +28,7 @@ DEGREES = {
 }
 """Columns of a table that are in degrees, as in CSV files of drives."""
 SINGLE = ("heading_rad", "trace_rad")
-"""In a table these stay single readings; set-points are held, all else is interpolated."""
+"""In a table these stay single readings; setpoints are held, all else is interpolated."""
 SET_POINT = "set"
 HEADING = "heading_rad "
 """Followed by device and reference."""
@@ -76,7 +76,7 @@ class LogRows:
     """Collects the readings of a drive, message by message.
 
     Names carry the unit; wheels count from 1. Wheels: `enc1_rad`, `speed1_rad_s`, `current1_a`,
-    `voltage1_v`, `steer1_rad`, `set1_rad_s` and `set_steer1_rad` (delivered set-points only). Body:
+    `voltage1_v`, `steer1_rad`, `set1_rad_s` and `set_steer1_rad` (delivered setpoints only). Body:
     `gyro_z_rad_s` (and x, y), `pitch_rad` (nose up), `roll_rad` (left side up), `heading_rad` of the
     first heading device, `heading_rad DEVICE REFERENCE` of each, and on request `trace_rad`, the angles
     of the rear left wheel's trace that the run itself found, and `steering_rad`, the mean steering angle
@@ -295,7 +295,7 @@ class RecordedDrive:
     def table(self, names: Sequence[str], *, outside: float | None = None) -> dict[str, Array]:
         """Return quantities at the times of the first wheel's readings, with `t_s` since the start.
 
-        Single readings go into the first row at or after their time, NaN elsewhere; set-points are held, 0
+        Single readings go into the first row at or after their time, NaN elsewhere; setpoints are held, 0
         before the first; all else is interpolated. Headings, rates and tilts are in degrees, under the names
         that CSV files of drives have.
 

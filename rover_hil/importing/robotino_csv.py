@@ -24,7 +24,7 @@ class ImportedRow:
         t_ns: Time of the row; the run's t = 0 is `START_NS`.
         reply_frame: The board's reply with this row's ticks, speeds and currents. Battery and system current
             are 0, the bumper is free and the time count is the row's t: the file does not hold them.
-        set_speed_rad_s: Set-point of each wheel, at the wheel.
+        set_speed_rad_s: Setpoint of each wheel, at the wheel.
         truth_x_m, truth_y_m, truth_yaw_rad: Pose by the overhead camera; its frame is described in
             `rover_hil.datasets.robotino_csv`.
         truth_is_new: False when the camera's numbers are those of the row before.

@@ -11,7 +11,7 @@ const charts = [];
 let span = [...whole], cursorS = null, picked = null, isDrawn = true;
 const held = new Map();
 
-// "wheel 1, set-point" has the colour of "wheel 1", dashed.
+// "wheel 1, setpoint" has the colour of "wheel 1", dashed.
 const baseOf = (name) => name.split(", ")[0], isSecond = (name) => name !== baseOf(name) || name === "truth";
 const namesOf = (chart) => [...new Set(shown.runs.flatMap((run) => curvesOf(run, chart).map((curve) => curve.name)))];
 const curvesOf = (run, chart) => (chart === "path" ? run.paths : run.charts[chart] || []);

@@ -89,7 +89,7 @@ class InnovationRecord(TypedDict):
 
 
 class WheelCommandRecord(TypedDict):
-    """Set-points of a cycle and until when they hold."""
+    """Setpoints of a cycle and until when they hold."""
 
     t_ns: int
     expires_ns: int
@@ -226,13 +226,13 @@ class TracesRecord(TypedDict):
 
 
 class CommandRecord(TypedDict):
-    """What `ESTIMATE` holds of the set-points; the rest of the record may be that of another version."""
+    """What `ESTIMATE` holds of the setpoints; the rest of the record may be that of another version."""
 
     command: WheelCommandRecord
 
 
 class SetPointRecord(TypedDict):
-    """Wheel set-points: sent ones on `COMMAND`, those of an imported run on `SET_POINT`."""
+    """Wheel setpoints: sent ones on `COMMAND`, those of an imported run on `SET_POINT`."""
 
     t_ns: NotRequired[int]
     speed_rad_s: Numbers

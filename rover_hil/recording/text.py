@@ -96,7 +96,7 @@ def samples_text(samples: Sequence[Sample]) -> bytes:
 
 
 def command_text(sent: SentCommand) -> bytes:
-    """Return the record of the set-points sent, with all digits."""
+    """Return the record of the setpoints sent, with all digits."""
     return strict_json(set_point_record(sent))
 
 

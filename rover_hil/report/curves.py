@@ -157,7 +157,7 @@ def _speeds(run: RunData) -> Iterator[tuple[str, Series]]:
         if wheel.speed is not None:
             yield wheel.name, wheel.speed
         if wheel.set_point is not None:
-            yield f"{wheel.name}, set-point", wheel.set_point
+            yield f"{wheel.name}, setpoint", wheel.set_point
 
 
 def _scaled(series: Series, factor: float) -> Series:

@@ -140,7 +140,7 @@ class Summary:
         cross_track_rms_m, cross_track_max_m: Distance of the estimate from the path while driving.
         lateness: How late cycles began; None for imported logs.
         work: How long they took; None likewise.
-        limited_cycles: In how many cycles which limit held the set-points back.
+        limited_cycles: In how many cycles which limit held the setpoints back.
         refused_innovations: How many measurements were refused by the filter, by name.
         odometry_rebases: How often the odometry lost its base, together with the motion in between.
         uncompared_measurements: How many could not be compared with the estimate, by name: fixes that came

@@ -21,7 +21,7 @@ from sim_backends.serving.server import find_unservable
 
 ROUNDING = 1.0 + 1e-9
 ROUNDING_DEG = 0.1
-"""A steering set-point may miss a limit of the wheel by this much: signals count in coarse steps."""
+"""A steering setpoint may miss a limit of the wheel by this much: signals count in coarse steps."""
 
 
 def _find_shared_ports(draft: Draft) -> Iterator[str]:
@@ -104,7 +104,7 @@ def _find_steering_mistakes(draft: Draft) -> Iterator[str]:
     if missing:
         yield (
             f"rover.wheels: wheels {', '.join(missing)} steer, but device '{name}' has no steering "
-            "set-points for them: use can_wheels with a mapping that has steering_setpoint, "
+            "setpoints for them: use can_wheels with a mapping that has steering_setpoint, "
             "or remove the steering"
         )
     for wheel, limits in steering.items():
@@ -112,7 +112,7 @@ def _find_steering_mistakes(draft: Draft) -> Iterator[str]:
         if limits.low_deg < low_deg - ROUNDING_DEG or limits.high_deg > high_deg + ROUNDING_DEG:
             yield (
                 f"rover.wheels.{wheel}.steering: the wheel steers from {limits.low_deg:g} to "
-                f"{limits.high_deg:g} deg, but the steering set-point of device '{name}' holds only "
+                f"{limits.high_deg:g} deg, but the steering setpoint of device '{name}' holds only "
                 f"{low_deg:g} to {high_deg:g} deg: narrow low_deg and high_deg, or correct the signal's range"
             )
 

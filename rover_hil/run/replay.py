@@ -114,7 +114,7 @@ def estimate_again(
 ) -> Iterator[StepOutput]:
     """Yield what each cycle of a log would have computed with other parameters.
 
-    The rover moves as in the log: the set-points that the estimator knows are those of the log, not those
+    The rover moves as in the log: the setpoints that the estimator knows are those of the log, not those
     that the other parameters would have given.
 
     Args:
@@ -328,7 +328,7 @@ class _Comparer(_Replayer):
 
 
 class _Estimates(_Replayer):
-    """Runs each cycle with other parameters and the set-points of the log."""
+    """Runs each cycle with other parameters and the setpoints of the log."""
 
     def __init__(self, log: LogReader, config: Config, is_used: Callable[[Sample], bool]) -> None:
         super().__init__(log, config)
@@ -354,9 +354,7 @@ class _Estimates(_Replayer):
         if len(given.speed_rad_s) != rig.drive.wheel_count or (
             given.steering_rad is not None and len(given.steering_rad) != self._steering_count
         ):
-            raise LogError(
-                f"{self._log.path} is damaged: {ESTIMATE} at {t_ns} ns: set-points of other wheels"
-            )
+            raise LogError(f"{self._log.path} is damaged: {ESTIMATE} at {t_ns} ns: setpoints of other wheels")
         rig.loop.follow_log(given)
         command = self._expected.get(COMMAND[1:])
         if command is not None:

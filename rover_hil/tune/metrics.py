@@ -1,4 +1,4 @@
-"""Errors of a driven path against the commanded one, and how much the set-points vary."""
+"""Errors of a driven path against the commanded one, and how much the setpoints vary."""
 
 import math
 from collections.abc import Sequence

@@ -39,7 +39,7 @@ class SimulatedMission:
         seed: Of scenario and noise.
         refused: Why the gains are rejected; empty when they are acceptable.
         terms: Measured values by the names of the objective.
-        reversals_per_s: Reversals of the set-point of the busiest wheel.
+        reversals_per_s: Reversals of the setpoint of the busiest wheel.
         true_path: True poses.
     """
 
@@ -68,7 +68,7 @@ def simulate_mission(config: Config, seed: int) -> SimulatedMission:
         words = mode.value.replace("_", " ")
         refused = f"the mission was not finished: mode '{words}' after {truth.t_s[-1]:.0f} s"
     elif reversals > stability.reversals_per_s:
-        refused = f"a wheel set-point reversed {reversals:.2f} times per second"
+        refused = f"a wheel setpoint reversed {reversals:.2f} times per second"
     corners, true_path = config.mission.corners(), TruePath.of(truth)
     along_path = config.mission.heading != "hold"
     terms = {
@@ -85,9 +85,9 @@ def simulate_mission(config: Config, seed: int) -> SimulatedMission:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrivenMission:
-    """One run of the loop: last mode, tracks relative to their first pose, set-points while driving.
+    """One run of the loop: last mode, tracks relative to their first pose, setpoints while driving.
 
-    The yaw excitation of a probe is averaged out of the set-points: it is intended, not an oscillation.
+    The yaw excitation of a probe is averaged out of the setpoints: it is intended, not an oscillation.
     """
 
     mode: Mode
@@ -144,7 +144,7 @@ def _no_search_for_cycles() -> Iterator[None]:
 
 
 def _without_yaw_excitation(config: Config, set_points_rad_s: Array) -> Array:
-    """Return the set-points averaged over one period of the yaw excitation where there is one."""
+    """Return the setpoints averaged over one period of the yaw excitation where there is one."""
     slip = config.slip
     if slip is None or slip.use != YAW_PROBE:
         return set_points_rad_s

@@ -20,7 +20,7 @@ class CanNodeSettings(Settings):
         current_step_a: Resolution of the drive's current measurement; 0 for none.
         voltage_noise_v: Standard deviation of each supply voltage.
         yaw_rate_noise_rad_s: Standard deviation of each yaw rate, where the mapping has one.
-        watchdog_s: A wheel stops when it gets no set-point for this long.
+        watchdog_s: A wheel stops when it gets no setpoint for this long.
     """
 
     type: Literal["can_wheels"] = "can_wheels"

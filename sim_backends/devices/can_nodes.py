@@ -117,7 +117,7 @@ class CanNodes:
             self._to_host.put(t_ns, outbox.writer.write({**outbox.multiplexers, **values}))
 
     def receive(self, t_ns: int, payload: bytes) -> None:
-        """Process set-points, [[start]] and [[stop]] messages."""
+        """Process setpoints, [[start]] and [[stop]] messages."""
         frame = unpack_can_frame(payload)
         if frame is None or frame.is_remote or frame.is_error:
             return
@@ -146,7 +146,7 @@ class CanNodes:
         self._plant.set_wheel_speeds(tuple(self._speeds_rad_s))
 
     def _steer(self, scales: Iterable[tuple[int, Scale]], values: Mapping[str, float]) -> None:
-        """Pass the set-points on; without a watchdog: a steering drive that gets none keeps its angle."""
+        """Pass the setpoints on; without a watchdog: a steering drive that gets none keeps its angle."""
         for wheel, scale in scales:
             self._angles_rad[wheel] = scale.to_si(values[scale.signal])
         if self._steered_plant is not None:

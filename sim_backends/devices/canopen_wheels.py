@@ -185,7 +185,7 @@ class CanopenWheelsEmulator:
                     self._send_pdo(t_ns, wheel, drive, pdo)
 
     def receive(self, t_ns: int, payload: bytes) -> None:
-        """Process network commands, heartbeats, SDOs and set-points."""
+        """Process network commands, heartbeats, SDOs and setpoints."""
         frame = unpack_can_frame(payload)
         if frame is None or frame.is_extended or frame.is_remote or frame.is_error:
             return

@@ -1,6 +1,6 @@
 """The Robotino 3/4 board on its USB port. The bytes are written and read here, apart from the driver.
 
-Modelled: set-points in whole rpm, a reply of all motor readings, bumper, power source and power button to
+Modelled: setpoints in whole rpm, a reply of all motor readings, bumper, power source and power button to
 each request, the speed field as encoder ticks of one millisecond (steps of 30 rpm), signed currents in steps
 of the converter (6.60 mA) with ripple, the stop when no byte arrives for 0.4 s, the emergency bumper.
 

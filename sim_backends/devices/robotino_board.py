@@ -1,6 +1,6 @@
 """The Robotino 1/2/XT board, EA05 or EA09, at its serial port.
 
-Modelled: set-points in whole speed steps, brakes, one reply per request after 4 to 6 ms at the pace of the
+Modelled: setpoints in whole speed steps, brakes, one reply per request after 4 to 6 ms at the pace of the
 line, the speed field as a tick count over 1/900 s, currents as magnitudes with ripple in the converter's
 counts (an EA05 sends only the upper 8 of 10 bits, an EA09 saturates at 0.98 A), and the stop when no
 request arrives. An EA05 replies with its measurements at the previous request.

@@ -1,11 +1,11 @@
 """VESC motor controllers on their CAN bus. The bytes are written and read here, apart from the driver.
 
-Modelled: set-points in whole electrical turns per minute, release at a current of 0 (the wheel rolls on), the
-stop by the timeout's brake when no set-point arrives for `timeout_s`, status messages 1 to 5, current in
+Modelled: setpoints in whole electrical turns per minute, release at a current of 0 (the wheel rolls on), the
+stop by the timeout's brake when no setpoint arrives for `timeout_s`, status messages 1 to 5, current in
 steps of 0.1 A and negative when braking, six tachometer steps per electrical turn, answers to questions
 for fault and timeout, faults that stop the motor.
 
-Not modelled: set-points of duty cycle and of currents other than 0, minimum ERPM, the speed ramp, the duty
+Not modelled: setpoints of duty cycle and of currents other than 0, minimum ERPM, the speed ramp, the duty
 cycle (sent from speed and sign of the current only), the kill switch, temperatures, energies, the size of the
 timeout's brake current, a wheel that rolls on after a fault, and what `sim_backends/devices/can_nodes.py`
 lists for the bus.
@@ -33,7 +33,7 @@ from sim_backends.world.world import EmulatedDevice
 
 
 class VescFaultSettings(Settings):
-    """A fault of one controller: its motor stops, and set-points are ignored.
+    """A fault of one controller: its motor stops, and setpoints are ignored.
 
     Attributes:
         wheel: Index of the wheel.
@@ -56,7 +56,7 @@ class VescEmulatorSettings(Settings):
         status_rate_hz: Status messages 2, 3 and 4 of each controller per second.
         speed_noise_rad_s: Standard deviation of each reported speed, at the wheel.
         current_noise_a: Standard deviation of each motor current.
-        timeout_s: A wheel is braked when it gets no set-point for this long.
+        timeout_s: A wheel is braked when it gets no setpoint for this long.
         drive_faults: Faults of the controllers.
     """
 
@@ -155,7 +155,7 @@ class VescEmulator:
             self._send(t_ns, command, self._device.wheel[wheel].node, self._messages[command](truth, wheel))
 
     def receive(self, t_ns: int, payload: bytes) -> None:
-        """Obey a set-point or answer a question."""
+        """Obey a setpoint or answer a question."""
         frame = unpack_can_frame(payload)
         if frame is None or not frame.is_extended or frame.is_remote or frame.is_error:
             return
@@ -185,7 +185,7 @@ class VescEmulator:
         self._plant.set_wheel_speeds(tuple(self._speeds_rad_s))
 
     def _let_released_wheels_roll(self, truth: Truth) -> None:
-        """Set the set-points of released wheels to their true speeds: the motor gives next to no force."""
+        """Set the setpoints of released wheels to their true speeds: the motor gives next to no force."""
         for wheel in self._released:
             self._speeds_rad_s[wheel] = truth.wheel_speed_rad_s[wheel]
         if self._released:

@@ -44,12 +44,12 @@ def fallen_v(battery_v: float, fall_v_s: float, since_start_ns: int) -> float:
 
 
 class Plant(Protocol):
-    """A simulated rover that follows wheel speed set-points. Deterministic for a given seed."""
+    """A simulated rover that follows wheel speed setpoints. Deterministic for a given seed."""
 
     wheel_count: int
 
     def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
-        """Set the set-points of the wheels' inner speed loops, at the plant's present time."""
+        """Set the setpoints of the wheels' inner speed loops, at the plant's present time."""
         ...
 
     def advance(self, t_ns: int) -> None:
@@ -72,7 +72,7 @@ class CompiledPlant(Plant, Protocol):
 
 @runtime_checkable
 class SteeredPlant(Plant, Protocol):
-    """A simulated rover that also follows steering set-points."""
+    """A simulated rover that also follows steering setpoints."""
 
     def set_steering(self, angle_rad: Sequence[float]) -> None:
         """Set the steering angles, counter-clockwise, one per wheel; ignored where a wheel is fixed."""

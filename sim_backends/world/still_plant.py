@@ -6,7 +6,7 @@ from sim_backends.world.plant import Plant, SteeredPlant, Truth
 
 
 class StillPlant:
-    """A rover with so many wheels that stands at the origin, whatever its set-points."""
+    """A rover with so many wheels that stands at the origin, whatever its setpoints."""
 
     def __init__(self, wheel_count: int) -> None:
         self.wheel_count = wheel_count
@@ -30,7 +30,7 @@ class StillPlant:
         )
 
     def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
-        """Ignore the set-points."""
+        """Ignore the setpoints."""
 
     def advance(self, t_ns: int) -> None:
         """Stay."""

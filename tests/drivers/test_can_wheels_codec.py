@@ -85,7 +85,7 @@ def test_generic_status_tells_supply_and_faults() -> None:
     data = struct.pack("<HHB", 0x0009, 24_100, 0)
     fault, power = decode(CanWheelsCodec("wheels", GENERIC), frame(0x100, data + bytes((crc8(data),))))
     assert_same(power, PowerSample(device="wheels", t_ns=1, voltage_v=24.1))
-    text = "Drive_Status.Faults: supply voltage too low, watchdog: set-points missing"
+    text = "Drive_Status.Faults: supply voltage too low, watchdog: setpoints missing"
     assert fault == FaultSample(device="wheels", t_ns=1, wheel=None, code=9, text=text)
 
 

@@ -251,7 +251,7 @@ def test_reported_odrive_that_left_closed_loop_is_a_fault(shared_data: Path, bus
     codec = CanWheelsCodec("wheels", load_mapping(bus))
     told = feed(codec, text, lambda t_ns: codec.encode_speeds((1.0,) * 4))
     faults = [(time, each.wheel, each.text) for time, each in told if isinstance(each, FaultSample)]
-    source = "Axis0_Heartbeat.Axis_State: the drive does not obey set-points, its state is idle"
+    source = "Axis0_Heartbeat.Axis_State: the drive does not obey setpoints, its state is idle"
     assert faults == [(1.0, 0, source)]
     silent = feed(CanWheelsCodec("wheels", load_mapping(bus)), text)
     assert not [each for _, each in silent if isinstance(each, FaultSample)]

@@ -1,4 +1,4 @@
-"""Steering over a bus of wheel drives: set-points, measured angles, and drives without steering."""
+"""Steering over a bus of wheel drives: setpoints, measured angles, and drives without steering."""
 
 import math
 from pathlib import Path

@@ -344,7 +344,7 @@ def test_a_drive_that_leaves_operation_is_a_fault_until_it_is_back(statusword: s
     assert len(receive(codec, 0x181, "37 06 00 00 00 00")) == 1
     fault, _ = receive(codec, 0x181, statusword + "00 00 00 00")
     assert isinstance(fault, FaultSample)
-    assert (fault.wheel, fault.text) == (0, f"node 1 state: the drive does not obey set-points: {state}")
+    assert (fault.wheel, fault.text) == (0, f"node 1 state: the drive does not obey setpoints: {state}")
     cleared, _ = receive(codec, 0x181, "37 06 00 00 00 00")
     assert isinstance(cleared, FaultSample)
     assert (cleared.wheel, cleared.code) == (0, 0)

@@ -176,7 +176,7 @@ def test_a_controller_may_have_timed_out_before_the_first_set_point_and_after_th
     codec.encode_speeds((2.0, 2.0))
     assert (
         list(decode(f"{STATUS} 01", codec, 10_000_000)) == []
-    )  # the flag follows the set-point a little later
+    )  # the flag follows the setpoint a little later
     assert list(decode(f"{STATUS} 00", codec, 20_000_000)) == []
     codec.encode_stop()
     assert list(decode(f"{STATUS} 01", codec, 5_000_000_000)) == []
@@ -222,7 +222,7 @@ def test_a_speed_that_cannot_have_turned_the_wheel_is_told(erpm: int, *, is_told
     assert found == ({"speed_contradicts_position"} if is_told else set())
 
 
-# Set-points
+# Setpoints
 
 
 def test_set_points_are_whole_electrical_turns_and_one_wheel_is_asked() -> None:

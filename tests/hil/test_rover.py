@@ -1,6 +1,6 @@
 """On the ports of a real rover: every device streams, and nothing that it says is refused.
 
-No wheel is turned: a drive gets zero set-points with the brakes on, for some answer only when asked.
+No wheel is turned: a drive gets zero setpoints with the brakes on, for some answer only when asked.
 """
 
 from collections.abc import Iterator

@@ -108,7 +108,7 @@ def test_a_simulated_node_joins_an_interface_that_was_made_again(wire: Wire) -> 
 
 @contextmanager
 def _sending(link: CanLink) -> Iterator[None]:
-    """Send about a thousand set-points per second."""
+    """Send about a thousand setpoints per second."""
     stop = threading.Event()
 
     def send() -> None:

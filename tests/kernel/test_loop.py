@@ -1,6 +1,6 @@
 """The whole loop as two processes over devices of the kernel, with unplugging while the rover drives.
 
-Set-points are judged on the wire, by a third listener; the truth is the simulator's.
+Setpoints are judged on the wire, by a third listener; the truth is the simulator's.
 """
 
 import math
@@ -66,7 +66,7 @@ class Outage:
 
 @dataclass
 class Drive:
-    """What was seen of one drive: set-points on the wire, and what the program left."""
+    """What was seen of one drive: setpoints on the wire, and what the program left."""
 
     outages: dict[str, Outage] = field(default_factory=dict)
     set_points: list[tuple[int, bool]] = field(default_factory=list)
@@ -258,7 +258,7 @@ def _run_program(folder: Path) -> None:
 
 @contextmanager
 def _listener(drive: Drive, wire: Wire) -> Iterator[None]:
-    """Write down every set-point on the interface of the program."""
+    """Write down every setpoint on the interface of the program."""
     stop = threading.Event()
 
     def listen() -> None:

@@ -3,7 +3,7 @@
     L dI/dt = U - R I - Ke w          J dw/dt = Kt I - Tc(t) sgn w - b w
 
 integrated by Runge-Kutta, many motors at once. Every 1/900 s the board counts the encoder ticks of the last
-1/900 s, adds kp/16 times its error to the set-point, and gives the sum, 255 at most, as share of the supply.
+1/900 s, adds kp/16 times its error to the setpoint, and gives the sum, 255 at most, as share of the supply.
 It knows nothing of the model that is fitted to it.
 """
 
@@ -68,7 +68,7 @@ class TrueMotor:
 
     @property
     def feed_forward_v_s(self) -> float:
-        """Volts per rad/s of set-point."""
+        """Volts per rad/s of setpoint."""
         return self.supply_v / FULL_OUTPUT / STEP_RAD_S
 
 
@@ -87,7 +87,7 @@ class Measured:
 def staircase(
     speeds_rad_s: Sequence[float], hold_s: float = 4.0, rest_s: float = 1.0
 ) -> list[tuple[float, float]]:
-    """Return (duration, set-point) up and down through every speed, as in the measured records."""
+    """Return (duration, setpoint) up and down through every speed, as in the measured records."""
     return [
         part for speed in speeds_rad_s for sign in (1, -1) for part in ((hold_s, sign * speed), (rest_s, 0.0))
     ]
@@ -108,7 +108,7 @@ def measure(
     """Drive `count` motors of one kind through a profile and write down what the host sees.
 
     Args:
-        delay_spread_s: Standard deviation of the delay from one set-point to the next.
+        delay_spread_s: Standard deviation of the delay from one setpoint to the next.
         friction_spread: Standard deviation of the slow changes of Coulomb friction, as a share of it.
     """
     step_s = CYCLE_S / steps_per_cycle

@@ -3,7 +3,7 @@
 Every wheel's contact has a tangential law (linear with a limit, exponential, or one that saturates slowly), a
 relaxation length, and rollers with drag. The slip that acts lags behind the slip of the rim by the relaxation
 length (Pacejka, Tire and Vehicle Dynamics, 2012, section 7.1): sigma ds/dt = sliding - passing * s. At
-rest this is a spring. Wheels follow their set-points by a proportional loop with a limit of the torque.
+rest this is a spring. Wheels follow their setpoints by a proportional loop with a limit of the torque.
 The ground is made of square tiles with constants of their own. Euler steps of 0.1 ms. It knows nothing of
 any estimator.
 """
@@ -197,7 +197,7 @@ class OmniContact:
         self._t_ns = self.start_ns
 
     def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
-        """Set the set-points; they act after the body's delay."""
+        """Set the setpoints; they act after the body's delay."""
         delay_ns = round(1e9 * self.body.set_point_delay_s)
         self._due.append((self._t_ns + delay_ns, np.array(speed_rad_s, dtype=float)))
 

@@ -1,4 +1,4 @@
-"""The shipped rover that crabs: steering set-points over the CAN bus, on the simulated slope."""
+"""The shipped rover that crabs: steering setpoints over the CAN bus, on the simulated slope."""
 
 import json
 from pathlib import Path
@@ -132,7 +132,7 @@ def test_a_mapping_without_steering_cannot_crab(tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "rover_hil/config/shipped/configs/el-dorado-crab.toml").read_text()
     path = tmp_path / "rover.toml"
     path.write_text(text.replace('"steered_wheel"', '"generic_wheel"'), "utf-8")
-    with pytest.raises(ConfigError, match="has no steering set-points for them"):
+    with pytest.raises(ConfigError, match="has no steering setpoints for them"):
         load_config(str(path), VIRTUAL_RUN_CHECKS)
 
 

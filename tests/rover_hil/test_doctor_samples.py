@@ -192,7 +192,7 @@ def test_foreign_can_traffic_only_is_a_wrong_mapping() -> None:
 
 
 def test_a_watchdog_that_misses_set_points_is_no_problem_while_nobody_drives() -> None:
-    sample = FaultSample(device="compass", t_ns=1, code=8, text="watchdog: set-points missing")
+    sample = FaultSample(device="compass", t_ns=1, code=8, text="watchdog: setpoints missing")
     (finding,) = check_faults(reception(sample), bumper_stops=True)
     assert finding.level is Level.WARNING
     assert "normal here" in finding.cause

@@ -197,7 +197,7 @@ def test_the_bars_are_judged() -> None:
     fast = [moment(t, "safe_stop" if t > 1.16 else "running") for t in times_s]
     assert judged("robotino/board/freeze", fast).verdict == "ok"
     slow = [moment(t, "safe_stop" if t > 1.5 else "running") for t in times_s]
-    assert "zero set-points after" in judged("robotino/board/freeze", slow).verdict
+    assert "zero setpoints after" in judged("robotino/board/freeze", slow).verdict
     never = [moment(t) for t in times_s]
     assert "not stopped" in judged("robotino/board/freeze", never).verdict
     assert "not noticed" in judged("robotino/board/all reversed", never).verdict

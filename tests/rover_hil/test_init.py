@@ -531,7 +531,7 @@ def test_nothing_found_on_a_busy_machine_says_so(
 
 @pytest.fixture
 def drive_log(command: Command, tmp_path: Path) -> Path:
-    """Return the CAN log of a simulated drive, set-points of the host included, beside its DBC file."""
+    """Return the CAN log of a simulated drive, setpoints of the host included, beside its DBC file."""
     for name in ("differential.toml", "can"):
         source = EXAMPLES / name
         if source.is_dir():

@@ -37,7 +37,7 @@ def write_with_loss(name: str, device: str) -> None:
 
 
 def last_motion_s(log: Path) -> float:
-    """Return when the last set-point was sent that is not zero, after the start of the log."""
+    """Return when the last setpoint was sent that is not zero, after the start of the log."""
     reader = LogReader(log)
     sent = [
         (message.t_ns, reader.parse(message, SET_POINT_SHAPE)["speed_rad_s"])

@@ -52,7 +52,7 @@ def test_a_mapping_without_steering_is_refused(tmp_path: Path) -> None:
     lines = [line for line in SIX_MAPPING.splitlines() if not line.startswith("steering_setpoint")]
     path = write_six_wheels(tmp_path, "\n".join(lines), SIX_DBC)
     with pytest.raises(
-        ConfigError, match="wheels 0, 1, 4, 5 steer, but device 'wheels' has no steering set-points"
+        ConfigError, match="wheels 0, 1, 4, 5 steer, but device 'wheels' has no steering setpoints"
     ):
         load_config(str(path), VIRTUAL_RUN_CHECKS)
 

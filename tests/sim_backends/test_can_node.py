@@ -183,7 +183,7 @@ def test_wheels_stop_when_set_points_stay_away() -> None:
     assert bench.plant.speed_rad_s == [0.0] * 4
     (fault,) = faults(samples)
     assert (fault.wheel, fault.code) == (None, 8)
-    assert fault.text == "Drive_Status.Faults: watchdog: set-points missing"
+    assert fault.text == "Drive_Status.Faults: watchdog: setpoints missing"
     (cleared,) = faults(bench.run(0.2, (1.0,) * 4))
     assert cleared.code == 0
     assert bench.plant.speed_rad_s == [1.0] * 4

@@ -12,7 +12,7 @@ STEPS = 500
 
 
 def driven_state() -> State:
-    """Return a rover at rest with unequal set-points."""
+    """Return a rover at rest with unequal setpoints."""
     return State(
         pose=np.zeros(3),
         twist=np.zeros(3),

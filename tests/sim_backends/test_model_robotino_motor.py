@@ -241,5 +241,5 @@ def test_friction_and_delay_are_named_in_records_of_another_simulator(tmp_path: 
     found = {effect.name: effect.parameters for effect in analysis.verdict.effects}
     assert {"coulomb_friction", "loop_delay"} <= set(found), analysis.verdict.sentence
     assert found["coulomb_friction"]["torque"].value == pytest.approx(0.0085, rel=0.15)
-    # Set-points of this simulator do not wait for their turn, those of the model half a cycle on average.
+    # Setpoints of this simulator do not wait for their turn, those of the model half a cycle on average.
     assert found["loop_delay"]["time"].value + PERIOD_S / 2 == pytest.approx(0.11, abs=0.02)

@@ -61,7 +61,7 @@ class Duty(StrEnum):
     """What must come of a fault.
 
     STOP: where the device has no fresh value for longer than its age limit, or its link breaks, zero
-        set-points within 150 ms of that; honest in any case.
+        setpoints within 150 ms of that; honest in any case.
     NOTICE: the rover stops with a reason that names the device, or shows it as a suspicion, within 1.5 s or
         0.15 m.
     HONEST: the estimate stays within the 99.9 % bound; no stop is needed.
@@ -211,7 +211,7 @@ def _wrong_wheels(rover: str) -> Iterator[Case]:
     yield device.lasting(
         "all scaled by 2",
         lambda: Scaled(2.0),
-        "a drive follows its own encoder, so set-point and reading agree; half the way is a slip of 50 %",
+        "a drive follows its own encoder, so setpoint and reading agree; half the way is a slip of 50 %",
     )
     yield device.lasting(
         "all scaled by 1.1",

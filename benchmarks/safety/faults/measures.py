@@ -101,8 +101,8 @@ class Row:
     Attributes:
         detectable_s: From the fault until it can be detected: its silence exceeds the age limit, its link
             breaks; 0 for wrong values.
-        zero_ms: From then to zero set-points.
-        stop_s: From the fault to zero set-points.
+        zero_ms: From then to zero setpoints.
+        stop_s: From the fault to zero setpoints.
         driven_m: True distance from the fault to the stop, or to the end where there is none.
         invented: Samples with a stamp at which nothing arrived, or odometry that went on in the silence.
         error_m: Position error when it drove again, or at the end of the watch where it never stopped.
@@ -245,7 +245,7 @@ def judge(case: Case, story: Story, config: Config, begin_ns: int, mode: str = "
     if case.zero_bar_s is not None:
         warned = next((each for each in story.moments if each.t_ns >= begin_ns and each.suspicion), None)
         if row.stop_s is None or row.stop_s > case.zero_bar_s:
-            row.failures.append(f"zero set-points after {row.stop_s} s, bar {case.zero_bar_s:g} s")
+            row.failures.append(f"zero setpoints after {row.stop_s} s, bar {case.zero_bar_s:g} s")
         elif warned is None or stop is None or warned.t_ns >= stop.t_ns:
             row.failures.append("stopped without a warning before")
     return row
@@ -404,7 +404,7 @@ def _judge_bars(case: Case, row: Row, *, has_stopped: bool) -> None:
         if not has_stopped:
             row.failures.append("not stopped")
         elif row.zero_ms is not None and row.zero_ms > ZERO_BAR_MS:
-            row.failures.append(f"zero set-points after {row.zero_ms:.0f} ms")
+            row.failures.append(f"zero setpoints after {row.zero_ms:.0f} ms")
     if case.duty is Duty.NOTICE:
         _judge_notice(case, row)
     is_noticed = has_stopped and not any("notice" in failure for failure in row.failures)

@@ -17,7 +17,7 @@ HUNG_FILE = "hung"
 LOG_PAUSE_S = 2.0
 """So long a rover may drive on with a log that hangs."""
 ROLL_OUT_S = 0.6
-"""From zero set-points to wheels at rest, delays of command and motor included."""
+"""From zero setpoints to wheels at rest, delays of command and motor included."""
 
 Act = Callable[[int, int, Path], None]
 """From the ids of the program and of the simulator, and their folder, to the deed."""

@@ -71,10 +71,10 @@ class RobotinoSupply:
 
 
 class RobotinoRequests:
-    """Set-points of three wheels in a request to a Robotino board."""
+    """Setpoints of three wheels in a request to a Robotino board."""
 
     def change(self, t_ns: int, payload: bytes, change: Change) -> bytes:
-        """Return the request with changed set-points."""
+        """Return the request with changed setpoints."""
         request = parse_request(payload)
         readings = [Reading(wheel, steps, is_total=False) for wheel, steps in enumerate(request.speed_steps)]
         a, b, c = (max(-255, min(255, round(value))) for value in change(t_ns, readings))
@@ -119,12 +119,12 @@ class DriveSupply:
 
 
 class WheelSetPoints:
-    """Set-points in `Wheel{node}_Setpoint` of the mapping `generic_wheel`."""
+    """Setpoints in `Wheel{node}_Setpoint` of the mapping `generic_wheel`."""
 
     _FIRST_ID = 272
 
     def change(self, t_ns: int, payload: bytes, change: Change) -> bytes:
-        """Return the frame with a changed set-point."""
+        """Return the frame with a changed setpoint."""
         frame = unpack_can_frame(payload)
         if frame is None or not 0 <= frame.can_id - self._FIRST_ID < 4:
             return payload

@@ -145,7 +145,7 @@ function showTables(v, data) {
     ["yaw", `${(v.pose[2] * toDegrees).toFixed(1)}° ± ${(Math.sqrt(Math.max(v.covariance[3], 0)) * toDegrees).toFixed(1)}°`],
     ["distance from the truth", v.truth ? (100 * Math.hypot(v.pose[0] - v.truth[0], v.pose[1] - v.truth[1])).toFixed(1) + " cm" : "– (only of a simulated rover)"],
     ["beside the path", v.cross_track_m === null ? "–" : (100 * v.cross_track_m).toFixed(1) + " cm"],
-    ["set-points", v.set_rad_s.map((speed) => speed.toFixed(2)).join(" / ") + " rad/s" + (v.limit === "none" ? "" : ", limit: " + v.limit)],
+    ["setpoints", v.set_rad_s.map((speed) => speed.toFixed(2)).join(" / ") + " rad/s" + (v.limit === "none" ? "" : ", limit: " + v.limit)],
     ["log", data.run_name ? `${data.run_name}, ${(data.log_bytes / 1e6).toFixed(2)} MB, ${v.cycles} cycles` : "closed"],
     ["slip not valid or unsure", v.slip_reason || "–"],
     ["may be wrong", v.suspicion || "–"],

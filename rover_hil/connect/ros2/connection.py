@@ -39,7 +39,7 @@ CYCLES, CYCLE_BYTES = 64, 1 << 14
 ARRIVALS, ARRIVAL_BYTES = 256, 1 << 10
 REST_M_S = 0.01
 REST_RAD_S = 0.05
-"""A rover that is slower, with set-points of zero, is at rest."""
+"""A rover that is slower, with setpoints of zero, is at rest."""
 
 EVENTS = (
     SafetyEvent(

@@ -22,7 +22,7 @@ def check_consistency(config: Config) -> list[Finding]:
                 CHECK,
                 "safety",
                 f"expiry_s = {expiry_s:g} is less than two periods at rate_hz = {rate_hz:g}",
-                "set-points expire before the next ones come, so one late cycle stops the rover",
+                "setpoints expire before the next ones come, so one late cycle stops the rover",
                 f"in [safety] set expiry_s = {min(1.0, 3 / rate_hz):g}, or raise rate_hz in [loop]",
             )
         )

@@ -39,7 +39,7 @@ def _fault(sample: FaultSample, *, is_over: bool) -> Finding:
     where = "" if sample.wheel is None else f"wheel {sample.wheel}: "
     what = f"{where}fault {sample.code} ({sample.text}){', now cleared' if is_over else ''}"
     if "watchdog" in sample.text.lower():
-        cause = "no set-points, which is normal here: the doctor does not command the drive"
+        cause = "no setpoints, which is normal here: the doctor does not command the drive"
         return warning(CHECK, sample.device, what, cause, "no fix needed if the next run drives")
     report = warning if is_over else problem
     if sample.wheel is None and sample.text.startswith(BUS):

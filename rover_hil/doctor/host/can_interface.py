@@ -172,7 +172,7 @@ def _check_queue(device: str, channel: str, details: dict[str, object]) -> list[
             CHECK,
             device,
             f"the send queue of {channel} holds only {length} frames",
-            "when the bus is busy, set-points beyond that are dropped",
+            "when the bus is busy, setpoints beyond that are dropped",
             f"sudo ip link set {channel} txqueuelen {SHORTEST_QUEUE}",
         )
     ]

@@ -122,7 +122,7 @@ def _window_s(poses: TruePoses, true_s: Array, name: str) -> float:
 
 
 def _steering(drive: RecordedDrive, number: int, windows: Windows) -> Array:
-    """Return the steering angle of a wheel: measured, else its set-point, else 0."""
+    """Return the steering angle of a wheel: measured, else its setpoint, else 0."""
     for name in (f"steer{number}_rad", f"set_steer{number}_rad"):
         readings = drive.rows[name]
         if len(readings):

@@ -1,6 +1,6 @@
 """Identify gain and droop of a motor's speed loop from averages over half a second of driving.
 
-In steady travel speed = gain * set-point - droop * current, for any load. Nothing else is determined:
+In steady travel speed = gain * setpoint - droop * current, for any load. Nothing else is determined:
 the averages hold neither voltages nor a motion that changes, and friction of the motor cannot be
 distinguished from the resistance of the ground.
 """

@@ -24,18 +24,18 @@ def read_log(path: Path) -> list[MotorRecord]:
     """Return the motors in a log, one record for each wheel.
 
     Raises:
-        LogError: The log cannot be read, or lacks wheels, currents or set-points.
+        LogError: The log cannot be read, or lacks wheels, currents or setpoints.
     """
     drive = read_drive(path)
     rows = drive.rows
     driven = list(takewhile(lambda motor: f"set{motor}_rad_s" in rows, count(1)))
     measured = [motor for motor in driven if any(field.format(motor) in rows for field in FIELDS)]
     if not measured or len(rows["set1_rad_s"]) < MOTOR_FIT.record.least_readings:
-        raise LogError(f"{path} holds no wheel samples or no set-points: give the log of a drive")
-    check_times(drive.seconds(rows["set1_rad_s"].t_ns), f"{path}, set-points")
+        raise LogError(f"{path} holds no wheel samples or no setpoints: give the log of a drive")
+    check_times(drive.seconds(rows["set1_rad_s"].t_ns), f"{path}, setpoints")
     missing = sorted(set(driven) - set(measured))
     if missing:
-        raise LogError(f"{path} has set-points but no samples of motor {missing[0]}: check its encoder")
+        raise LogError(f"{path} has setpoints but no samples of motor {missing[0]}: check its encoder")
     return [_record(path, drive, motor) for motor in driven]
 
 

@@ -14,9 +14,9 @@ class RecordParameters:
     """What a log must contain, and what of it is used."""
 
     least_readings: int = 3
-    hold_s: float = 0.3  # a set-point that changes after a rest of this length begins a new move
+    hold_s: float = 0.3  # a setpoint that changes after a rest of this length begins a new move
     longest_gap_s: float = 0.3  # positions further apart are not compared
-    first_samples: int = 3  # their median is the speed before the first set-point
+    first_samples: int = 3  # their median is the speed before the first setpoint
     # Positions that differ by more than this from the sum of the reported speeds are not used.
     disagreement: float = 0.3  # share of that sum
     disagreement_rad: float = 10.0  # added, for short drives
@@ -28,7 +28,7 @@ class RecordParameters:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResponseParameters:
-    """Response of the model to its set-points."""
+    """Response of the model to its setpoints."""
 
     sign_smoothing_rad_s: float = 0.5  # over which Coulomb friction changes sign
     least_damping: float = 0.04  # two time constants that are nearly equal are moved apart by its square root
@@ -99,7 +99,7 @@ class ReportParameters:
 class AverageParameters:
     """Averages over half a second."""
 
-    least_steps: float = 2.5  # of the speed field; of a smaller set-point, most is the step
+    least_steps: float = 2.5  # of the speed field; of a smaller setpoint, most is the step
     least_drives: int = 10
 
 

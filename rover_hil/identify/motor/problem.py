@@ -56,7 +56,7 @@ class RecordProblem:
         record: What was measured.
 
     Attributes:
-        moves: The set-point, reduced to its changes.
+        moves: The setpoint, reduced to its changes.
         uses_ticks: Motion is compared in turned angle between samples; else in reported speed.
         t_s: Time of each residual: motion, current, voltage.
         period_s: Median time between two samples of the motion.
@@ -90,7 +90,7 @@ class RecordProblem:
         self._counts = [np.ones(t_s.size) for t_s in self._times_s]
 
     def hide_changes(self, delay_s: Array, margin_s: float) -> None:
-        """Compare nothing this close to an arriving change of the set-point."""
+        """Compare nothing this close to an arriving change of the setpoint."""
         arrival_s = np.sort(self.moves.t_s + delay_s[self.moves.move])
         self._counts = []
         for t_s in self._times_s:
@@ -112,7 +112,7 @@ class RecordProblem:
         return motion.t_s[1:][self._keep], speed
 
     def respond(self, model: MotorModel, delay_s: Array) -> Response:
-        """Return the model's answer to this log's set-points."""
+        """Return the model's answer to this log's setpoints."""
         return respond(model, self.moves, delay_s, self.first_speed)
 
     def residuals(self, model: MotorModel, delay_s: Array, sensor: CurrentSensor) -> Residuals:
@@ -189,7 +189,7 @@ class MotorProblem:
             part.show_changes()
 
     def hide_changes(self, delay_s: Array, margin_s: float) -> None:
-        """Compare nothing this close to an arriving change of the set-point."""
+        """Compare nothing this close to an arriving change of the setpoint."""
         for first, part in zip(self._first_move, self.parts, strict=False):
             part.hide_changes(delay_s[first : first + part.moves.start_s.size], margin_s)
 

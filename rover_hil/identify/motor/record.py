@@ -1,4 +1,4 @@
-"""One motor in one log: set-points, positions, speeds, currents, voltages over time."""
+"""One motor in one log: setpoints, positions, speeds, currents, voltages over time."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -60,7 +60,7 @@ class MotorRecord:
         log: Name of the log.
         motor: Its number, from 1.
         is_robotino: The data-sheet values of the Robotino's motor apply.
-        set_point: Speed set-points as the drive obeys them, rad/s, each held until the next.
+        set_point: Speed setpoints as the drive obeys them, rad/s, each held until the next.
         position: Angle turned, rad.
         speed: Speed as the device reports it, rad/s.
         current: Motor current, A.
@@ -83,11 +83,11 @@ class MotorRecord:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moves:
-    """The changes of a set-point and the moves they belong to.
+    """The changes of a setpoint and the moves they belong to.
 
     Attributes:
         t_s: Time of each change; the first is the beginning of the log.
-        value: Set-point from then on.
+        value: Setpoint from then on.
         move: Index of the move that each change belongs to.
         start_s: When each move begins.
     """
@@ -99,9 +99,9 @@ class Moves:
 
 
 def find_moves(set_point: Series) -> Moves:
-    """Reduce a set-point to its changes.
+    """Reduce a setpoint to its changes.
 
-    Changes closer than the hold time belong to one move. A set-point that mostly changes faster, as a
+    Changes closer than the hold time belong to one move. A setpoint that mostly changes faster, as a
     controller's does, is one move: ramps determine no delay each.
     """
     changes = np.r_[0, np.flatnonzero(np.diff(set_point.value)) + 1]
@@ -113,7 +113,7 @@ def find_moves(set_point: Series) -> Moves:
 
 
 def cut_set_point(speed_rad_s: Array, step_rad_s: float) -> Array:
-    """Return set-points as a board obeys them: whole steps, towards zero."""
+    """Return setpoints as a board obeys them: whole steps, towards zero."""
     return np.asarray(np.trunc(speed_rad_s / step_rad_s + np.sign(speed_rad_s) * 1e-6) * step_rad_s)
 
 

@@ -129,7 +129,7 @@ def report_motor(records: Sequence[MotorRecord]) -> MotorReport:
 def _nothing_to_learn(problem: MotorProblem) -> str:
     records = [part.record for part in problem.parts]
     if not any(record.set_point.value.any() for record in records):
-        return "its set-point is always 0"
+        return "its setpoint is always 0"
     if _speed_range(problem)[1] < MOTOR_FIT.record.turned_rad_s:
         return "it never turned"
     if not any(record.current.value.any() for record in records):
@@ -141,7 +141,7 @@ def _nothing_to_learn(problem: MotorProblem) -> str:
     changes = sum(part.moves.t_s.size - 1 for part in problem.parts)
     starts = sum(abs(part.first_speed) < MOTOR_FIT.record.turned_rad_s for part in problem.parts)
     if changes == 0 and starts == 0:
-        return "its set-point never changes"
+        return "its setpoint never changes"
     return ""
 
 
@@ -234,7 +234,7 @@ def _reasons(problem: MotorProblem, fit: MotorFit, uncertainty: Uncertainty) -> 
         if name in HIDDEN and name not in names:
             return f"the speed settles between two samples ({problem.period_s * 1e3:.0f} ms apart)"
         if name == "delay_s":
-            return "no change of the set-point determines it"
+            return "no change of the setpoint determines it"
         if len(speeds) == 1:
             return "one speed only: friction, gain and droop cannot be distinguished"
         partner = np.abs(uncertainty.correlation[names.index(name)]).copy()

@@ -1,4 +1,4 @@
-"""How a motor behind a proportional inner speed loop answers its set-points, in closed form.
+"""How a motor behind a proportional inner speed loop answers its setpoints, in closed form.
 
 A DC motor, its voltage set by the speed error, divided by the torque constant:
 
@@ -6,7 +6,7 @@ A DC motor, its voltage set by the speed error, divided by the torque constant:
     electric dI/dt + I = (gain set - w) / droop
     U = Ra (electric dI/dt + I) + Ke w
 
-With lag = inertia droop / (1 + droop viscous) and u the set-point filtered by the electric lag this is, to
+With lag = inertia droop / (1 + droop viscous) and u the setpoint filtered by the electric lag this is, to
 first order in electric / lag, the chain
 
     lag_1 dw/dt = (u - droop coulomb sgn w) / (1 + droop viscous) - w       electric_2 du/dt = gain set - u
@@ -39,7 +39,7 @@ class MotorModel:
     """Parameters of the response.
 
     Attributes:
-        gain: Speed per set-point without load.
+        gain: Speed per setpoint without load.
         droop_rad_s_per_a: Speed lost per ampere of friction.
         lag_s: Time constant of the inner speed loop.
         coulomb_a: Coulomb friction / Kt.
@@ -96,7 +96,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Response:
-    """The answer to a sequence of set-points.
+    """The answer to a sequence of setpoints.
 
     Attributes:
         model: The motor.
@@ -138,13 +138,13 @@ class Response:
 
 
 def respond(model: MotorModel, moves: Moves, delay_s: Array, first_speed_rad_s: float) -> Response:
-    """Return the answer to a sequence of set-points.
+    """Return the answer to a sequence of setpoints.
 
     Args:
         model: The motor.
-        moves: Its set-points.
+        moves: Its setpoints.
         delay_s: Loop delay of each move.
-        first_speed_rad_s: Speed before the first set-point arrives.
+        first_speed_rad_s: Speed before the first setpoint arrives.
     """
     begins_s = np.maximum.accumulate(moves.t_s + delay_s[moves.move]).tolist()
     walker = _Walker(model, begins_s[0], first_speed_rad_s)
@@ -154,7 +154,7 @@ def respond(model: MotorModel, moves: Moves, delay_s: Array, first_speed_rad_s: 
 
 
 class _Walker:
-    """Walks through the set-points and leaves the pieces behind.
+    """Walks through the setpoints and leaves the pieces behind.
 
     The state: time, speed, position, and the filtered drive (u above).
     """

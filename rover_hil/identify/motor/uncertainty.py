@@ -140,7 +140,7 @@ def _delay(problem: MotorProblem, fit: MotorFit, covariance: Array) -> tuple[flo
     variance = max(spread_s**2 / count, own) + float(pull @ covariance @ pull)
     factor = float(student.ppf(0.5 + CONFIDENCE / 2, max(count - 1, 1)))
     half_s = factor * np.sqrt(variance) + float((high_s - low_s)[is_known].mean()) / 2
-    half_s += LOOP_PERIOD_S / 2  # a set-point waits for the next cycle of the speed loop
+    half_s += LOOP_PERIOD_S / 2  # a setpoint waits for the next cycle of the speed loop
     if "lag_s" not in fit.names:
         half_s += fit.model.lag_s  # what the lag takes too much, the delay lacks
     return float(middle_s[is_known].mean()), float(half_s), spread_s

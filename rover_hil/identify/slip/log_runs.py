@@ -132,7 +132,7 @@ def _is_near(table: Array, t_s: Array) -> Flags:
 
 
 def _held(set_points: Array, t_s: Array) -> Array:
-    """Return the newest set-point at each time; NaN before the first."""
+    """Return the newest setpoint at each time; NaN before the first."""
     table = np.concatenate(([(0.0, np.nan)], set_points))
     held: Array = table[np.searchsorted(table[:, 0], t_s, side="right") - 1, 1]
     return held

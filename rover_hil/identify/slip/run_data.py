@@ -26,7 +26,7 @@ class MeasuredRun:
         position_rad: Angles of the wheels, (n, 3).
         current_a: Currents, (n, 3); infinite where the sensor is at its end, NaN where it is silent.
         current_is_signed: False for magnitudes.
-        set_speed_rad_s: Set-points of the wheels, (n, 3), NaN where unknown.
+        set_speed_rad_s: Setpoints of the wheels, (n, 3), NaN where unknown.
         camera_t_s: Times of new camera frames, (m,).
         camera: Pose x, y, yaw, (m, 3), x and y in metres or pixels.
         camera_in_pixels: Which of the two.

@@ -83,7 +83,7 @@ class JointSurvey:
 
     Args:
         topic: The topic, with the names of the joints.
-        limit_rad_s: Greatest set-point of a wheel.
+        limit_rad_s: Greatest setpoint of a wheel.
         messages: All messages of the topic.
         end_ns: Time of the last message of the bag.
 
@@ -211,7 +211,7 @@ class Steps:
         elapsed_s: Time of each.
         steps_rad: Their sizes as recorded.
         range_rad: Greatest less smallest angle.
-        limit_rad_s: Greatest set-point of a wheel.
+        limit_rad_s: Greatest setpoint of a wheel.
     """
 
     def __init__(self, elapsed_s: Array, steps_rad: Array, range_rad: float, limit_rad_s: float) -> None:

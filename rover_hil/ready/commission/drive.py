@@ -110,7 +110,7 @@ def _has_slip(record: schema.EstimateRecord) -> bool:
 
 
 def _stops(t_s: Array, moving: Array) -> Array:
-    """Return the middle of each rest of the set-points after a motion; the last sample for the last."""
+    """Return the middle of each rest of the setpoints after a motion; the last sample for the last."""
     changes = np.flatnonzero(np.diff(moving.astype(np.int8)))
     starts, middles = [place + 1 for place in changes if moving[place]], []
     for start in starts:

@@ -22,7 +22,7 @@ from rover_hil.ready.procedure import Drive, Entry, Facts, FileProcedure, Reques
 from rover_hil.run.checks import RUN_CHECKS
 
 RATE_SHARE = 0.86
-"""Of the configured rate of the loop: set-points that change at the gyro's rate alias onto the turns."""
+"""Of the configured rate of the loop: setpoints that change at the gyro's rate alias onto the turns."""
 SPARE_S = 15.0
 """In addition to the turns: settling, and stops."""
 

@@ -40,7 +40,7 @@ class ResponseParameters:
     # Of delay and lag: what the jackknife cannot see, such as the contact's lag and the positions' age.
     least_sd_s: float = 0.0015
     least_gain_sd: float = 0.01
-    # Where set-points and gyro have the same rate, the steps of the set-points alias onto the turns.
+    # Where setpoints and gyro have the same rate, the steps of the setpoints alias onto the turns.
     same_rate: float = 0.03  # distance of the ratio of both rates from 1
     same_rate_sd_s: float = 0.008  # of delay and lag then
     # A result outside these bounds is not used.

@@ -340,7 +340,7 @@ def _steered(radius_m: float, track_m: float, limits_rad: Mapping[int, tuple[flo
     most_deg = min(180.0, *(math.degrees(min(-low, high)) for low, high in limits_rad.values()))
     if most_deg < LEAST_STEERING_DEG:
         raise ConfigError(
-            f"the steering set-points of the drives reach {max(0.0, most_deg):.3g} deg to one side, less "
+            f"the steering setpoints of the drives reach {max(0.0, most_deg):.3g} deg to one side, less "
             f"than {LEAST_STEERING_DEG:g}: are signal, sign and offset in the DBC file right? Otherwise "
             "write the mapping by hand, docs/how-to/drive_your_own_rover.md"
         )

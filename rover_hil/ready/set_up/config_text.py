@@ -72,7 +72,7 @@ def config_text(answers: Answers) -> str:
         "# A first drive of half a metre; docs/reference/configuration.md has the other missions.\n"
         + toml_text({"mission": mission}),
         "[safety]\nsettle_s = 2.0              # at rest the gyro's bias is found\n",
-        "# Greatest set-points; raise them when the rover drives well.\n" + toml_text({"limits": limits}),
+        "# Greatest setpoints; raise them when the rover drives well.\n" + toml_text({"limits": limits}),
         "# The simulated rover of `run --virtual`, `simulate` and `tune`. Mass, motors and what carries "
         "load beside\n# the wheels are assumed: correct them.\n"
         + toml_text({"simulation": answers.simulation}),

@@ -122,11 +122,11 @@ def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:
     Args:
         dbc: The DBC file.
         frames: What is on the bus: messages that are not there come from the host; where none of these is a
-            set-point, those that are called so.
+            setpoint, those that are called so.
 
     Raises:
         ConfigError: The file cannot be read, or has no messages of each wheel with a position or speed and a
-            set-point.
+            setpoint.
     """
     messages = read_messages(dbc)
     heard = {_number(frame) for frame in frames}
@@ -139,7 +139,7 @@ def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:
     from_drives, to_drives = _signals(sent), _signals(taken)
     turning, steering = _without_steering(from_drives), _only_steering(from_drives)
     setpoint = _best(_without_steering(to_drives), SPEED, SPEED_UNITS, prefer=SETPOINT)
-    # An angle beside the set-point of the speed is that of the steering, if the wheel's own motion is
+    # An angle beside the setpoint of the speed is that of the steering, if the wheel's own motion is
     # measured without a signal of this name.
     beside = {
         signal.name
@@ -156,7 +156,7 @@ def guess_mapping(dbc: Path, frames: Sequence[CanFrame]) -> Guess:
     )
     measured = position or speed
     if measured is None or setpoint is None:
-        lack = "set-point" if measured is not None else "position or speed on the bus"
+        lack = "setpoint" if measured is not None else "position or speed on the bus"
         raise ConfigError(
             f"{dbc}: no messages with a {lack} of each wheel, by number or place, were recognised: write "
             "the mapping by hand, docs/how-to/drive_your_own_rover.md"

@@ -5,7 +5,7 @@ from typing import TypedDict
 
 BOARDS = frozenset({"robotino_board", "robotino3_board"})
 NO_LOAD_SHARE = 1.5
-"""No-load speed of the motors over the greatest set-point."""
+"""No-load speed of the motors over the greatest setpoint."""
 CASTOR_SHARE = 0.6
 """A castor is this share of the track behind the axle."""
 LOAD_SHARE = 0.2
@@ -41,7 +41,7 @@ def simulation_table(rover: RoverTable, drive: str, wheel_speed_rad_s: float) ->
     Args:
         rover: The section [rover].
         drive: Type of the device that turns the wheels.
-        wheel_speed_rad_s: Greatest set-point.
+        wheel_speed_rad_s: Greatest setpoint.
     """
     if drive in BOARDS:
         return {"seed": 1, "plant": {"type": "robotino", "site": "floor_table"}}

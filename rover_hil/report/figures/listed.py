@@ -71,7 +71,7 @@ PICTURES: tuple[tuple[str, str, Draw], ...] = (
     ),
     (
         "Wheel speeds",
-        "See whether the wheels follow their set-points: the measured speed should lie on the set-point.",
+        "See whether the wheels follow their setpoints: the measured speed should lie on the setpoint.",
         draw_speeds,
     ),
     (

@@ -40,7 +40,7 @@ RESIDUAL_UNITS = {
 def draw_timeline(run: RunData, summary: Summary) -> Figure:
     """Draw what the controller did over time, and what went wrong with links and watchdog."""
     cycles = run.cycles
-    names = ["mode", "set-points limited", *(f"link to {device}" for device in run.config.devices)]
+    names = ["mode", "setpoints limited", *(f"link to {device}" for device in run.config.devices)]
     names += ["watchdog"] if run.watchdog_s else []
     figure, (axes,) = run_plots.rows(1, 0.32 * len(names) + 0.6)
     labelled: set[str] = set()

@@ -20,7 +20,7 @@ def draw_currents(run: RunData, summary: Summary) -> Figure | None:
 
 
 def draw_speeds(run: RunData, summary: Summary) -> Figure | None:
-    """Draw set-point and measured speed of each wheel."""
+    """Draw setpoint and measured speed of each wheel."""
     wheels = [wheel for wheel in run.wheels if wheel.speed is not None]
     if not wheels:
         return None
@@ -28,7 +28,7 @@ def draw_speeds(run: RunData, summary: Summary) -> Figure | None:
     for axes, wheel in zip(plots, wheels, strict=True):
         axes.set_title(wheel.name)
         if wheel.set_point is not None:
-            run_plots.line(axes, wheel.set_point, style.pale(style.COMMANDED), "set-point", 4.0)
+            run_plots.line(axes, wheel.set_point, style.pale(style.COMMANDED), "setpoint", 4.0)
         if wheel.speed is not None:
             run_plots.line(axes, wheel.speed, style.MEASURED, "measured")
     run_plots.finish(figure, plots, run, summary)

@@ -1,13 +1,13 @@
 """A gear motor behind the speed loop of its board, without friction, with the effects that may be missing.
 
-    U = feed_forward s + stiffness (s - w)        cut to the supply; s the set-point in whole steps
+    U = feed_forward s + stiffness (s - w)        cut to the supply; s the setpoint in whole steps
     I = (U - Km w) / R                            J dw/dt = Km I
 
 Where the voltage at the motor was measured, it takes the place of the loop. The electric time constant,
 1.7 ms, is left out. SI units at the motor's shaft. A leaky integral in the loop multiplies its stiffness.
 
 Readings: speed in steps; current a magnitude, cut to whole steps, where the labels of a run require it. A
-loop answers a jump of its set-point within a few milliseconds, between two readings: 168 measured jumps were
+loop answers a jump of its setpoint within a few milliseconds, between two readings: 168 measured jumps were
 up to 175 rad/s, which takes amperes, but only one reading reached 1.05 A. In a loop the current is therefore
 that of friction and of lasting accelerations; an isolated jump shows none.
 """
@@ -53,10 +53,10 @@ class RobotinoMotor:
     """A `Model` of one motor over time.
 
     Conditions: `integral` is 1 where the loop has integral action, else 0. Labels of a run that the model
-    uses: `speed_step_rad_s` (of the set-point), `current_step_a`, `is_unsigned`.
+    uses: `speed_step_rad_s` (of the setpoint), `current_step_a`, `is_unsigned`.
 
     Attributes:
-        alternative_inputs: A run has set-points or, where they were measured, voltages.
+        alternative_inputs: A run has setpoints or, where they were measured, voltages.
     """
 
     name = "robotino-motor"
@@ -112,7 +112,7 @@ def _middles(t_s: Array) -> Array:
 
 @njit(cache=True)
 def _held(t_s: Array, drive: Array, at_s: Array, longest_s: float) -> Array:
-    """Return the set-point that acts at each ascending time: it replaces the one before in `longest_s`."""
+    """Return the setpoint that acts at each ascending time: it replaces the one before in `longest_s`."""
     held = np.zeros(at_s.shape)
     row = -1
     for index, time_s in np.ndenumerate(at_s):

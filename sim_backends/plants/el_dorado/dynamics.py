@@ -91,7 +91,7 @@ class WheelState(NamedTuple):
     """State of the four wheels; arrays are updated in place.
 
     Attributes:
-        set_rad_s, set_steer_rad: Set-points.
+        set_rad_s, set_steer_rad: Setpoints.
         strength: Factor on the soil's horizontal forces at each wheel.
         rim_m_s: Mean rim speeds in the newest step.
     """

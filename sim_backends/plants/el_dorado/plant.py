@@ -100,7 +100,7 @@ class ElDoradoPlant:
         return specialised(write_currents, self._state, self._wheels, self._drives, self._current_a)
 
     def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
-        """Set the set-points of the inner speed loops: front left, front right, rear left, rear right."""
+        """Set the setpoints of the inner speed loops: front left, front right, rear left, rear right."""
         self._catch_up()
         self._wheels.set_rad_s[:] = speed_rad_s
         self._truth = None

@@ -72,7 +72,7 @@ class State(NamedTuple):
     Attributes:
         pose: x, y, yaw in the world.
         twist: Velocity x, y and yaw rate in the body frame.
-        set_ticks: Set-point of each wheel, ticks per period of the speed loop.
+        set_ticks: Setpoint of each wheel, ticks per period of the speed loop.
         counted: Ticks of each wheel at the last call of the speed loop.
         supply: Battery voltage.
         step: Number of steps done.

@@ -71,7 +71,7 @@ class RobotinoPlant:
         return specialised(observe, self._state, self._rover, self._encoder_zeros, 0.0)
 
     def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
-        """Set the set-points of the inner speed loops, one per wheel (60, 180, 300 degrees)."""
+        """Set the setpoints of the inner speed loops, one per wheel (60, 180, 300 degrees)."""
         delay_ns = nanoseconds(self._settings.speed_loop.set_point_delay_s)
         self._commands.append(_Command(self._t_ns + delay_ns, tuple(speed_rad_s)))
 

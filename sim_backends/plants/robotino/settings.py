@@ -41,7 +41,7 @@ class MotorSettings(Settings):
 
 
 class SpeedLoopSettings(Settings):
-    """The speed controller of an EA05 board: set-point plus gain times error, in counts of the bridge.
+    """The speed controller of an EA05 board: setpoint plus gain times error, in counts of the bridge.
 
     It counts encoder ticks over its own period, so speed comes in whole ticks and the current ripples. Its
     clock is independent of the host's: the phase and a small error of the rate are drawn at random.

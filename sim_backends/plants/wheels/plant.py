@@ -75,7 +75,7 @@ class WheelsPlant:
         self._truth: Truth | None = None
 
     def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
-        """Set the set-points of the inner speed loops, one per wheel."""
+        """Set the setpoints of the inner speed loops, one per wheel."""
         self._commands.append(_Command(self._due_ns(), tuple(speed_rad_s), None))
 
     def set_steering(self, angle_rad: Sequence[float]) -> None:

@@ -26,13 +26,13 @@ class WheelMotor(Settings):
 
 
 class WheelServo(Settings):
-    """A steering drive that moves to its set-point at constant speed.
+    """A steering drive that moves to its setpoint at constant speed.
 
     Attributes:
         low_deg: Least angle.
         high_deg: Greatest angle.
         rate_deg_s: Speed.
-        offset_deg: True angle at set-point 0.
+        offset_deg: True angle at setpoint 0.
     """
 
     low_deg: Annotated[float, Field(ge=-360, le=0)]

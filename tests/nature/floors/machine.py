@@ -64,7 +64,7 @@ class Machine(NamedTuple):
         gain_p_v_s: Volts per rad/s of the wheel.
         gain_i_v: Volts per rad of the wheel.
         current_limit_a: The board's output stage gives no more.
-        delay_s: From a set-point sent to its effect.
+        delay_s: From a setpoint sent to its effect.
     """
 
     mass_kg: float

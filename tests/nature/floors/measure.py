@@ -11,7 +11,7 @@ from tests.nature.floors.rover import RoverPlant
 __all__ = ["translation_slip", "wheel_speeds"]
 
 _SETTLE_S: Final = 1.5
-"""The set-points' delay, the loops' rise and a few relaxation lengths are over by then."""
+"""The setpoints' delay, the loops' rise and a few relaxation lengths are over by then."""
 _SAMPLE_NS: Final = 50_000_000
 
 

@@ -266,16 +266,16 @@ class RoverPlant(ABC):
 
     @abstractmethod
     def _integrate(self, steps: int) -> None:
-        """Advance by whole steps with the set-points as they are."""
+        """Advance by whole steps with the setpoints as they are."""
 
     def _tilt(self) -> tuple[float, float]:
         """Return roll and pitch; a rover on stiff ground has none."""
         return 0.0, 0.0
 
     def set_wheel_speeds(self, speed_rad_s: Sequence[float]) -> None:
-        """Set the set-points, effective after the rover's delay."""
+        """Set the setpoints, effective after the rover's delay."""
         if len(speed_rad_s) != self.wheel_count:
-            raise ValueError(f"{len(speed_rad_s)} set-points for {self.wheel_count} wheels")
+            raise ValueError(f"{len(speed_rad_s)} setpoints for {self.wheel_count} wheels")
         due_ns = self._t_ns - self._start_ns + round(self.machine.delay_s * NANOSECONDS)
         due_step = -(-due_ns * self._rate_hz // NANOSECONDS)
         self._late.append((due_step, tuple(float(speed) for speed in speed_rad_s)))

@@ -72,7 +72,7 @@ class TestInterface:
         assert isinstance(plant, RoverPlant)
         checked: Plant = plant
         assert checked.wheel_count == len(checked.truth().wheel_speed_rad_s)
-        with pytest.raises(ValueError, match="set-points"):
+        with pytest.raises(ValueError, match="setpoints"):
             plant.set_wheel_speeds([1.0])
 
     def test_starts_at_rest_at_the_origin(self, nature: Nature) -> None:

@@ -46,7 +46,7 @@ class Scripted:
     Attributes:
         mode: Mode in the newest cycle.
         reason: Why the rover was stopped in it.
-        set_rad_s: Set-points that were sent in it.
+        set_rad_s: Setpoints that were sent in it.
         now_ns: Real monotonic time of it.
         truth: The true state then.
         pose: The estimate then.
@@ -66,7 +66,7 @@ class Scripted:
 
     @property
     def is_driven(self) -> bool:
-        """Whether set-points are not zero."""
+        """Whether setpoints are not zero."""
         return any(self.set_rad_s)
 
     def wait(self, is_so: Callable[[], bool], each: Callable[[], None] = lambda: None) -> Steps:

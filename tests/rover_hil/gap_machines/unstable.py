@@ -22,7 +22,7 @@ def balanced_runs(
         count: Number of runs.
         samples: Of each run; an error at the start grows by e to the 3.3 per second.
         drag: Of the square of the rate, 1/rad.
-        seed: Of set-points and noise.
+        seed: Of setpoints and noise.
     """
     rng = np.random.default_rng(seed)
     runs = []

@@ -41,7 +41,7 @@ def write_log(
             )
             if cycle < commands:
                 speeds = (10.0 * (cycle % 2), 5.0, 0.0)
-                # The undelivered set-point never reached the motors.
+                # The undelivered setpoint never reached the motors.
                 sent = SentCommand(t_ns=t_ns, speed_rad_s=speeds, delivered=cycle != 5)
                 log.write_json("/command", t_ns, sent)
     return path
@@ -79,5 +79,5 @@ def test_a_clock_that_goes_backwards_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_log_without_set_points_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="no wheel samples or no set-points"):
+    with pytest.raises(LogError, match="no wheel samples or no setpoints"):
         read_records(write_log(tmp_path / "run.mcap", commands=0))

@@ -1,4 +1,4 @@
-"""Logs with gaps, with numbers that are none and with set-points that never arrived."""
+"""Logs with gaps, with numbers that are none and with setpoints that never arrived."""
 
 import math
 from collections.abc import Callable

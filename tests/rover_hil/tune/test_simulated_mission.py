@@ -171,7 +171,7 @@ def test_unstable_gains_are_refused(tmp_path: Path) -> None:
     calm = make_config(tmp_path, TUNE, MISSION_FAST)
     wild = make_config(tmp_path, TUNE, MISSION_FAST.replace("lookahead_m = 0.2", "lookahead_m = 0.02"))
     assert simulate_mission(calm, 1).refused == ""
-    assert "a wheel set-point reversed" in simulate_mission(wild, 1).refused
+    assert "a wheel setpoint reversed" in simulate_mission(wild, 1).refused
 
 
 def test_an_unfinished_mission_is_refused(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """Measured records of motors: the Robotino 2 data sets, tables, and logs of drives.
 
-Robotino records (BrOleg5/research-wheel-slippage): three header lines, the last `t;m1setvel;...`; set-points,
+Robotino records (BrOleg5/research-wheel-slippage): three header lines, the last `t;m1setvel;...`; setpoints,
 speeds and currents at the motor. Tables: `t_s`, `set_point_rad_s` or `voltage_v`, `speed_rad_s`, `current_a`,
 perhaps `others_current_a`, `integral` and `run`; one run per file without `run`.
 """
@@ -48,7 +48,7 @@ def read_motor_runs(path: Path) -> list[Run]:
 
 
 def motor_runs_of_log(log: DriveLog) -> list[Run]:
-    """Return one run per wheel that has set-points or voltages, speeds and currents.
+    """Return one run per wheel that has setpoints or voltages, speeds and currents.
 
     Raises:
         ConfigError: No wheel has.
@@ -82,7 +82,7 @@ def motor_runs_of_log(log: DriveLog) -> list[Run]:
         )
     if not runs:
         raise ConfigError(
-            f"{log.name} holds no wheel with set-points, speeds and currents: use a log with them"
+            f"{log.name} holds no wheel with setpoints, speeds and currents: use a log with them"
         )
     return runs
 

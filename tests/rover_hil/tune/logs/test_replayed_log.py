@@ -73,7 +73,7 @@ def test_set_points_of_other_wheels_are_damage(tmp_path: Path, command: dict[str
         for t_ns in (20_000_000, 40_000_000):
             log.write_json(ESTIMATE, t_ns, {"command": {"t_ns": t_ns, "expires_ns": t_ns, **command}})
             log.write_json(CYCLE, t_ns, {"late_ns": 0, "work_ns": 0})
-    with pytest.raises(LogError, match="set-points of other wheels"):
+    with pytest.raises(LogError, match="setpoints of other wheels"):
         list(estimate_again(LogReader(path), config))
 
 
