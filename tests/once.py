@@ -45,7 +45,7 @@ def computed_once(function: Callable[P, T]) -> Callable[P, T]:
     """Return a function whose result for each set of arguments is computed once in a session.
 
     Args:
-        function: Its result can be pickled, its arguments are told apart by their text.
+        function: Its result can be pickled, its arguments are distinguished by their text.
     """
 
     known: dict[str, T] = {}

@@ -25,120 +25,22 @@ ENDS = frozenset(
     {"", ".c", ".cpp", ".css", ".csv", ".html", ".js", ".json", ".md", ".mjs", ".py", ".sh", ".toml", ".yml"}
 )
 NOT_DONE = (
-    "benchmarks/datasets/planted_faults.py",
-    "benchmarks/datasets/visible_faults.csv",
-    "benchmarks/ftrace/ground_drives.py",
-    "benchmarks/gap/rover_of_wheels.py",
-    "benchmarks/gap/strangers_rovers.py",
-    "benchmarks/gates/gap_constants.py",
-    "benchmarks/ground_motion/scores.py",
-    "benchmarks/hostile/__init__.py",
-    "benchmarks/hostile_files.py",
-    "benchmarks/program/page_stop.py",
-    "benchmarks/robotino/fit.py",
-    "benchmarks/robotino/plant.py",
-    "benchmarks/robotino/rectangle_experiment.py",
-    "benchmarks/robotino/yaw_inertia.py",
-    "benchmarks/robotino/yaw_probe_faults.py",
-    "benchmarks/safety/entrapped_missions.py",
-    "benchmarks/safety/faults/injection.py",
-    "benchmarks/safety/hung_loop.py",
-    "benchmarks/sensitivity/robotino.py",
     "controllers/",
-    "docs/contributing/gap_constants.md",
-    "docs/decisions/0022-the-page-of-the-bench-is-an-operator.md",
     "docs/explanation/ground_motion.md",
     "docs/how-to/troubleshooting.md",
     "docs/reference/",
-    "rover_hil/app/arguments.py",
-    "rover_hil/bench/loop_process.py",
-    "rover_hil/bench/server.py",
-    "rover_hil/bench/session.py",
-    "rover_hil/config/loader.py",
-    "rover_hil/config/ros2_settings.py",
-    "rover_hil/config/schema.py",
-    "rover_hil/config/shipped/configs/robotino-camera.toml",
-    "rover_hil/config/shipped/configs/robotino.toml",
     "rover_hil/config/shipped/configs/rover-hil-config.schema.json",
-    "rover_hil/connect/cycle_record.py",
-    "rover_hil/connect/ros2/connection.py",
-    "rover_hil/connect/ros2/neighbours.py",
-    "rover_hil/connect/ros2/process.py",
-    "rover_hil/connect/shared_ring.py",
-    "rover_hil/datasets/flight_table.py",
-    "rover_hil/datasets/truth_check.py",
-    "rover_hil/doctor/devices/rejections.py",
-    "rover_hil/drive/run_surroundings.py",
-    "rover_hil/gap/data/load.py",
-    "rover_hil/gap/machines/analysis.py",
-    "rover_hil/gap/machines/base_parameters.py",
-    "rover_hil/gap/machines/model_checks/model_trial.py",
-    "rover_hil/gap/machines/next_run/planned.py",
-    "rover_hil/gap/machines/parameters.py",
-    "rover_hil/identify/scomp/parameters.py",
-    "rover_hil/importing/drive.py",
-    "rover_hil/importing/rosbag/topics.py",
-    "rover_hil/importing/table/columns.py",
-    "rover_hil/importing/table/drive_table.py",
-    "rover_hil/ready/commission/worth.py",
-    "rover_hil/ready/imu/calibration.py",
-    "rover_hil/ready/imu/turns.py",
-    "rover_hil/ready/procedure.py",
-    "rover_hil/ready/set_up/command.py",
-    "rover_hil/ready/time/calibration.py",
-    "rover_hil/ready/time/fit.py",
-    "rover_hil/recording/made_with.py",
-    "rover_hil/report/read_run.py",
-    "rover_hil/report/report.html",
-    "rover_hil/report/run_data.py",
-    "rover_hil/report/summary.py",
-    "rover_hil/run/sign_of_life.py",
-    "rover_hil/run/watchdog_process.py",
-    "rover_hil/run/watchdog_program.py",
-    "rover_hil/terrain/setup.py",
-    "rover_hil/tune/logs/judged_log.py",
-    "sim_backends/fmu/example/build.py",
-    "sim_backends/models/shared_cards.toml",
-    "sim_backends/models/tables.py",
-    "sim_backends/state_model/integrate.py",
     "tests/controllers/",
-    "tests/drivers/test_can_link.py",
-    "tests/drivers/test_can_wheels_mapping.py",
-    "tests/nature/sinking_drives/README.md",
-    "tests/nature/wheeled_rover.py",
-    "tests/once.py",
-    "tests/rover_hil/bench/test_loop_process.py",
     "tests/rover_hil/bench/test_page_operator.py",
-    "tests/rover_hil/bench/test_stop_in_browser.py",
-    "tests/rover_hil/connect/test_ros2_run.py",
-    "tests/rover_hil/data/configs/2026-11-27-robotino-area.toml",
-    "tests/rover_hil/data/configs/2026-11-27-robotino.toml",
-    "tests/rover_hil/field_bags.py",
-    "tests/rover_hil/gap/test_finding.py",
-    "tests/rover_hil/identify/test_timing.py",
-    "tests/rover_hil/report/test_read_run.py",
-    "tests/rover_hil/test_drive_order.py",
-    "tests/rover_hil/test_excitation_in_the_loop.py",
-    "tests/rover_hil/test_executive.py",
-    "tests/rover_hil/test_field_tests.py",
     "tests/rover_hil/test_four_wheel_faults.py",
-    "tests/rover_hil/test_gnss_run.py",
-    "tests/rover_hil/test_hostile_files.py",
-    "tests/rover_hil/test_import_oddities.py",
     "tests/rover_hil/test_log_schema.py",
-    "tests/rover_hil/test_operators.py",
-    "tests/rover_hil/test_sign_of_life.py",
-    "tests/rover_hil/test_watchdog.py",
-    "tests/rover_hil/test_watchdog_process.py",
-    "tests/rover_hil/test_watchdog_program.py",
-    "tests/sim_backends/obedient_plant.py",
-    "tests/sim_backends/test_model_robotino_motor.py",
-    "tests/sim_backends/test_robotino_board.py",
 )
 """Starts of the paths whose prose is still to be changed."""
-NAME = re.compile(r"`[^`\s]*`")
-"""An identifier, key, topic, command or option: it is quoted and has no space."""
-THIS_TEST = "tests/test_phrases.py"
+RECORDED = ("tests/rover_hil/data/", "tests/test_phrases.py")
+"""Files as an older version wrote them, which readers must accept; and this test."""
+NAME = re.compile(r"`[^`\s]*`|\.\w+|^\s*\w+(?:, \w+)*: |^\w+$", re.MULTILINE)
+"""An identifier, key, topic, command or option: quoted without a space, after a dot, at the start of a line of
+arguments, or alone as a string."""
 
 
 def forbidden_phrases() -> list[str]:
@@ -201,6 +103,7 @@ def test_a_phrase_is_found_in_prose_and_not_in_a_name() -> None:
     assert phrases_in("It sends Set-points, in place\nof speeds.") == ["Set-points", "in place of"]
     assert phrases_in("It gave no `sign of life`.") == ["sign of life"]
     assert phrases_in("The key `set-point` is missing.") == []
+    assert phrases_in("<td>{{ summary.oddities }}</td>") == []
 
 
 @pytest.mark.parametrize(
@@ -217,7 +120,17 @@ def test_a_phrase_is_found_in_docstrings_comments_and_messages(source: str) -> N
 
 
 def test_a_phrase_is_not_found_in_identifiers() -> None:
-    assert phrases_in("set_point = sign_of_life.set - point\n", is_python=True) == []
+    source = '''
+class A:
+    """It has a name.
+
+    Attributes:
+        oddities: What it is.
+    """
+
+    oddities = sign_of_life(record["oddities"])
+'''
+    assert phrases_in(source, is_python=True) == []
 
 
 @pytest.mark.parametrize("folder", ["", *FOLDERS])
@@ -225,7 +138,7 @@ def test_a_folder_has_no_forbidden_phrase(folder: str) -> None:
     broken = {}
     for file in texts_of(folder):
         name = file.relative_to(ROOT).as_posix()
-        if name != THIS_TEST and not name.startswith(NOT_DONE):
+        if not name.startswith((*RECORDED, *NOT_DONE)):
             found = phrases_in(file.read_text("utf-8"), is_python=file.suffix == ".py")
             broken |= {name: found} if found else {}
     assert broken == {}

@@ -287,7 +287,7 @@ def wrapped(range_ticks: int, ticks_per_turn: float) -> Change:
 
 
 def by_speed(factor: float = 1.0) -> Change:
-    """Return speeds in place of angles, in rad/s times a factor."""
+    """Return speeds instead of angles, in rad/s times a factor."""
 
     def planted(drive: Measured) -> Measured:
         elapsed_s = steps(drive.columns["t"])

@@ -119,7 +119,7 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=1, help="drives per scene type")
     parser.add_argument("--frames", type=int, default=120, help="frames of each drive")
     parser.add_argument("--drives", type=Path, help="folder in which rendered drives are kept")
-    parser.add_argument("--folders", type=Path, nargs="+", help="drives to judge in place of rendered ones")
+    parser.add_argument("--folders", type=Path, nargs="+", help="drives to judge instead of rendered ones")
     given = parser.parse_args()
     cv2.setNumThreads(1)
     sys.stdout.write(f"| scene | {' | '.join(COLUMNS.values())} | {' | '.join(OTHER_COLUMNS)} |\n")

@@ -5,7 +5,7 @@
 For each truth the plant of docs/examples/six_wheels.toml, on the gray floor, drives random legs: straight and
 arcs, forwards and backwards, by steering of its corners. Logs hold wheel angles, measured steering angles,
 gyro and pose with noise; the configuration of the logs is the unchanged one. Plant and model share their
-contact laws, so the table shows what can be told apart, not whether the laws are right. The plant has no
+contact laws, so the table shows what can be distinguished, not whether the laws are right. The plant has no
 inclined ground: for `side_slope` the weight along the slope is added here to each of its milliseconds.
 Prints a table; exit code 1 where a hidden effect is not in the set, or another is named.
 """

@@ -26,7 +26,7 @@ FOLDERS = ("rover_hil/gap", "sim_backends/state_model")
 CASE = "cart:1"
 NOT_MEASURED = "-"
 LEAST_CHANGE = 1e-3
-"""Smallest relative change of a figure that is told."""
+"""Smallest relative change of a figure that is reported."""
 COMPILED = "sim_backends.state_model.tape_kernel"
 BY_KIND = {
     "definition": "HALF_WIDTHS NORMAL_95 CLEAR_T MINUTE_S RPM_TO_WHEEL VOTE",

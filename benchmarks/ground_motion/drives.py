@@ -108,11 +108,11 @@ def _summary(drives: Sequence[Pairs]) -> None:
     above = float((error > WRONG_SLIP).mean()) if len(error) else np.nan
     off = float((np.abs(error) > WRONG_SLIP).mean()) if len(error) else np.nan
     _write(
-        f"\ntold slip more than {WRONG_SLIP:g} above the truth: {100 * above:.2f} % of valid windows; "
+        f"\nreported slip more than {WRONG_SLIP:g} above the truth: {100 * above:.2f} % of valid windows; "
         f"either way: {100 * off:.2f} %\n"
     )
     still, valid, moving = (sum(counts) for counts in zip(*map(standing, drives), strict=True))
-    _write(f"standing: {still} pairs, {valid} valid, {moving} told as moving\n")
+    _write(f"standing: {still} pairs, {valid} valid, {moving} reported as moving\n")
     for length_m in LENGTHS_M:
         ratios = np.abs([e for pairs in drives for e in normalised_errors(pairs, length_m)])
         if len(ratios):

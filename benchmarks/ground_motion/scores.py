@@ -29,7 +29,7 @@ LEAST_DISTANCE_M = 0.8
 """Shorter drives have no distance of 2 m; the rest of a drive counts from this length on."""
 WRONG_SLIP = 0.1
 STANDS_M, MOVES_M, MOVES_SHARE = 0.0003, 0.0006, 0.1
-"""A rover that moves less stands; a motion of more, and of this share of the wheels', is told as moving."""
+"""A rover that moves less stands. More, and more than this share of the wheels' motion, counts as moving."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +84,7 @@ def sideways_errors(pairs: Pairs) -> list[float]:
 
 
 def normalised_errors(pairs: Pairs, length_m: float) -> list[float]:
-    """Return errors forward over windows of wheel travel, over the deviation that is told for them."""
+    """Return errors forward over windows of wheel travel, over their reported standard deviations."""
     errors = []
     for part in parts(np.abs(pairs.wheel_m), length_m):
         valid = pairs.valid[part]
@@ -98,7 +98,7 @@ def normalised_errors(pairs: Pairs, length_m: float) -> list[float]:
 
 
 def standing(pairs: Pairs) -> tuple[int, int, int]:
-    """Return pairs in which the rover stands, how many are valid, and how many are told as moving."""
+    """Return pairs in which the rover stands, how many are valid, and how many are reported as moving."""
     still = np.hypot(pairs.true[:, 0], pairs.true[:, 1]) < STANDS_M
     moved = np.hypot(pairs.found[:, 0], pairs.found[:, 1])
     least = np.maximum(MOVES_M, MOVES_SHARE * np.abs(pairs.wheel_m))

@@ -214,7 +214,7 @@ CASES: dict[str, tuple[Callable[[Bench], None], float, Callable[[Bench], None]]]
     "tunnel closed": (close_network, OUTAGE_S, reopen_network),
     "300 readers": (add_readers, 0.0, nothing),
 }
-"""What breaks before the press, how long that lasts after it, and what is mended then."""
+"""What breaks before the press, how long that lasts after it, and what is restored then."""
 
 
 @contextmanager

@@ -62,7 +62,7 @@ def fit(cells: Sequence[Cell], start: Sequence[float], simulate: Simulate) -> tu
 
 
 def fit_surface(cells: Sequence[Cell], centre_of_mass_x_m: float) -> tuple[dict[str, float], float]:
-    """Fit traction and resistance of one surface; on the table only the resistance can be told."""
+    """Fit traction and resistance of one surface; on the table only the resistance can be determined."""
     known = shipped_surfaces()[cells[0].surface]
     fixed = [TABLE_FRICTION, TABLE_STIFFNESS] if cells[0].surface == "table" else []
 

@@ -123,7 +123,7 @@ def listed(pair: Pair) -> dict[str, object]:
 
 
 def times_real_time(cycle_ns: int, simulated_s: int = 200) -> float:
-    """Return how many times faster than real time the plant is, driving to and fro over a site.
+    """Return how many times faster than real time the plant is, driving back and forth over a site.
 
     Args:
         cycle_ns: How often it gets setpoints and is asked for the truth.

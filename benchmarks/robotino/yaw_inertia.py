@@ -2,8 +2,8 @@
 
     python -m benchmarks.robotino.yaw_inertia [--in-place] [--floors 6] [--first 600]
 
-The shipped Robotino travels with its yaw excitation, or turns to and fro in place at the same frequency as
-`calibrate imu` does, on an endless floor of the tile that resists least. In each second of it a sinusoid is
+The shipped Robotino travels with its yaw excitation, or turns back and forth in place at the frequency of
+`calibrate imu`, on an endless floor of the tile that resists least. In each second of it a sinusoid is
 fitted to the yaw moment of the motors (torque of each wheel by current and speed, times arm over radius) and
 to the gyro. The moment over the angular acceleration is the inertia, the drag its part in phase with the
 rate. Printed are the relative errors against the plant's own inertia, of the median of a drive, for currents
@@ -131,7 +131,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--in-place", action="store_true", help="turn to and fro without travel")
+    parser.add_argument("--in-place", action="store_true", help="turn back and forth without travel")
     parser.add_argument("--floors", type=int, default=6)
     parser.add_argument("--first", type=int, default=600, help="seed of the first floor")
     add_cluster_option(parser)

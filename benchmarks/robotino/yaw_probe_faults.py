@@ -1,10 +1,10 @@
-"""The yaw probe with faults of the gyro and other contacts: is wrong slip marked valid?
+"""The yaw excitation with faults of the gyro and other contacts: is wrong slip marked valid?
 
     python -m benchmarks.robotino.yaw_probe_faults [--sites 12] [--first 3000] [--only CASE ...] [--out FILE]
 
-Every site is driven once with encoders and gyro alone, once with the yaw probe without calibration, and once
-after calibration (`rover-hil calibrate imu` on firm ground with the same fault). The faults act on what the
-gyro senses, in a wrapper of the simulated rover that shares no code with the program: low-pass of first
+Every site is driven once with encoders and gyro alone, once with the yaw excitation without calibration, and
+once after calibration (`rover-hil calibrate imu` on firm ground with the same fault). The faults act on what
+the gyro senses, in a wrapper of the simulated rover that shares no code with the program: low-pass of first
 order at 10 and 20 Hz, delay of 40 ms. Other contacts: patchworks of surfaces with random constants, and
 `tests/nature/omni_contact.py` with a relaxation length of 5 and 15 mm.
 Slip is judged every cycle of a run against the true slip of the half second before: wrong is more than 0.1
@@ -205,7 +205,7 @@ class Run:
 
 
 def configure(ground: Ground, seed: int, *, probe: bool, gyro: GyroResponse | None) -> Config:
-    """Return the shipped Robotino on a ground, with the yaw probe or with encoders and gyro alone."""
+    """Return the shipped Robotino on a ground, with the yaw excitation or with encoders and gyro alone."""
     table = load_config("robotino").model_dump(by_alias=True)
     table["loop"]["time_limit_s"] = TIME_LIMIT_S
     if probe:

@@ -1,4 +1,4 @@
-"""Entrapped rovers: after which travel of the wheels are they stopped?
+"""Stuck rovers: after which travel of the wheels are they stopped?
 
     python -m benchmarks.safety.entrapped_missions [--missions 12] [--first 40000] [--fixes-per-s 0.5]
 

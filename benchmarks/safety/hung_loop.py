@@ -49,12 +49,12 @@ ROVERS = {
     "VESC": EXAMPLES / "vesc.toml",
 }
 MAPPINGS = {"ODrive": "odrive_0_6"}
-"""In place of the configuration's own."""
+"""Used instead of the configuration's own."""
 STUCK_FILE = "stuck"
 STUCK_S = 600
 BAR_S = 0.3
 SLOWER = 0.9
-"""A wheel below this share of its speed slows down: it has been told to, or its drive has given up."""
+"""A wheel below this share of its speed slows down: it was commanded to, or its drive has given up."""
 WAIT_S = 300.0
 SWAPPED = "swapped"
 SWAP_BYTES = 1 << 30
@@ -366,7 +366,7 @@ def main() -> int:
         return 1 if count_ends(options.healthy, is_loaded=options.loaded) else 0
     cost = cost_us()
     print(f"in the loop {cost:.1f} us a cycle, bar {COST_BAR_US:g} us")
-    print("| drive | loop | wheels slow down after s | at rest after s | cycles in the log | told |")
+    print("| drive | loop | wheels slow down after s | at rest after s | cycles in the log | reported |")
     print("|---|---|---|---|---|---|")
     missed = cost > COST_BAR_US
     for name in [options.rover] if options.rover else ROVERS:

@@ -19,7 +19,7 @@ from controllers.slip.effort.parameters import EFFORT
 KINDS = {
     "linear": ("linear in M, gyro", "linear in M, mm"),
     "drive": ("drive force and surface, gyro", "drive force, mm"),
-    "yaw": ("yaw probe, gyro", "yaw excitation, mm"),
+    "yaw": ("yaw excitation, gyro", "yaw excitation, mm"),
 }
 CASES = "linear:500,drive:500,yaw:500"
 

@@ -20,7 +20,7 @@ REMOVED = {
 
 
 def understood(arguments: Sequence[str]) -> list[str]:
-    """Return arguments as the commands of today take them; an old spelling is told.
+    """Return arguments as the commands of today take them; an old spelling is reported.
 
     Raises:
         ConfigError: They name a command that was removed.

@@ -20,12 +20,12 @@ from rover_hil.bench.views import EndOrder, Notice, Order, Picture, RunOrder
 from rover_hil.config import BenchSettings, Config
 from rover_hil.recording.watchdog_note import read_note
 from rover_hil.run.executive import Operator, RunResult
-from rover_hil.run.sign_of_life import LifeWatch, SignOfLife
+from rover_hil.run.heartbeat import Heartbeat, LifeWatch
 
 MOST_NOTICES = 64
 MOST_ORDERS = 64
 """While the loop hangs so many orders wait for it."""
-SERVER_SILENT = "page: its program gave no sign of life for {:g} s"
+SERVER_SILENT = "page: no heartbeat of its program for {:g} s"
 PAGE_SILENT = "page: the script of the page in control did not answer for {:g} s"
 END_S = 5.0
 """Time that a run has to stop the drive and close its log when the program ends."""
@@ -111,7 +111,7 @@ class LoopProcess:
         their_orders, self._orders = context.Pipe(duplex=False)
         self._notices, their_notices = context.Pipe(duplex=False)
         self._on_notice = on_notice
-        self.server_life, self.browser_life = SignOfLife(), SignOfLife()
+        self.server_life, self.browser_life = Heartbeat(), Heartbeat()
         signs = self.server_life, self.browser_life
         self._process = context.Process(
             target=_serve, args=(run, report, their_orders, their_notices, signs), name="loop"
@@ -229,7 +229,7 @@ def _serve(
     report: ReportFunction,
     orders: PipeEnd,
     notices: PipeEnd,
-    signs: tuple[SignOfLife, SignOfLife],
+    signs: tuple[Heartbeat, Heartbeat],
 ) -> None:
     """Wait for an order, run it, write its report."""
     with suppress(KeyboardInterrupt, EOFError):
@@ -240,8 +240,8 @@ def _serve(
             sender.close()
 
 
-def make_watches(settings: BenchSettings, server: SignOfLife, browser: SignOfLife) -> list[LifeWatch]:
-    """Return what watches the signs of life that a run from the page needs."""
+def make_watches(settings: BenchSettings, server: Heartbeat, browser: Heartbeat) -> list[LifeWatch]:
+    """Return what watches the heartbeats that a run from the page needs."""
     server_s, page_s = settings.server_timeout_s, settings.page_timeout_s
     watches = [LifeWatch(server, server_s, SERVER_SILENT.format(server_s))]
     if settings.page_required:

@@ -16,7 +16,7 @@ from drivers.samples import HeadingSample, WheelSample
 from rover_hil.bench.camera_frames import CameraFrame, FrameChoice
 from rover_hil.bench.views import Confirmation, DeviceView, EndOrder, Notice, Order, View
 from rover_hil.run.executive import CycleView, End
-from rover_hil.run.sign_of_life import LifeWatch, LossLatch
+from rover_hil.run.heartbeat import LifeWatch, LossLatch
 from sim_backends.world.plant import Truth
 
 VIEW_PERIOD_NS = NANOSECONDS_PER_SECOND // 20

@@ -123,7 +123,7 @@ def server_config(app: ASGIApp) -> uvicorn.Config:
 
 
 async def give_life(session: Session) -> None:
-    """Give signs of life for ever, from the event loop that calls this: a loop that hangs gives none."""
+    """Give heartbeats for ever, from the event loop that calls this: a loop that hangs gives none."""
     clock = SystemClock()
     while True:
         due_ns = clock.now_ns() + nanoseconds(LIFE_PERIOD_S)

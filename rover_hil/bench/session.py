@@ -89,7 +89,7 @@ class Snapshot:
         is_control_free: Nobody is in control, or who is does not answer.
         runs: Names of the finished runs, the newest first.
         refused: Orders from browsers that were refused because they were no finite numbers.
-        server_late_ms: How late the program of the page gave a sign of life at most, since the run began.
+        server_late_ms: How late the program of the page gave a heartbeat at most, since the run began.
     """
 
     state: State
@@ -309,7 +309,7 @@ class Session:
             self._refused += 1
 
     def give_life(self, late_ns: int) -> None:
-        """Give the loop a sign of life of the event loop that serves the emergency stop.
+        """Give the loop a heartbeat of the event loop that serves the emergency stop.
 
         Args:
             late_ns: How late it comes.

@@ -231,7 +231,7 @@ def _inline_files(table: Table) -> dict[KeyPath, str]:
 
 
 def _is_shown(detail: ErrorDetails, unreadable: dict[KeyPath, str]) -> bool:
-    """Return False for what is reported otherwise: a file's name in place of its content, and conflicts."""
+    """Return False for what is reported otherwise: a file's name instead of its content, and conflicts."""
     return detail["loc"][:2] not in unreadable and bool(detail["loc"] or detail["type"] != "value_error")
 
 

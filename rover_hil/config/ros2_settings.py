@@ -11,7 +11,7 @@ from drivers.settings import Settings
 DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
 MOST_JOINTS = 100
 POSE_FIX = "/pose_fix"
-"""Name of the poses that arrive over ROS 2 in place of a device's: no device can be called so."""
+"""Name of the poses that arrive over ROS 2 instead of from a device: no device can be called so."""
 
 
 def _check_name(text: str) -> str:

@@ -60,7 +60,7 @@ class BenchSettings(Settings):
     """What stops a run of `rover-hil bench` when the page cannot stop it any more.
 
     Attributes:
-        server_timeout_s: The rover stops after this time without a sign of life of the program that serves
+        server_timeout_s: The rover stops after this time without a heartbeat of the program that serves
             the page.
         page_required: The rover also stops when the script of the page in control does not answer. Without it
             a mission drives on without a page.

@@ -59,7 +59,7 @@ class CycleRecorder:
         """Return the record of a cycle.
 
         Args:
-            facts: The cycle. A change of its further facts about the run is told at once.
+            facts: The cycle. A change of its further facts about the run is reported at once.
             now_ns: Real monotonic time.
         """
         to_wall_ns = self._offset.at(now_ns) + facts.offset_ns

@@ -19,7 +19,7 @@ class SharedRing:
     """A queue with one writer and one reader, of a fixed number of places.
 
     In front of the places are the number of the last message that was taken, that of the last one that was
-    put, and the signs of life of the writer.
+    put, and the number of heartbeats of the writer.
 
     A call of the system costs tens of microseconds where other programs have used the caches since the last
     one. It reaches another process as an argument of `multiprocessing.Process`.
@@ -54,7 +54,7 @@ class RingWriter:
         self._begins = [ring.begin_of(number) for number in range(ring.places)]
 
     def give_sign(self) -> None:
-        """Give a sign of life."""
+        """Give a heartbeat."""
         self._signs += 1
         _SIGNS.pack_into(self._view, _NUMBER.size, self._next - 1, self._signs)
 
@@ -82,7 +82,7 @@ class RingReader:
     for the next look, on processors that reorder writes too.
 
     Attributes:
-        count: Signs of life of the writer, at the last look.
+        count: Heartbeats of the writer, at the last look.
     """
 
     def __init__(self, ring: SharedRing) -> None:
@@ -93,7 +93,7 @@ class RingReader:
         self.count = 0
 
     def look(self) -> bool:
-        """Return whether there may be a message, and count the signs of life."""
+        """Return whether there may be a message, and count the heartbeats."""
         last, self.count = _SIGNS.unpack_from(self._view, _NUMBER.size)
         return bool(last >= self._next)
 

@@ -36,7 +36,7 @@ class FlightTable:
         t_us: Time of each row, n.
         rows: Rows of the messages of each kind.
         fields: Numbers of the messages, by kind and field.
-        oddities: What is wrong with the file, by what it is, and how often.
+        oddities: Data-quality findings in the file: what each is, and how often.
         error: Raised when something is wrong with the table.
     """
 

@@ -29,7 +29,7 @@ BETTER = 0.6
 UNLIKE = 0.7
 """Wheels whose motion leaves more than this share of the truth's say nothing of it."""
 ALIKE = 0.1
-"""Corrections whose residuals differ by less, as a share of the motion, cannot be told apart."""
+"""Corrections whose residuals differ by less, as a share of the motion, cannot be distinguished."""
 SCALES = (0.35, 1.3)
 """A common factor within these may be slip, on which wheels turn further than the rover, or the radius."""
 SPEED_SCALES = (0.8, 1.25)
@@ -40,7 +40,7 @@ CLOCK_DEVIATIONS = 5.0
 LEAST_SD = 0.0005
 """No factor is better known, whatever the residuals say."""
 COARSE = 0.005
-"""A speed with a coarser resolution, as a share of a usual one, may be cut off in place of rounded."""
+"""A speed with a coarser resolution, as a share of a usual one, may be cut off instead of rounded."""
 LEAST_WAY_M = 1.0
 """A drive that goes less far, and hardly turns, shows the noise of the truth."""
 ONE_DIRECTION = 0.8

@@ -24,7 +24,7 @@ from rover_hil.run.executive import End, Operator, RunResult
 from rover_hil.terminal import Terminal
 
 SLOW_SHARE = 0.02
-"""Of the cycles of a real run; with more skipped the user is told."""
+"""Of the cycles of a real run; with more skipped a warning is shown."""
 FIRST_SAMPLE_NS = nanoseconds(2.0)
 """A device that has just been opened sends its first sample within this time."""
 

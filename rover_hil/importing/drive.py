@@ -56,7 +56,7 @@ class Contents:
 
     Attributes:
         used: Number of messages by section.
-        oddities: What is odd in the drive, and what was done about it.
+        oddities: Data-quality findings, and what was done about each.
         notes: What a user must know of the joints and of the estimate, one sentence each.
         findings: What the rules have found wrong with the drive.
         doubts: What widened the estimate although it may happen to a healthy rover.
@@ -82,7 +82,7 @@ class Contents:
             self._unusable[section] += 1
 
     def finish(self, kinematics: Kinematics, turned_rad: float) -> None:
-        """Count what was left out, and equal oddities together; add what the drive cannot show."""
+        """Count what was left out, and equal findings together; add what the drive cannot show."""
         self.oddities += unseen(kinematics, self.evidence, turned_rad)
         what = "no usable numbers"
         unusable = [Oddity(what=what, where=name, count=count) for name, count in self._unusable.items()]
@@ -155,7 +155,7 @@ def check_straight(kinematics: Kinematics, source: object) -> None:
     """
     if kinematics.steering_rates_rad_s:
         raise LogError(
-            f"{source}: it gives a path in place of the wheels, but wheels of the rover steer: describe in "
+            f"{source}: it gives a path instead of the wheels, but wheels of the rover steer: describe in "
             "[rover] two wheels that do not, left and right of the place that the path is of"
         )
 

@@ -106,10 +106,10 @@ def _outs(files: Sequence[Path], out: Path) -> list[Path]:
 
 
 def _table_of(oddities: Sequence[Oddity]) -> Iterator[str]:
-    """Yield the lines of a table of what is odd, which are not broken where the terminal is narrow."""
+    """Yield the lines of a table of the findings, which are not broken where the terminal is narrow."""
     if not oddities:
         return
-    rows = [("odd", "where", "count", "what became of it")]
+    rows = [("finding", "where", "count", "what became of it")]
     rows += [(odd.what, odd.where, "" if odd.count is None else str(odd.count), odd.done) for odd in oddities]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for what, where, count, done in rows:

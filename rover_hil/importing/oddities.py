@@ -1,4 +1,4 @@
-"""What is odd in a recorded drive, and what was done about it."""
+"""Data-quality findings of a recorded drive, and what was done about each."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ NO_FAULT = "no measurement"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Oddity:
-    """One thing that is odd.
+    """A data-quality finding.
 
     Attributes:
         what: What it is.

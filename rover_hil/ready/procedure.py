@@ -213,10 +213,10 @@ class Procedure(ABC, Generic[Record, Result]):
 
     @abstractmethod
     def facts(self, record: Record, result: Result) -> Facts:
-        """Return what the user is told."""
+        """Return the facts for the user."""
 
     def json(self, record: Record, result: Result, out: Path | None) -> Mapping[str, object]:
-        """Return what a program is told."""
+        """Return the facts for a program."""
         return {**dict(self.facts(record, result)), "problem": result.problem}
 
     @abstractmethod

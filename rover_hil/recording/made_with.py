@@ -27,7 +27,7 @@ PROGRAM = "rover-hil"
 PYTHON, C_LIBRARY = "Python", "C library"
 BLAS_KERNEL, PROCESSOR = "BLAS kernel", "processor"
 FACTS = (PROGRAM, PYTHON, *NUMERIC_PACKAGES, C_LIBRARY, BLAS_KERNEL, PROCESSOR)
-"""Keys in the metadata of a log, in the order in which they are told."""
+"""Keys in the metadata of a log, in the order in which they are shown."""
 UNKNOWN = "unknown"
 
 _CPU_INFO = Path("/proc/cpuinfo")

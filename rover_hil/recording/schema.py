@@ -314,7 +314,7 @@ class EndRecord(TypedDict):
 
 
 class OddityRecord(TypedDict):
-    """What is odd in a recorded drive, where, how often, and what was done about it."""
+    """A data-quality finding of a recorded drive: what, where, how often, and what was done about it."""
 
     what: str
     where: str
@@ -323,7 +323,7 @@ class OddityRecord(TypedDict):
 
 
 class ImportRecord(TypedDict):
-    """What is odd in a recorded drive, on `IMPORT`, once at the end."""
+    """Data-quality findings of a recorded drive, on `IMPORT`, once at the end."""
 
     oddities: Annotated[list[OddityRecord], FailFast()]
 

@@ -167,7 +167,7 @@ class RunData:
         is_complete: False when the log was cut off.
         cut_off_by: Why the watchdog ended the run, where the log was cut off and it did; else empty.
         end: How the run ended by its own account; None when it was killed or imported.
-        oddities: What was odd in a recorded drive.
+        oddities: Data-quality findings of a recorded drive.
         duration_s: By the run's own account, else up to the last message.
         estimate: The filter's pose at the time of the wheel positions that it is based on.
         covariance: Its covariance, in rows xx, xy, x yaw, yy, y yaw, yaw yaw.

@@ -148,7 +148,7 @@ class Summary:
         stops: Safety stops.
         suspicions: What was suspected and stopped nothing, the most frequent first.
         findings: What the rules found wrong with a drive that somebody else controlled.
-        oddities: What was odd in a recorded drive, and what was done about it.
+        oddities: Data-quality findings of a recorded drive, and what was done about each.
         yaw_unwatched: That nothing would have noticed a wrong yaw, and what would; else empty.
         devices: Health facts at the end of the run.
     """

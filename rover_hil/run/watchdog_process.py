@@ -1,4 +1,4 @@
-"""The loop's side of the watchdog: starts its process, gives it signs of life, and looks after it."""
+"""The loop's side of the watchdog: starts its process, gives it heartbeats, and looks after it."""
 
 import json
 import mmap
@@ -15,12 +15,12 @@ from drivers.emergency_stop import EmergencyStop
 from drivers.errors import RoverHilError
 from drivers.safety_event import RESTART, Outcome, SafetyEvent
 from rover_hil.run import watchdog_program as program
-from rover_hil.run.sign_of_life import LifeWatch
+from rover_hil.run.heartbeat import LifeWatch
 
 START_S = 10.0
 """Longest wait for an answer, on a loaded machine."""
 SILENT_S = 0.5
-"""The rover rests without a sign of life of the watchdog for longer."""
+"""The rover stops without a heartbeat of the watchdog for longer."""
 PAUSE_S = 0.5
 """Between two attempts to start it again."""
 RESTARTS = 3
@@ -104,7 +104,7 @@ class WatchdogProcess:
 
     Args:
         stop: How the drive is stopped.
-        expiry_s: The drive is stopped this long after the last sign of life.
+        expiry_s: The drive is stopped this long after the last heartbeat.
         note: File that gets the cause when this process is ended; None for none.
     """
 
@@ -115,7 +115,7 @@ class WatchdogProcess:
         self._file = -1
         self._counts = memoryview(bytearray(program.PAGE_SIZE)).cast("Q")
         self._process: subprocess.Popen[bytes] | None = None
-        self._life = LifeWatch(self, SILENT_S, f"watchdog: no sign of life for {SILENT_S:g} s")
+        self._life = LifeWatch(self, SILENT_S, f"watchdog: no heartbeat for {SILENT_S:g} s")
         self._lost: list[str] = []
         self._signs = self._waits = self._seen_stops = self._seen_beats = 0
         self._restarts_left = RESTARTS
@@ -166,7 +166,7 @@ class WatchdogProcess:
 
     @property
     def count(self) -> int:
-        """How many signs of life the process has given."""
+        """Number of heartbeats of the process so far."""
         return self._counts[program.BEATS]
 
     def check_port(self) -> None:

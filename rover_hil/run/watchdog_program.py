@@ -360,10 +360,10 @@ class Watch:
     def _end_loop(self) -> None:
         signal.pidfd_send_signal(self._order["loop"], signal.SIGKILL)
         self._loop.poll(END_MS)
-        self._conclude("the loop gave no sign of life for over a second and was ended")
+        self._conclude("the loop gave no heartbeat for over a second and was ended")
 
     def _conclude(self, cause: str) -> None:
-        """Stop the drive, tell the cause, and stop it again for a second: a frame may be lost."""
+        """Stop the drive, report the cause, and stop it again for a second: a frame may be lost."""
         repeats = HANG_PERIODS // REPEAT_PERIODS
         while (failure := self._port.stop()) and repeats:
             repeats -= 1

@@ -32,7 +32,7 @@ class Choice(NamedTuple):
 
     Attributes:
         rover: `paper_001`, or a TOML file with the fields of `SlopeRover`.
-        wheel: In place of the rover's own; None keeps that.
+        wheel: Instead of the rover's own; None keeps that.
         soil: Soil.
     """
 

@@ -1,7 +1,7 @@
-"""Base parameters and effect cards of the shipped models, from a file `tables.toml` beside each model.
+"""Base parameters and effect definitions of the shipped models, from a file `tables.toml` beside each model.
 
 A row of a parameter is a list: unit, nominal value, prior standard deviation, least value, greatest value,
-meaning (see `Parameter`). What a card leaves out is that of the same effect in `shared_cards.toml`.
+meaning (see `Parameter`). What a definition leaves out is that of the same effect in `shared_cards.toml`.
 """
 
 import tomllib
@@ -14,7 +14,7 @@ SHARED_CARDS = tomllib.loads(Path(__file__).with_name("shared_cards.toml").read_
 
 
 def read_tables(module: str) -> tuple[tuple[Parameter, ...], tuple[EffectCard, ...]]:
-    """Return the base parameters and the effect cards of a model, in the order of its file.
+    """Return the base parameters and the effect definitions of a model, in the order of its file.
 
     Args:
         module: `__file__` of a module in the folder of the model.

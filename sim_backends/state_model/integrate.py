@@ -374,7 +374,7 @@ def is_recordable(model: Equations) -> bool:
 
 
 class _Recording:
-    """Recorded numbers in place of parameters, inputs and forces."""
+    """Recorded numbers instead of parameters, inputs and forces."""
 
     def __init__(self) -> None:
         self.graph = Graph()

@@ -196,7 +196,7 @@ class StandInBus(can.BusABC):
 
 @pytest.fixture
 def buses(monkeypatch: pytest.MonkeyPatch) -> list[StandInBus]:
-    """Return the list of the buses that are opened in place of SocketCAN."""
+    """Return the list of the buses that are opened instead of SocketCAN."""
     opened: list[StandInBus] = []
 
     def open_stand_in(channel: str) -> can.BusABC:

@@ -1,4 +1,4 @@
-"""Mapping files: what is filled in, and what the user is told when something is wrong."""
+"""Mapping files: what is filled in, and what is reported when something is wrong."""
 
 from pathlib import Path
 

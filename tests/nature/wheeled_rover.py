@@ -1,4 +1,4 @@
-"""Drives of strangers' rovers on any wheels: truth for what encoders, gyro and poses show.
+"""Simulated drives of third-party rovers on any wheels: ground truth for what encoders, gyro and poses show.
 
 At every moment the contacts balance inertia and the weight along the slope. Each resists sliding by its load,
 in proportion to the speed of sliding while that is small (not to the slip ratio), and at most by friction; it

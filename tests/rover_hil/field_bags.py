@@ -176,7 +176,7 @@ class _Messages:
 
 
 def _quality(node: int) -> Qos:
-    """Return the quality that a node offers; two nodes on a topic are told apart by it."""
+    """Return the quality that a node offers; two nodes on a topic are distinguished by it."""
     never = QosTime(sec=0, nsec=0)
     return Qos(
         history=QosHistory.KEEP_LAST,

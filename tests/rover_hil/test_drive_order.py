@@ -1,4 +1,4 @@
-"""No command moves a real rover unless it was told to, and each says which one it is about to move."""
+"""No command moves a real rover without an explicit order, and each says which one it is about to move."""
 
 import io
 import os

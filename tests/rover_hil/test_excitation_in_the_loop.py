@@ -30,7 +30,7 @@ def test_a_wheel_at_rest_that_swings_has_no_set_point_for_the_stall_monitor(
 
     monkeypatch.setattr(StallMonitor, "check", watched)
     driven = drive(load_config("robotino"), limit_s=10.5)
-    # After the turn to and fro in place.
+    # After the turn back and forth in place.
     moments = [moment for moment in driven.moments if moment.output.mode is Mode.RUNNING and moment.t_s > 9.0]
     sent = np.array([moment.output.command.speed_rad_s for moment in moments])
     # Ahead on the first side: wheel 1 is the one behind, which does not roll.

@@ -1,4 +1,4 @@
-"""However a run ends, the drive is told to stand: all of it, to the end."""
+"""However a run ends, the drive is commanded to stop: all of it, to the end."""
 
 import errno
 import os

@@ -50,7 +50,7 @@ def test_the_log_tells_what_the_sensors_make_of_the_drive(rover: Rover, recorded
     assert way_m == pytest.approx(SHORT.way_m, abs=0.01)
     turned_m = 0.092 * float(np.mean([log[f"enc{wheel}_rad"][-1] for wheel in (1, 2, 3, 4)]))
     drives = truth["t_s"] > 4.0
-    # Rising 5 deg, the wheels turn further than the rover gets on, and the sensors are off by their biases.
+    # Rising 5 deg, the wheels turn further than the rover moves, and the sensors are off by their biases.
     assert 1.05 < turned_m / way_m < 1.4
     assert float(truth["slip"][drives].mean()) == pytest.approx(1.0 - way_m / turned_m, abs=0.05)
     tilt_deg = SHORT.inclination_deg + rover.tilt_bias_deg[0]

@@ -1,4 +1,4 @@
-"""Whole virtual runs with a GNSS receiver: positions hold the estimate, faults are told, replay is exact."""
+"""Virtual runs with a GNSS receiver: positions hold the estimate, faults are reported, replay is exact."""
 
 import cmath
 import math

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from benchmarks.datasets.bad_files import Bad, arguments_of
-from benchmarks.hostile import imports
+from benchmarks.malformed import imports
 from drivers.errors import LogError, RoverHilError
 from rover_hil.importing import reading_process
 from rover_hil.importing.limits import Limits, LimitSettings

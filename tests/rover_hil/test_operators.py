@@ -6,7 +6,7 @@ from rover_hil.run.operators import Operators
 
 
 class Side:
-    """Says what it is told to."""
+    """Returns what the test gives it."""
 
     def __init__(self) -> None:
         self.next: OperatorInput | None = None

@@ -14,7 +14,7 @@ from rover_hil.recording.made_with import BLAS_KERNEL, FACTS, PROGRAM, made_with
 from rover_hil.recording.reader import LogMessage, LogReader
 from rover_hil.run.recorded_cycles import RecordedCycles
 from tests.rover_hil.command import Command
-from tests.rover_hil.test_hostile_files import Message, RealLog, real, replay_file
+from tests.rover_hil.test_malformed_files import Message, RealLog, real, replay_file
 
 __all__ = ["real"]
 
@@ -184,7 +184,7 @@ def test_an_old_log_is_said_to_name_no_version(real: RealLog, tmp_path: Path, co
     )
 
 
-def test_a_strangers_facts_reach_the_terminal_as_one_line_without_control_characters(
+def test_third_party_facts_reach_the_terminal_as_one_line_without_control_characters(
     real: RealLog, tmp_path: Path, command: Command
 ) -> None:
     path = made_elsewhere(real, tmp_path / "stranger.mcap", numpy="\x1b[31m\n[bold]" * 10_000)

@@ -29,11 +29,11 @@ PAGE_LOST = "page: lost"
 
 @dataclass
 class ScriptedWatchdog:
-    """A watchdog that does what a test says, by the number of signs of life it got.
+    """A watchdog that does what a test says, by the number of heartbeats it got.
 
     Attributes:
-        stops: Stops of the drive after so many signs.
-        lost: Whether it lives no longer, after so many signs.
+        stops: Stops of the drive after so many heartbeats.
+        lost: Whether it lives no longer, after so many heartbeats.
     """
 
     stops: tuple[int, ...] = ()

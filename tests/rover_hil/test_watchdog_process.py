@@ -1,4 +1,4 @@
-"""The loop's side of the watchdog, with real processes: start, signs of life, loss, end."""
+"""The loop's side of the watchdog, with real processes: start, heartbeats, loss, end."""
 
 import gc
 import json
@@ -260,7 +260,7 @@ def test_one_that_is_stopped_is_missed_after_half_a_second_until_it_goes_on(
     os.waitid(os.P_PID, process.pid, os.WSTOPPED | os.WNOWAIT)
     assert watchdog.stop_reason(START_NS) == ""
     assert watchdog.stop_reason(START_NS + SILENT_NS) == ""
-    assert watchdog.stop_reason(START_NS + SILENT_NS + 1) == "watchdog: no sign of life for 0.5 s"
+    assert watchdog.stop_reason(START_NS + SILENT_NS + 1) == "watchdog: no heartbeat for 0.5 s"
     os.kill(process.pid, signal.SIGCONT)
     wait_for(lambda: watchdog.stop_reason(START_NS + SILENT_NS + 2) == "")
     assert process_of(watchdog) is process
@@ -309,7 +309,7 @@ def test_a_start_that_fails_is_tried_again_after_a_pause(
     assert watchdog.stop_reason(START_NS + PAUSE_NS - 1) == LOST
     assert watchdog.stop_reason(START_NS + PAUSE_NS) == LOST
     process = process_of(watchdog)
-    os.kill(process.pid, signal.SIGKILL)  # before or after its first sign of life
+    os.kill(process.pid, signal.SIGKILL)  # before or after its first heartbeat
     os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
     wait_for(lambda: watchdog.stop_reason(START_NS + 2 * PAUSE_NS) == LOST)
     wait_for(lambda: watchdog.stop_reason(START_NS + 2 * PAUSE_NS) == "")
@@ -374,7 +374,7 @@ def test_a_loop_that_is_stuck_in_c_is_ended_and_the_cause_told(port: Path, act: 
     _, shown = loop.communicate(timeout=PATIENCE_S)
     assert loop.returncode == -signal.SIGKILL
     assert is_gone(watchdog)
-    cause = "watchdog: the loop gave no sign of life for over a second and was ended; the drive was stopped\n"
+    cause = "watchdog: the loop gave no heartbeat for over a second and was ended; the drive was stopped\n"
     assert shown == port.with_name("note.txt").read_text() == cause
     assert port.read_bytes() == b"RECrec"
 

@@ -639,7 +639,7 @@ def test_a_loop_that_hangs_is_ended_its_drive_stopped_and_the_cause_told(bench: 
     assert bench.loop.wait(60.0) == -signal.SIGKILL
     assert len(bench.waits_ms) == 3 + HANG_PERIODS + 1
     assert bench.waits_ms[-1] == 2000
-    cause = "watchdog: the loop gave no sign of life for over a second and was ended; the drive was stopped\n"
+    cause = "watchdog: the loop gave no heartbeat for over a second and was ended; the drive was stopped\n"
     assert bench.shown() == cause
     assert bench.note.read_text() == cause
     assert bench.note.stat().st_mode & 0o777 & ~0o022 == 0o644

@@ -14,7 +14,7 @@ START_NS = 1_000_000_000
 
 
 class ObedientPlant:
-    """Wheels that turn at once as they are told, from `position_rad` on."""
+    """Wheels that turn at once as commanded, from `position_rad` on."""
 
     def __init__(self, position_rad: Sequence[float] = (0.0, 0.0, 0.0, 0.0)) -> None:
         self.wheel_count = len(position_rad)

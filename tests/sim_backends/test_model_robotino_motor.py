@@ -131,7 +131,7 @@ def test_a_delay_moves_the_answer_as_far_as_it_is_long() -> None:
 
 
 def test_a_motor_driven_by_all_of_the_supply_comes_to_its_set_point() -> None:
-    # A stiff loop asks for more than the supply on the way; within one step it must not leap to and fro.
+    # A stiff loop asks for more than the supply on the way; within one step it must not oscillate.
     base = {"wait_share": 0.3, "stiffness_v_s_rad": 1.0}
     speed = make_model().predict([loop_run(np.full(60, 100.0))], base, {})[0]["speed_rad_s"]
     assert speed[2:] == pytest.approx(100.0, rel=0.01)

@@ -27,7 +27,7 @@ TICK_RAD = math.tau / 2000 / 16
 
 
 class IdealPlant:
-    """Wheels that turn as they are told at once, or as they are dragged; the rest is set by the test."""
+    """Wheels that turn as commanded at once, or as they are dragged; the rest is set by the test."""
 
     wheel_count = 3
 

@@ -152,7 +152,7 @@ class Repeated:
         self._payload = payload
 
     def __call__(self, arrival: Received[bytes], window: Window) -> Sequence[Received[bytes]]:
-        """Return it in place of what came."""
+        """Return it instead of what came."""
         if self._payload is None:
             self._payload = arrival.payload
         return [Received(arrival.t_ns, self._payload)]

@@ -20,14 +20,14 @@ from rover_hil.connect.ros2.fixes import Fix
 from rover_hil.connect.ros2.process import serve
 from rover_hil.connect.shared_ring import RingReader, RingWriter, SharedRing
 from rover_hil.run.executive import CycleView, End
-from rover_hil.run.sign_of_life import LifeWatch
+from rover_hil.run.heartbeat import LifeWatch
 
 START_S = 30.0
 """Longest wait for the process, on a loaded machine."""
 LOOK_S = 0.005
 SILENT_S = 0.4
 """With the cycle that notices it the rover stops within half a second."""
-SILENT = f"ROS 2: its process gave no sign of life for {SILENT_S:g} s"
+SILENT = f"ROS 2: no heartbeat of its process for {SILENT_S:g} s"
 LOOKED_FOR_NS = nanoseconds(0.1)
 """A process that is silent for longer may have ended."""
 ENDED = "the process of ROS 2 has ended"
@@ -191,7 +191,7 @@ class Ros2Connection:
 
     def _take_arrivals(self, *, is_silent: bool) -> tuple[PoseFixSample, ...]:
         """Take what has arrived; return the poses among it."""
-        # A process that gives signs of life need not be looked for, which calls the system.
+        # A process that gives heartbeats need not be looked for, which calls the system.
         has_ended = is_silent and not self._process.is_alive()
         fixes: tuple[PoseFixSample, ...] = ()
         for _ in range(MOST_PER_CYCLE):
@@ -206,7 +206,7 @@ class Ros2Connection:
                     self._ended = f"{ENDED}: {content['failed']}"
                     break
                 item = _parse(content)
-            except (ValueError, TypeError, KeyError):  # it parses strangers' bytes in C, and may go mad
+            except (ValueError, TypeError, KeyError):  # it parses untrusted bytes in C, and may be corrupted
                 self._ended = f"{ENDED}: it sent what it never should"
                 break
             if isinstance(item, Stop):

@@ -28,7 +28,7 @@ def find_neighbours(settings: Ros2Settings, listen_s: float) -> list[tuple[str, 
 
 
 def _look(settings: Ros2Settings, listen_s: float) -> list[tuple[str, str]]:
-    # Imported here because of the library, which parses strangers' datagrams in C.
+    # Imported here because of the library, which parses untrusted datagrams in C.
     from rover_hil.connect.ros2.node import Node
 
     node = Node(settings)

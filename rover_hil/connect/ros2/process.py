@@ -1,4 +1,4 @@
-"""The process of ROS 2: C code that parses strangers' datagrams must not crash the loop.
+"""The process of ROS 2: C code that parses untrusted datagrams must not crash the loop.
 
 It sends the records that it gets from the loop, and hands over what arrives. It decides nothing.
 """
@@ -36,7 +36,7 @@ DEPTH = 64
 of another: who sends right after it would take the rover over."""
 MOST_WAITING = 256
 MOST_CHARACTERS = 500
-"""Of an error that is told."""
+"""Of an error that is reported."""
 
 
 def serve(config: Config, cycles: SharedRing, arrivals: SharedRing, lifeline: Connection) -> None:
@@ -45,7 +45,7 @@ def serve(config: Config, cycles: SharedRing, arrivals: SharedRing, lifeline: Co
     Args:
         config: A rover with the section [ros2].
         cycles: What the loop hands over.
-        arrivals: What is handed over to the loop, with a sign of life each time round.
+        arrivals: What is handed over to the loop, with a heartbeat in each round.
         lifeline: Held open by the loop.
     """
     # Ctrl-C goes to all processes of a terminal: the loop decides when this one ends.
@@ -58,12 +58,12 @@ def serve(config: Config, cycles: SharedRing, arrivals: SharedRing, lifeline: Co
         while not lifeline.poll(POLL_S):
             server.turn()
     except ConfigError as error:
-        _tell_failure(outgoing, str(error))
-    except Exception as error:  # noqa: BLE001 - the loop is told the cause, whatever it is
-        _tell_failure(outgoing, f"{type(error).__name__}: {error}")
+        _report_failure(outgoing, str(error))
+    except Exception as error:  # noqa: BLE001 - the cause is reported to the loop, whatever it is
+        _report_failure(outgoing, f"{type(error).__name__}: {error}")
 
 
-def _tell_failure(outgoing: RingWriter, words: str) -> None:
+def _report_failure(outgoing: RingWriter, words: str) -> None:
     outgoing.put(json.dumps({"failed": words[:MOST_CHARACTERS]}).encode())
 
 

@@ -148,7 +148,7 @@ _ADVICE = {
         Level.PROBLEM,
         "a drive sends negative values in a signal that the DBC file calls unsigned: they would be read as "
         "the largest ones, such as 6553.5 A",
-        "in the DBC file of [devices.{device}] write - in place of + behind the bits "
+        "in the DBC file of [devices.{device}] write - instead of + behind the bits "
         "of currents and speeds, as in `48|16@1-`",
     ),
     "position_ambiguous": Advice(

@@ -80,7 +80,7 @@ def name_model_errors(path: Path) -> Iterator[None]:
     """Give an exception that comes from a model of a user's own the file and line where it was raised.
 
     Raises:
-        ConfigError: In place of such an exception.
+        ConfigError: Raised instead of such an exception.
     """
     file = resolved(path)
     try:

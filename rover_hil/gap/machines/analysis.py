@@ -53,7 +53,7 @@ class MachineFindings:
         rival_terms: Free-form terms that the runs do not distinguish from the explanation.
         drafts: Terms that are missing, where no effect explains the gap.
         draft_failure: Why missing terms were not searched to the end; empty where they were.
-        equations: Terms of the outputs in place of drafts, of a machine that has no equations.
+        equations: Terms of the outputs instead of drafts, for a machine that has no equations.
         locations: Where the outputs of such a machine differ most at the base fit.
         tracked: The machine on its runs, with the force that keeps it there; None without a gap, without
             ports, or where no such force is found.

@@ -13,7 +13,7 @@ from rover_hil.gap.machines.parameters import MACHINES
 from rover_hil.gap.verdict import Answer, FittedBase, Verdict
 
 FAR_SD = 3.0
-"""Distance of a value from its nominal one, in prior deviations, that has to be told."""
+"""Distance of a value from its nominal one, in prior standard deviations, from which it is reported."""
 HALF_WIDTHS = NormalDist().inv_cdf(0.975)
 """Half of a 95 % interval of a normal distribution, in standard deviations."""
 
@@ -75,7 +75,7 @@ def _judged(row: FittedBase, trial_of: Callable[[str], Trial]) -> FittedBase:
 
 
 def far(rows: Sequence[FittedBase]) -> list[FittedBase]:
-    """Return the base parameters that have to be told, the farthest first."""
+    """Return the base parameters that must be reported, the farthest first."""
     return sorted(filter(_is_far, rows), key=lambda one: -abs(one.pull))
 
 
@@ -87,10 +87,10 @@ def _is_far(row: FittedBase) -> bool:
 def with_base_parameters(verdict: Verdict, rows: Sequence[FittedBase]) -> Verdict:
     """Return a verdict on effects with the base parameters in it."""
     verdict = replace(verdict, base_parameters=list(rows))
-    told = far(rows)
-    if not told:
+    reported = far(rows)
+    if not reported:
         return verdict
-    named, open_ = [one for one in told if one.is_named], [one for one in told if not one.is_named]
+    named, open_ = [one for one in reported if one.is_named], [one for one in reported if not one.is_named]
     answer, members = _answer(verdict, named, open_)
     head = _head(named, open_)
     return replace(

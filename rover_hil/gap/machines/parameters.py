@@ -49,7 +49,7 @@ class LearnedNoiseParameters:
     # Greatest ratio of errors to their fast part, by which neighbouring samples differ, that is still noise:
     # an autoregression of 0.95 has 4.5, white noise 1.
     slow: float = 5.0
-    # Least distance of a strength from its null where the noise is learned, in place of those of the search.
+    # Least distance of a strength from its null where the noise is learned, instead of those of the search.
     z: float = 3.3
 
 

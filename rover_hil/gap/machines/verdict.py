@@ -309,7 +309,7 @@ def _warnings(findings: MachineFindings) -> list[str]:
     units = {one.channel: one.unit for one in findings.budget_after}
     warnings += [
         f"errors of {name} on locked runs, {one.after:.3g} {units[name]}, are far smaller than its noise, "
-        f"{one.noise_floor:.3g} {units[name]}: this noise is too large, and the gap is larger than told"
+        f"{one.noise_floor:.3g} {units[name]}: this noise is too large, and the gap is larger than reported"
         for name, one in channels.items()
         if one.after**2 < MACHINES.verdict.half * one.noise_floor**2
     ]

@@ -45,7 +45,7 @@ class RollParameters:
     least_alone_deg: float = 3.0  # standard deviation of the slip angle
     least_rest_deg: float = 1.5  # the same, of what the roll does not explain
     shortest_memory_s: float = 4.0
-    told_rest_deg: float = 10.0  # a greater rest is told where it is also more than the next share
+    told_rest_deg: float = 10.0  # a greater rest is reported where it is also more than the next share
     told_share: float = 0.7  # of the drift alone
 
 

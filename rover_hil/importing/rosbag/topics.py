@@ -90,7 +90,7 @@ class Topics(Settings):
     Attributes:
         rover: Configuration whose wheels and limits are those of the rover: a TOML file, or a shipped one.
         wheels: Angles and speeds of the wheels.
-        odometry: In place of `wheels`: a path, nav_msgs/Odometry; the wheels get the angles that give it.
+        odometry: Instead of `wheels`: a path, nav_msgs/Odometry; the wheels get the angles that give it.
         imu: Angular rates.
         currents: Motor currents in A, in the order of the rover's wheels, std_msgs/Float64MultiArray or
             Float32MultiArray.

@@ -121,7 +121,7 @@ class WheelColumns(Settings):
 
     Attributes:
         position: How far it has turned since the start.
-        step: In place of it: how far it has turned since the row before.
+        step: Instead of it: how far it has turned since the row before.
         speed: Used where there is neither of them.
         current: Of its motor.
         steering: Its measured steering angle.
@@ -258,7 +258,7 @@ class FixColumns(PlaceColumns, FixNoise):
     """Poses or places that correct the estimate, as those of a satellite receiver.
 
     Attributes:
-        sigma: Standard deviation of x and of y, in place of `sigma_m`.
+        sigma: Standard deviation of x and of y, instead of `sigma_m`.
     """
 
     sigma: LengthColumn | None = None
@@ -276,8 +276,8 @@ class Columns(Settings):
         header_lines: Lines above the numbers, the last holds the names; default: all above the first number.
         time: Time of each row.
         wheel: In the rover's order.
-        increments: In place of the wheels.
-        tricycle: In place of the wheels.
+        increments: Instead of the wheels.
+        tricycle: Instead of the wheels.
         imu: Inertial sensor.
         fixes: Poses or places that correct the estimate.
         truth: True pose.

@@ -58,7 +58,7 @@ class Drive:
         quantities: Which the wheels have.
         filter: Noise of the sensors, where the drive itself shows it; else None.
         notes: What a user must know of it, one sentence each.
-        oddities: What is odd in it, and what was done about it.
+        oddities: Data-quality findings, and what was done about each.
     """
 
     rows: list[Row] = field(default_factory=list)

@@ -22,7 +22,7 @@ LEAST_SLIP_SHARE = 0.5
 """Of the driven time with a valid slip."""
 GREATEST_SLIP_ERROR = 0.05
 MOST_TOO_LARGE = 100.0
-"""The factor that is told at most."""
+"""The greatest factor that is reported."""
 LEAST_MARKS = 6
 LEAST_LEG_M = 0.2
 

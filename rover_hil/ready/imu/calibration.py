@@ -31,8 +31,8 @@ SPARE_S = 15.0
 def calibrate() -> "GyroCalibration":
     """Identify gain, delay and bandwidth of the gyro, from small turns in place.
 
-    The rover turns to and fro for a minute, on firm ground with half a metre of free space. The page with the
-    picture is written before the file. Exit code 1: the result is not sure; the file is not written.
+    The rover turns back and forth for a minute, on firm ground with half a metre of free space. The page with
+    the picture is written before the file. Exit code 1: the result is not sure; the file is not written.
 
     Example: `rover-hil calibrate imu robotino --virtual --out gyro.toml`
 
@@ -68,7 +68,7 @@ class GyroCalibration(FileProcedure[Turns, GyroResult]):
             name="turns",
             config=turning,
             limit_s=turning.loop.time_limit_s,
-            words="turning to and fro",
+            words="turning back and forth",
             status=_status,
             must_finish=False,
         )

@@ -43,7 +43,7 @@ class Turns:
 
 
 def read_turns(path: Path) -> Turns:
-    """Return the turns in place of a log.
+    """Return the turns on the spot of a log.
 
     Raises:
         LogError: The log is damaged, is of another kind of rover, has no gyro, or the rover hardly turned in

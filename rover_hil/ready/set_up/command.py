@@ -75,7 +75,7 @@ def init(
     dbc: Annotated[Path | None, typer.Option(help="DBC file of the drives on the CAN bus.")] = None,
     can: Annotated[
         Path | None,
-        typer.Option(help="Log of the CAN bus while the rover drove, in place of connected devices."),
+        typer.Option(help="Log of the CAN bus while the rover drove, instead of connected devices."),
     ] = None,
     ports: Annotated[
         Path | None,

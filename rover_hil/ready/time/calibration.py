@@ -38,7 +38,7 @@ def calibrate(
 
     Example: `rover-hil calibrate time gyro.mcap`, the log of `rover-hil calibrate imu`
 
-    Data: your log of turns to and fro for half a minute; docs/how-to/calibrate_the_times.md.
+    Data: your log of turns back and forth for half a minute; docs/how-to/calibrate_the_times.md.
     """
     return TimeCalibration(Path(source).name)
 

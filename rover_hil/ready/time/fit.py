@@ -164,7 +164,7 @@ def _find(reference: YawTrack, track: YawTrack) -> Offset:
     search_s = np.arange(-TIMING.greatest_offset_s, TIMING.greatest_offset_s + 1e-9, TIMING.step_s)
     if len(blocks) < TIMING.least_blocks:
         problem = (
-            f"the rover turned to and fro in {len(blocks)} blocks of {TIMING.block_s:g} s, "
+            f"the rover turned back and forth in {len(blocks)} blocks of {TIMING.block_s:g} s, "
             f"{TIMING.least_blocks} are needed: record turns that begin and end"
         )
         nothing = np.zeros(0)

@@ -24,7 +24,7 @@ def build_unit(path: Path, *, version: int = 2, code: str = "") -> None:
     Args:
         path: File to write.
         version: Of the standard, 2 or 3.
-        code: C code in place of that of the example.
+        code: C code instead of that of the example.
 
     Raises:
         ConfigError: There is no compiler, or it fails.

@@ -14,7 +14,7 @@ from rover_hil.recording.watchdog_note import note_path
 from rover_hil.run.executive import Operator, RunResult
 from tests.rover_hil.bench.rovers import quick
 
-CAUSE = "watchdog: the loop gave no sign of life; the drive was stopped"
+CAUSE = "watchdog: the loop gave no heartbeat; the drive was stopped"
 
 
 def die(order: RunOrder, operator: Operator, clock: PacedClock | None) -> RunResult:

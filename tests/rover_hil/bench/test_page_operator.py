@@ -19,7 +19,7 @@ from rover_hil.bench.views import Confirmation, EndOrder, Notice, Picture, View
 from rover_hil.config import BenchSettings
 from rover_hil.run.composition import build_virtual_rig
 from rover_hil.run.executive import CycleView, End
-from rover_hil.run.sign_of_life import SignOfLife
+from rover_hil.run.heartbeat import Heartbeat
 from tests.rover_hil.bench.kept import Kept
 from tests.rover_hil.bench.rovers import quick
 
@@ -89,7 +89,7 @@ class Rover:
 
     def __init__(self) -> None:
         theirs, self.page = Pipe(duplex=False)
-        self.signs = {"server": SignOfLife(), "page": SignOfLife()}
+        self.signs = {"server": Heartbeat(), "page": Heartbeat()}
         self.kept = Kept(999)
         self._clock = VirtualClock()
         watches = make_watches(BenchSettings(), *self.signs.values())
@@ -186,25 +186,23 @@ def test_a_confirmation_of_nothing_and_other_orders_release_no_stop() -> None:
 
 
 def test_a_run_for_which_no_page_is_required_goes_on_without_a_browser_but_not_without_the_server() -> None:
-    server, browser = SignOfLife(), SignOfLife()
+    server, browser = Heartbeat(), Heartbeat()
     (watch,) = make_watches(BenchSettings(page_required=False, server_timeout_s=0.2), server, browser)
     assert watch.check(0) == ""
     browser.give()
-    assert watch.check(nanoseconds(0.2) + 1) == "page: its program gave no sign of life for 0.2 s"
+    assert watch.check(nanoseconds(0.2) + 1) == "page: no heartbeat of its program for 0.2 s"
 
 
 def test_a_loss_and_an_order_of_the_same_cycle_are_one_input() -> None:
     orders, ours = Pipe(duplex=False)
     clock = VirtualClock()
-    watches = make_watches(BenchSettings(page_required=False), SignOfLife(), SignOfLife())
+    watches = make_watches(BenchSettings(page_required=False), Heartbeat(), Heartbeat())
     operator = PageOperator(orders, Kept(9), 3, None, watches=watches, real_clock=clock)
     assert operator.wanted() is None
     clock.sleep_until(clock.now_ns() + nanoseconds(0.6))
     ours.send(OperatorInput(is_paused=True))
     wanted = operator.wanted()
-    assert wanted == OperatorInput(
-        is_paused=True, stop_reason="page: its program gave no sign of life for 0.5 s"
-    )
+    assert wanted == OperatorInput(is_paused=True, stop_reason="page: no heartbeat of its program for 0.5 s")
 
 
 def test_motion_by_hand_begins_after_rest_was_commanded_while_the_loop_runs() -> None:

@@ -18,7 +18,7 @@ from rover_hil.bench.session import LOG_NAME, VIEWS_KEPT, Kind, Session, State, 
 from rover_hil.bench.views import EndOrder, RunOrder, View
 from rover_hil.config import load_config
 from rover_hil.run.executive import End
-from rover_hil.run.sign_of_life import SignOfLife
+from rover_hil.run.heartbeat import Heartbeat
 
 
 class FakeProcess:
@@ -30,7 +30,7 @@ class FakeProcess:
     def __init__(self, run: object, report: object, take: object) -> None:
         FakeProcess.orders = []
         FakeProcess.take = take
-        self.server_life, self.browser_life = SignOfLife(), SignOfLife()
+        self.server_life, self.browser_life = Heartbeat(), Heartbeat()
         self.takes = True
 
     def send(self, order: object) -> bool:

@@ -28,7 +28,7 @@ pytestmark = [
 ]
 LIMIT_S = 5.0
 """On a loaded machine; `benchmarks.program.page_stop` asserts the bar of 1 s."""
-SILENT = "page: its program gave no sign of life for 0.5 s"
+SILENT = "page: no heartbeat of its program for 0.5 s"
 GONE = "page: the script of the page in control did not answer for 0.5 s"
 PRESSED, ENDED = "emergency stop pressed on the page", "the program of the page has ended"
 ANSWERS = {

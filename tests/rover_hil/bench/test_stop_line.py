@@ -339,7 +339,7 @@ def is_cut_off(reader: asyncio.StreamReader) -> bool:
     return reader.at_eof() or reader.exception() is not None
 
 
-def test_an_event_loop_that_hangs_gives_no_sign_of_life_and_tells_how_late_the_next_one_is(
+def test_an_event_loop_that_hangs_gives_no_heartbeat_and_tells_how_late_the_next_one_is(
     session: Session,
 ) -> None:
     async def work() -> None:

@@ -178,7 +178,7 @@ def test_a_process_that_hangs_or_dies_stops_the_run(
         yield from run.wait(lambda: not run.is_driven, lambda: velocity(AHEAD))
         stopped_s.append(seconds(run.now_ns - struck_ns))
         if not is_final:
-            assert "no sign of life" in run.reason
+            assert "no heartbeat" in run.reason
             yield from run.stay(30, lambda: velocity(AHEAD))
             os.kill(connection.pid, signal.SIGCONT)
             yield from run.wait(lambda: run.mode == "running" and run.is_driven, lambda: velocity(AHEAD))

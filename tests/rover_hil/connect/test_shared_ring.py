@@ -27,7 +27,7 @@ def test_messages_come_out_as_they_went_in_and_what_does_not_fit_is_refused() ->
     assert reader.take() == bytes(PLACE_BYTES)
 
 
-def test_a_look_tells_of_messages_and_counts_the_signs_of_life() -> None:
+def test_a_look_reports_messages_and_counts_the_heartbeats() -> None:
     ring = SharedRing(PLACES, PLACE_BYTES)
     writer, reader = RingWriter(ring), RingReader(ring)
     assert not reader.look()

@@ -1,4 +1,4 @@
-"""A base parameter far from its nominal value: when it is the finding, and where it is told."""
+"""A base parameter far from its nominal value: when it is the finding, and where it is reported."""
 
 import json
 from collections.abc import Callable
@@ -221,7 +221,7 @@ def test_a_value_that_another_base_parameter_replaces_is_told_with_it() -> None:
 def test_what_a_nominal_value_pushes_away_is_told_where_a_gap_remains(force: float, answer: Answer) -> None:
     """With the nominal gain the supply leaves its prior: locked runs compare both with the end of this prior.
 
-    Under the greater force they close less than half of the gap, and are told without being in a set.
+    Under the greater force they close less than half of the gap, and are reported without being in a set.
     """
     verdict = analyse(supplied_axis(0.02), measured_runs(8, disturbance=force)).verdict
     assert verdict.verdict is answer, verdict.sentence

@@ -11,8 +11,8 @@ import pytest
 from benchmarks.gap.drive_logs import write_log
 from benchmarks.gap.measured_rovers import config_text
 from benchmarks.gap.measured_rovers import write_log as write_measured_log
-from benchmarks.gap.strangers_rovers import DRIVINGS, Hidden, configurations
-from benchmarks.gap.strangers_rovers import verdict_on as strangers_verdict
+from benchmarks.gap.third_party_rovers import DRIVINGS, Hidden, configurations
+from benchmarks.gap.third_party_rovers import verdict_on as verdict_on_third_party
 from rover_hil.config import Config, load_config
 from rover_hil.gap.data.rover_logs import read_rover_runs
 from rover_hil.gap.verdict import Verdict
@@ -63,7 +63,7 @@ def test_a_steering_ratio_is_named_with_its_size(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_centre_of_rotation_ahead_of_the_wheels_is_named_with_its_size() -> None:
     ahead = Hidden(name="rotation_centre", changes={"ahead_m": 0.08})
-    verdict = strangers_verdict(configurations()["four_fixed"], ahead, DRIVINGS["all headings"], seed=11)
+    verdict = verdict_on_third_party(configurations()["four_fixed"], ahead, DRIVINGS["all headings"], seed=11)
     assert verdict.confidence_set == [["rotation_centre"]], verdict.sentence
     low, high = interval(verdict, "rotation_centre")
     assert low < 0.08 < high, verdict.sentence
@@ -74,7 +74,7 @@ def test_a_centre_of_rotation_ahead_of_the_wheels_is_named_with_its_size() -> No
 def test_ground_without_resistance_is_not_named_a_slope_where_all_drives_head_one_way() -> None:
     """A slope along the only heading explains as much as the resistance that is not there."""
     smooth = Hidden(name="rolling_resistance", changes={"ahead_m": 0.08, "rolling": 0.0, "friction": 1e3})
-    verdict = strangers_verdict(configurations()["four_fixed"], smooth, DRIVINGS["one heading"], seed=11)
+    verdict = verdict_on_third_party(configurations()["four_fixed"], smooth, DRIVINGS["one heading"], seed=11)
     assert ["rolling_resistance", "rotation_centre"] in verdict.confidence_set, verdict.sentence
 
 

@@ -36,7 +36,7 @@ def yaw_rate_at(t_s: float, rate_rad_s: float) -> float:
 def write_log(
     path: Path, *, seed: int, seconds: float = 44.0, steady_rad_s: float = 0.0, sign: float = 1.0
 ) -> Path:
-    """Write what the devices of a rover sent that turns to and fro, or steadily."""
+    """Write what the devices of a rover sent that turns back and forth, or steadily."""
     config, rng = Config.model_validate(CONFIG), np.random.default_rng(seed)
     events: list[tuple[int, Sample]] = []
 

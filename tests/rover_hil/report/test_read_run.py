@@ -49,7 +49,7 @@ class Drive:
     """A drive along x of which everything is known: the encoders overstate the way, the estimate does not.
 
     After a second of settling the wheels turn for `SPEED_M_S`; the rover moves at (1 - SLIP) of it and turns
-    by `yaw_rate_rad_s`, which the encoders do not see. The truth is told in a world frame of its own.
+    by `yaw_rate_rad_s`, which the encoders do not see. The ground truth is in a separate world frame.
     """
 
     duration_s: float = 11.0
@@ -323,7 +323,7 @@ def test_why_the_watchdog_ended_a_run_is_told(tmp_path: Path) -> None:
     whole = write_log(tmp_path / "whole.mcap", Drive())
     cut = tmp_path / "run.mcap"
     cut.write_bytes(whole.read_bytes()[: whole.stat().st_size * 3 // 5])
-    cause = "watchdog: the loop gave no sign of life; the drive was stopped"
+    cause = "watchdog: the loop gave no heartbeat; the drive was stopped"
     for log in (whole, cut):
         note_path(log).write_text(f"{cause}\n")
     summary = summarise(run := read_run(cut))

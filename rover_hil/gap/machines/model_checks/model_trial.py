@@ -71,7 +71,7 @@ def _warnings(count: int, duration_s: float) -> list[str]:
     return [
         f"one integration of all {count} runs takes {duration_s:.1f} s; an analysis needs about "
         f"{MACHINES.trial.integrations}: about {_in_words(total_s)} in all, more where the steps must be "
-        "halved. Fewer samples, or numpy functions in place of loops, are faster"
+        "halved. Fewer samples, or numpy functions instead of loops, are faster"
     ]
 
 
@@ -179,7 +179,7 @@ def _located(model: Machine) -> Iterator[None]:
     """Name the equation that an exception comes from.
 
     Raises:
-        ConfigError: In place of such an exception.
+        ConfigError: Raised instead of such an exception.
     """
     try:
         yield

@@ -349,7 +349,7 @@ def _run(machine: Machine, kind: _Kind, conditions: Mapping[str, float], starts:
 
 
 def with_names(planned: Sequence[PlannedRun]) -> list[PlannedRun]:
-    """Return runs with different names, by which their unknowns are told apart."""
+    """Return runs with different names, by which their unknowns are distinguished."""
     width = len(str(len(planned)))
     return [
         replace(one, run=replace(one.run, name=f"next {index:0{width}d}"))

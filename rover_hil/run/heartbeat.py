@@ -9,41 +9,41 @@ from drivers.clock import nanoseconds
 
 
 class Counted(Protocol):
-    """Signs of life that are counted."""
+    """Heartbeats that are counted."""
 
     @property
     def count(self) -> int:
-        """How many signs were given."""
+        """Number of heartbeats so far."""
         ...
 
 
-class SignOfLife:
-    """Counts the signs of life that one process gives and others look at.
+class Heartbeat:
+    """Counts the heartbeats that one process gives and others look at.
 
-    The count is in shared memory: giving a sign and looking at it never waits, however long the other side
-    hangs. It reaches another process as an argument of `multiprocessing.Process`.
+    The count is in shared memory: neither side waits for the other, however long that hangs. It reaches
+    another process as an argument of `multiprocessing.Process`.
     """
 
     def __init__(self) -> None:
         self._count = RawValue(ctypes.c_uint64, 0)
 
     def give(self) -> None:
-        """Give a sign; by one process only."""
+        """Give a heartbeat; by one process only."""
         self._count.value += 1
 
     @property
     def count(self) -> int:
-        """How many signs were given."""
+        """Number of heartbeats so far."""
         return int(self._count.value)
 
 
 class LifeWatch:
-    """Watches a sign of life, by the time at which its count was seen to change.
+    """Watches the heartbeats of another process, by the time at which their count was seen to change.
 
-    The time is the watcher's own: a wrong clock on the other side cannot make an old sign look new.
+    The time is the watcher's own: a wrong clock on the other side cannot make an old heartbeat look new.
 
     Args:
-        sign: The sign.
+        heartbeat: Its heartbeats.
         limit_s: Longest time in s without a new one.
         reason: What is wrong when there is none for longer.
         forgives_pauses: Whether of the time between two checks no more than half the limit counts: where the
@@ -53,8 +53,10 @@ class LifeWatch:
         silent_ns: Time without a new one at the last check, as far as it counts.
     """
 
-    def __init__(self, sign: Counted, limit_s: float, reason: str, *, forgives_pauses: bool = False) -> None:
-        self._sign = sign
+    def __init__(
+        self, heartbeat: Counted, limit_s: float, reason: str, *, forgives_pauses: bool = False
+    ) -> None:
+        self._heartbeat = heartbeat
         self._forgives_pauses = forgives_pauses
         self._limit_ns = nanoseconds(limit_s)
         self._reason = reason
@@ -67,7 +69,7 @@ class LifeWatch:
 
         The limit counts from the first call on.
         """
-        count, passed_ns = self._sign.count, now_ns - self._checked_ns
+        count, passed_ns = self._heartbeat.count, now_ns - self._checked_ns
         self._checked_ns = now_ns
         if count != self._count:
             self._count = count

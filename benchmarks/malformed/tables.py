@@ -1,4 +1,4 @@
-"""Hostile CSV tables: small honest ones of every format that is read, changed in cells, lines and bytes."""
+"""Malformed CSV tables: small honest ones of every format that is read, changed in cells, lines and bytes."""
 
 import gzip
 import random
@@ -206,7 +206,7 @@ def random_table(table: Table, generator: random.Random) -> bytes:
 
 
 def write_honest(folder: Path) -> None:
-    """Write what commands need besides the hostile table."""
+    """Write what commands need besides the malformed table."""
     for table in honest_tables():
         (folder / (table.inside or f"{table.name}.csv")).write_text(table.text)
     (folder / "summary.csv").write_text((folder / "slope.csv").read_text())

@@ -20,7 +20,7 @@ from rosbags.rosbag2 import StoragePlugin
 from scipy.io import savemat
 
 from benchmarks.datasets.bad_files import Bad, bus_log
-from benchmarks.hostile.tables import honest_tables
+from benchmarks.malformed.tables import honest_tables
 from tests.rover_hil.flight_logs import Kind, dataflash, ulog
 from tests.rover_hil.test_import_rosbag import write_bag
 

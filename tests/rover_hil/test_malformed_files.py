@@ -1,4 +1,4 @@
-"""Files of strangers: bounded memory and time, and one sentence that says what is wrong."""
+"""Malformed files: bounded memory and time, and one sentence that states what is wrong."""
 
 import base64
 import gzip
@@ -98,7 +98,7 @@ def as_stored(message: Message) -> Message:
 def real(tmp_path_factory: pytest.TempPathFactory) -> RealLog:
     table = load_config("robotino").model_dump(by_alias=True)
     table["safety"]["settle_s"] = 0.4
-    path = tmp_path_factory.mktemp("hostile") / "run.mcap"
+    path = tmp_path_factory.mktemp("malformed") / "run.mcap"
     run_virtual(Config.model_validate(table), path, 1.0, None)
     return RealLog(path)
 
@@ -393,8 +393,8 @@ def test_a_name_that_no_file_can_have_is_one_sentence() -> None:
 
 @pytest.mark.timeout(400)
 @pytest.mark.nightly
-def test_a_drawn_part_of_the_hostile_files_is_handled() -> None:
-    command = [sys.executable, "-m", "benchmarks.hostile_files", "--quick"]
+def test_a_drawn_part_of_the_malformed_files_is_handled() -> None:
+    command = [sys.executable, "-m", "benchmarks.malformed_files", "--quick"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr[-3000:]
     assert json.loads(done.stdout)["commands"] >= 20

@@ -1,21 +1,21 @@
-"""A sign of life crosses processes, and its loss is noticed after the limit, not before."""
+"""A heartbeat crosses processes, and its loss is noticed after the limit, not before."""
 
 import multiprocessing
 
 from drivers.clock import SystemClock, nanoseconds
-from rover_hil.run.sign_of_life import LifeWatch, LossLatch, SignOfLife
+from rover_hil.run.heartbeat import Heartbeat, LifeWatch, LossLatch
 
 LIMIT_NS = nanoseconds(0.5)
 START_NS = 1_000
 PATIENCE_S = 60.0
 
 
-def watch(sign: SignOfLife) -> LifeWatch:
+def watch(sign: Heartbeat) -> LifeWatch:
     return LifeWatch(sign, 0.5, "page: lost")
 
 
 def test_without_a_new_sign_there_is_a_reason_after_the_limit_and_not_before() -> None:
-    sign = SignOfLife()
+    sign = Heartbeat()
     watching = watch(sign)
     assert watching.check(START_NS) == ""
     assert watching.check(START_NS + LIMIT_NS) == ""
@@ -24,7 +24,7 @@ def test_without_a_new_sign_there_is_a_reason_after_the_limit_and_not_before() -
 
 
 def test_signs_before_the_first_look_do_not_count_as_new_ones() -> None:
-    sign = SignOfLife()
+    sign = Heartbeat()
     sign.give()
     watching = watch(sign)
     assert watching.check(START_NS) == ""
@@ -32,7 +32,7 @@ def test_signs_before_the_first_look_do_not_count_as_new_ones() -> None:
 
 
 def test_each_sign_counts_from_when_it_was_seen() -> None:
-    sign = SignOfLife()
+    sign = Heartbeat()
     watching = watch(sign)
     assert watching.check(START_NS) == ""
     sign.give()
@@ -45,7 +45,7 @@ def test_each_sign_counts_from_when_it_was_seen() -> None:
 
 
 def test_a_pause_of_the_watcher_alone_is_no_silence_where_pauses_are_forgiven() -> None:
-    sign = SignOfLife()
+    sign = Heartbeat()
     watching = LifeWatch(sign, 0.5, "page: lost", forgives_pauses=True)
     assert watching.check(START_NS) == ""
     resumed_ns = START_NS + 9 * LIMIT_NS
@@ -58,20 +58,20 @@ def test_a_pause_of_the_watcher_alone_is_no_silence_where_pauses_are_forgiven() 
 
 
 def test_signs_are_counted_one_by_one() -> None:
-    sign = SignOfLife()
+    sign = Heartbeat()
     assert sign.count == 0
     sign.give()
     sign.give()
     assert sign.count == 2
 
 
-def give_some(sign: SignOfLife) -> None:
+def give_some(sign: Heartbeat) -> None:
     for _ in range(3):
         sign.give()
 
 
 def test_signs_are_seen_by_another_process_without_waiting() -> None:
-    sign = SignOfLife()
+    sign = Heartbeat()
     process = multiprocessing.get_context("spawn").Process(target=give_some, args=(sign,))
     process.start()
     clock = SystemClock()
@@ -84,11 +84,11 @@ def test_signs_are_seen_by_another_process_without_waiting() -> None:
 
 
 def test_after_a_loss_the_reason_stays_until_it_is_released_while_nothing_is_lost() -> None:
-    first, second = SignOfLife(), SignOfLife()
+    first, second = Heartbeat(), Heartbeat()
     latch = LossLatch([watch(first), LifeWatch(second, 0.5, "page: other")])
     now_ns = START_NS
 
-    def after_half_a_second(*living: SignOfLife) -> str:
+    def after_half_a_second(*living: Heartbeat) -> str:
         nonlocal now_ns
         now_ns += LIMIT_NS + 1
         for sign in living:

@@ -1,4 +1,4 @@
-"""Hostile configurations, rigs, calibrations, maps, mappings and pictures: honest ones, changed."""
+"""Malformed configurations, rigs, calibrations, maps, mappings and pictures: honest ones, changed."""
 
 import json
 import math
@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 
-from benchmarks.hostile.logs import bitmap_head, png_bomb
-from benchmarks.hostile.values import DEEP_MARK, HUGE_MARK, change_somewhere, raw_json
+from benchmarks.malformed.logs import bitmap_head, png_bomb
+from benchmarks.malformed.values import DEEP_MARK, HUGE_MARK, change_somewhere, raw_json
 
 RUN = ("run", "{config}", "--virtual", "--duration", "0.3", "--out", "{out}")
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
@@ -307,7 +307,7 @@ def random_settings(kind: SettingsFile, generator: random.Random) -> bytes:
     return toml_of(value).encode() if isinstance(value, dict) else b"= 1"
 
 
-def hostile_pictures() -> Iterator[tuple[str, str, Callable[[], bytes]]]:
+def malformed_pictures() -> Iterator[tuple[str, str, Callable[[], bytes]]]:
     """Yield name, name of the file and content of each picture or video."""
     yield "gigapixel_bitmap", "0.bmp", lambda: bitmap_head(32_000, 32_000) + bytes(1000)
     yield "picture_bomb", "0.png", lambda: png_bomb(30_000)

@@ -69,7 +69,7 @@ def change_at(value: object, place: Sequence[str | int], new: object) -> object:
 
 
 def change_somewhere(value: object, generator: random.Random) -> object:
-    """Return a copy with a hostile value at a random place, or without what is there."""
+    """Return a copy with a malformed value at a random place, or without what is there."""
     places = list(places_of(value))
     if not places:
         return generator.choice(VALUES)

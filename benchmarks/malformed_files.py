@@ -1,6 +1,6 @@
-"""Give every command that reads a file the files of a stranger: it must do its work or say what is wrong.
+"""Give malformed input to every command that reads a file: it must do its work or report what is wrong.
 
-Run `python -m benchmarks.hostile_files --random 60`. Each command runs in a process of its own; counted are
+Run `python -m benchmarks.malformed_files --random 60`. Each command runs in a process of its own; counted are
 tracebacks, more than 1 GB of memory, more than 20 s, other exit codes than 0, 1 and 2, and long messages.
 Prints JSON; exit code 1 when there was one.
 """
@@ -24,10 +24,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from benchmarks.datasets.bad_files import Bad, all_cases, arguments_of
-from benchmarks.hostile import imports as hostile_imports
-from benchmarks.hostile import logs as hostile_logs
-from benchmarks.hostile import settings as hostile_settings
-from benchmarks.hostile import tables as hostile_tables
+from benchmarks.malformed import imports as malformed_imports
+from benchmarks.malformed import logs as malformed_logs
+from benchmarks.malformed import settings as malformed_settings
+from benchmarks.malformed import tables as malformed_tables
 from drivers.clock import seconds, stopwatch_ns
 from sim_backends.fmu.example.build import build_unit, compiler
 
@@ -97,7 +97,7 @@ PATH_COMMANDS = (
 
 @dataclass(frozen=True)
 class Case:
-    """A command, and how its hostile file is made.
+    """A command, and how its malformed file is made.
 
     Attributes:
         make: Writes the file; returns the command where only the written file names it, else None.
@@ -149,19 +149,19 @@ class Suite:
         self._rovers = rovers
 
     def write_honest(self, logs: Path | None) -> None:
-        """Write the honest files that commands need besides the hostile one.
+        """Write the honest files that commands need besides the malformed one.
 
         Args:
             logs: Folder that keeps the two honest logs from one time to the next.
         """
         self._honest.mkdir()
-        hostile_tables.write_honest(self._honest)
+        malformed_tables.write_honest(self._honest)
         for name in self._rovers:
             kept = None if logs is None else logs / f"{name}.mcap"
             if kept is None or not kept.exists():
                 # In a process of its own: processes forked later must not miss threads of a run.
                 writer = FORK.Process(
-                    target=hostile_logs.write_base_log, args=(name, kept or self._honest / f"{name}.mcap")
+                    target=malformed_logs.write_base_log, args=(name, kept or self._honest / f"{name}.mcap")
                 )
                 writer.start()
                 writer.join()
@@ -170,8 +170,8 @@ class Suite:
         frames = self._honest / "frames"
         frames.mkdir()
         for number in range(3):
-            (frames / f"{number}.png").write_bytes(hostile_logs.png_bomb(16))
-        rig = next(kind for kind in hostile_settings.honest_settings() if kind.name == "rig")
+            (frames / f"{number}.png").write_bytes(malformed_logs.png_bomb(16))
+        rig = next(kind for kind in malformed_settings.honest_settings() if kind.name == "rig")
         (self._honest / "rig.json").write_text(rig.text)
         if compiler():
             build_unit(self._honest / "axis.fmu")
@@ -191,10 +191,10 @@ class Suite:
 
     def _logs(self, count: int, generator: random.Random) -> Iterator[Case]:
         for name, device in self._rovers.items():
-            parts = hostile_logs.read_parts(self._honest / f"{name}.mcap")
-            named = [*hostile_logs.named_logs(parts, device)]
+            parts = malformed_logs.read_parts(self._honest / f"{name}.mcap")
+            named = [*malformed_logs.named_logs(parts, device)]
             drawn = [
-                (f"random_{number}", _later(hostile_logs.random_log, parts, generator.random()))
+                (f"random_{number}", _later(malformed_logs.random_log, parts, generator.random()))
                 for number in range(count)
             ]
             for label, make in (*named, *drawn):
@@ -204,14 +204,17 @@ class Suite:
                     yield self._case(f"{name} {label}", file, make, command)
 
     def _tables(self, count: int, generator: random.Random) -> Iterator[Case]:
-        for table in hostile_tables.honest_tables():
-            named = [*hostile_tables.named_tables(table)]
+        for table in malformed_tables.honest_tables():
+            named = [*malformed_tables.named_tables(table)]
             if table.name in ("paths", "plates"):
                 named.append(
-                    ("many_groups.csv", _later(lambda table, _: hostile_tables.many_groups(table), table, 0))
+                    (
+                        "many_groups.csv",
+                        _later(lambda table, _: malformed_tables.many_groups(table), table, 0),
+                    )
                 )
             drawn = [
-                (f"random_{number}.csv", _later(hostile_tables.random_table, table, generator.random()))
+                (f"random_{number}.csv", _later(malformed_tables.random_table, table, generator.random()))
                 for number in range(count)
             ]
             for label, make in (*named, *drawn):
@@ -223,12 +226,16 @@ class Suite:
                     yield self._case(f"{table.name} {label}", file, make, command, beside=bool(table.inside))
 
     def _settings(self, count: int, generator: random.Random) -> Iterator[Case]:
-        for kind in hostile_settings.honest_settings():
+        for kind in malformed_settings.honest_settings():
             drawn = [
-                (f"random_{number}", _later(hostile_settings.random_settings, kind, generator.random()))
+                (f"random_{number}", _later(malformed_settings.random_settings, kind, generator.random()))
                 for number in range(count)
             ]
-            for label, make in (("honest", kind.text.encode), *hostile_settings.named_settings(kind), *drawn):
+            for label, make in (
+                ("honest", kind.text.encode),
+                *malformed_settings.named_settings(kind),
+                *drawn,
+            ):
                 folder = self._folder / f"settings_{kind.name}_{label}"
                 file = folder / f"file{kind.suffix}"
                 config = folder / "config.toml"
@@ -237,7 +244,7 @@ class Suite:
                     for name, text in kind.beside.items():
                         (file.parent / name).write_text(text.replace("{name}", file.name))
                     if kind.config:
-                        config.write_text(hostile_settings.config_text(kind, file))
+                        config.write_text(malformed_settings.config_text(kind, file))
                     file.write_bytes(make())
 
                 commands = kind.commands if label == "honest" else [generator.choice(kind.commands)]
@@ -250,12 +257,12 @@ class Suite:
             (
                 f"random_{number}",
                 "0.png",
-                _later(lambda _, g: hostile_settings.random_picture(g), 0, generator.random()),
+                _later(lambda _, g: malformed_settings.random_picture(g), 0, generator.random()),
             )
             for number in range(count)
         ]
-        calibrate = hostile_settings.CALIBRATE
-        for label, name, make in (*hostile_settings.hostile_pictures(), *drawn):
+        calibrate = malformed_settings.CALIBRATE
+        for label, name, make in (*malformed_settings.malformed_pictures(), *drawn):
             file = self._folder / f"picture_{label}" / name
             for command in (
                 ("ftrace", "{folder}", "--rig", "{honest}/rig.json", "--out", "{out}.csv"),
@@ -290,9 +297,9 @@ class Suite:
                     yield self._written(f"path {path.name[:20]}", path, lambda: None, command)
 
     def _imports(self, count: int, generator: random.Random) -> Iterator[Case]:
-        drawn = hostile_imports.mutations(count, generator)
-        folders = hostile_imports.bag_folders(count, generator)
-        special = [*all_cases(), *hostile_imports.machine_takers()]
+        drawn = malformed_imports.mutations(count, generator)
+        folders = malformed_imports.bag_folders(count, generator)
+        special = [*all_cases(), *malformed_imports.machine_takers()]
         folder = self._folder / "import"
         for label, cases in (("special", special), ("mutated", drawn), ("mutated", folders)):
             for bad in cases:
@@ -466,7 +473,7 @@ def main() -> None:
     load_commands()
     report = Report()
     draw = random.Random(arguments.seed)
-    with tempfile.TemporaryDirectory(prefix="hostile_") as name:
+    with tempfile.TemporaryDirectory(prefix="malformed_") as name:
         folder = Path(name)
         rovers = {"robotino": ROVERS["robotino"]} if arguments.quick else ROVERS
         suite = Suite(folder, arguments.seed, rovers)

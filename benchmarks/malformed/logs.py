@@ -1,4 +1,4 @@
-"""Hostile logs: a real small log, changed at the level of bytes, records, chunks, JSON and values."""
+"""Malformed logs: a real small log, changed at the level of bytes, records, chunks, JSON and values."""
 
 import base64
 import json
@@ -14,7 +14,7 @@ import lz4.frame
 import zstandard
 from mcap.opcode import Opcode
 
-from benchmarks.hostile.values import change_somewhere, raw_json
+from benchmarks.malformed.values import change_somewhere, raw_json
 from rover_hil.config import Config, load_config
 from rover_hil.recording.mcap_records import HEAD, MAGIC, MESSAGE_HEAD
 from rover_hil.recording.reader import LogReader
@@ -93,7 +93,7 @@ def encode(parts: LogParts, compression: str | None = None) -> bytes:
         record(Opcode.MESSAGE, MESSAGE_HEAD.pack(topics[topic], 0, t_ns % 2**64, t_ns % 2**64) + data)
         for topic, t_ns, data in parts.messages
     )
-    head = MAGIC + record(Opcode.HEADER, text("") + text("hostile"))
+    head = MAGIC + record(Opcode.HEADER, text("") + text("malformed"))
     head += record(Opcode.METADATA, text("rover_hil") + mapping(parts.metadata))
     for name, data in parts.attachments.items():
         content = bytes(16) + text(name) + text("") + struct.pack("<Q", len(data)) + data + bytes(4)

@@ -1,6 +1,6 @@
-"""Wrong names on drives of strangers' rovers: five builds, one hidden cause or none.
+"""Wrong names on drives of third-party simulated rovers: five builds, one hidden cause or none.
 
-    python -m benchmarks.gap.strangers_rovers [--first 0] [--cases 60] [--slope]
+    python -m benchmarks.gap.third_party_rovers [--first 0] [--cases 60] [--slope]
 
 The drives are those of `tests/nature/wheeled_rover.py`, whose law of contact is another than the model's;
 many cannot show their cause: all head one way, none turns, none changes its speed. Prints a line for each
@@ -158,14 +158,14 @@ def causes(verdict: Verdict) -> list[set[str]]:
 
 
 def is_wrong(hidden: Hidden, verdict: Verdict) -> bool:
-    """Return True where names are told as certain that are not the truth."""
-    return verdict.verdict in (Answer.NAMED, Answer.NAMED_SET) and not is_told(hidden, verdict)
+    """Return True where the verdict reports names as certain that are not the hidden cause."""
+    return verdict.verdict in (Answer.NAMED, Answer.NAMED_SET) and not is_reported(hidden, verdict)
 
 
-def is_told(hidden: Hidden, verdict: Verdict) -> bool:
-    """Return True where the truth is told, as a member of a set or alone; no gap where nothing is hidden.
+def is_reported(hidden: Hidden, verdict: Verdict) -> bool:
+    """Return True where the hidden cause is reported, alone or in a set; no gap where nothing is hidden.
 
-    Beside it the resistance of the ground may be told: that of each true rover is not the configured one.
+    The resistance of the ground may be reported, too: that of each true rover is not the configured one.
     """
     right = SHORTER if hidden.name in SHORTER else {hidden.name}
     is_member = any(names & right and names <= right | {"rolling_resistance"} for names in causes(verdict))
@@ -201,13 +201,13 @@ def main() -> int:
         verdict = verdict_on(configs[build], hidden, DRIVINGS[driving], seed)
         mark = "WRONG" if is_wrong(hidden, verdict) else ""
         wrong += bool(mark)
-        right += is_told(hidden, verdict)
+        right += is_reported(hidden, verdict)
         sets = " or ".join("+".join(names) for names in verdict.confidence_set)
         print(
             f"{seed:4} {build:12} {hidden.name:18} {driving:22} {verdict.verdict:16} {sets} {mark}",
             flush=True,
         )
-    print(f"wrong names: {wrong} of {len(chosen)}; truth told, alone or in a set: {right}")
+    print(f"wrong names: {wrong} of {len(chosen)}; hidden cause reported, alone or in a set: {right}")
     return int(wrong > 0)
 
 

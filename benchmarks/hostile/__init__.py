@@ -1,1 +1,0 @@
-"""Hostile files of every kind, for `benchmarks.hostile_files`."""

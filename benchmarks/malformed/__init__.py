@@ -1,0 +1,1 @@
+"""Malformed files of every kind, for `benchmarks.malformed_files`."""
