@@ -39,8 +39,8 @@ NOT_DONE = (
 RECORDED = ("tests/rover_hil/data/", "tests/test_phrases.py")
 """Files as an older version wrote them, which readers must accept; and this test."""
 NAME = re.compile(r"`[^`\s]*`|\.\w+|^\s*\w+(?:, \w+)*: |^\w+$", re.MULTILINE)
-"""An identifier, key, topic, command or option: quoted without a space, after a dot, at the start of a line of
-arguments, or alone as a string."""
+"""An identifier, key, topic, command or option: quoted without a space, after a dot, before the colon of an
+argument, or alone as a string."""
 
 
 def forbidden_phrases() -> list[str]:
