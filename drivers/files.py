@@ -89,7 +89,7 @@ def open_file(path: Path) -> BinaryIO:
     """Open a regular file for reading.
 
     Raises:
-        OSError: There is none, or it is a pipe, a device or a folder; `strerror` tells which.
+        OSError: There is none, or it is a pipe, a device or a folder; `strerror` states which.
     """
     try:
         # A pipe without a writer would block the open.

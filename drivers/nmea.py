@@ -129,5 +129,5 @@ def require_letter(fields: dict[str, object], key: str, letter: str, reason: str
 
 
 def _shortened(line: bytes) -> bytes:
-    """Return the end of a line, where a sentence may be; the begin of other text, which tells its kind."""
+    """Return the end of a line, where a sentence may be; the begin of other text, which shows its kind."""
     return line[:LONGEST_SENTENCE] if line[:1] in (b"#", b"!", b"%") else line[-LONGEST_SENTENCE:]

@@ -26,8 +26,8 @@ class PositionCounter:
     continues from its last value. The turns in between are unknown, which `restart_sample` reports.
 
     Refused is: a step faster than the motor; a reading further from another one than the span, as the
-    register is then larger than told; and, where the revolution is given, a sudden step of more than half of
-    it while all readings lie within one, as the register then ends at a revolution.
+    register is then larger than stated; and, where the revolution is given, a sudden step of more than half
+    of it while all readings lie within one, as the register then ends at a revolution.
 
     Args:
         span: Counts after which the register wraps; None for never.

@@ -129,7 +129,7 @@ class Heading:
         self._true_bias_rad_s = math.radians(float(self.rng.normal(0, 0.15)))
 
     def step(self, truth: Truth) -> float:
-        """Take readings, and return the yaw rate told by the gyro."""
+        """Take readings, and return the yaw rate of the gyro."""
         noise_deg_s, noise_deg = 0.12 * self.rng.standard_normal(), 0.4 * self.rng.standard_normal()
         rate = truth.yaw_rate_rad_s + self._true_bias_rad_s + math.radians(float(noise_deg_s))
         lagged = self._lag.step(truth.yaw_rad)

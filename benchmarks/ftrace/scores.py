@@ -42,7 +42,7 @@ class Found:
         detected: The trace is said to be in this frame.
         tracked: The trace was known from the frame before.
         spent_ms: Time used, decoding excluded.
-        theta_sd_deg: Standard deviation of the angle as the finder tells it, NaN where it does not.
+        theta_sd_deg: Standard deviation of the angle that the finder reports, NaN for none.
     """
 
     theta_deg: Floats
@@ -76,7 +76,7 @@ class Judged:
         spent_ms: Time used.
         long: At least 0.3 m of the trace is visible.
         long_run: As `run`, of such frames alone.
-        within: 1 where the error is within two of the deviations told, 0 where it is not, NaN without one.
+        within: 1 where the error is within two reported standard deviations, else 0; NaN without one.
     """
 
     present: Flags

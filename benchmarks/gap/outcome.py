@@ -65,22 +65,22 @@ class Outcome(BaseModel):
 
     @property
     def is_named(self) -> bool:
-        """Tell whether effects were named."""
+        """Return whether effects were named."""
         return self.verdict in ("NAMED", "NAMED_SET", "PARTLY_NAMED")
 
     @property
     def holds_truth(self) -> bool:
-        """Tell whether one member of the set has all that is hidden."""
+        """Return whether one member of the set has all that is hidden."""
         return any(set(self.names) <= set(one) for one in self.confidence_set)
 
     @property
     def is_exact(self) -> bool:
-        """Tell whether the set says what is hidden and nothing else."""
+        """Return whether the set says what is hidden and nothing else."""
         return [set(one) for one in self.confidence_set] == [set(self.names)]
 
     @property
     def is_wrong(self) -> bool:
-        """Tell whether a single name was given with confidence that is not hidden."""
+        """Return whether a single name was given with confidence that is not hidden."""
         return self.verdict == "NAMED" and not set(self.confidence_set[0]) <= set(self.names)
 
 

@@ -34,7 +34,7 @@ class Pairs:
     Attributes:
         name: Of the drive.
         look: Of its pictures; "" where the drive does not say.
-        wheel_m: Travel by the wheels, as told.
+        wheel_m: Travel by the wheels, as reported.
         slip: True slip of the watched wheel.
         true: Forward, left (m), turn (rad) of the measured point, in the vehicle's axes of the later frame.
         found: The same, measured; 0 where not valid.

@@ -36,7 +36,7 @@ FOLDER = Path("build/coverage")
 
 
 class ByFile:
-    """Tells coverage which file of tests runs, and sums up its processor time."""
+    """Reports to coverage which file of tests runs, and sums up its processor time."""
 
     def __init__(self, measured: coverage.Coverage) -> None:
         self._measured = measured

@@ -3,7 +3,7 @@
     python -m benchmarks.program.mutants FOLDER OF ANOTHER STATE [--seed 20] [--more N]
 
 Drawn is from functions whose text is the same in both states, so that the same mutants meet the tests of
-then and of now; compiled functions are left out, no trace tells who calls them. Each mutant is tried in a
+then and of now; compiled functions are left out, no trace shows who calls them. Each mutant is tried in a
 copy of its state with the unmarked tests of its package's folder that call its function, as
 `benchmarks.program.branch_coverage` has found in the other state: the quickest files of tests, `BUDGET_S`
 of processor time together. One that lives in a single state meets all of them there. What was tried is kept

@@ -4,7 +4,7 @@
 
 Both shipped rovers, virtual or (--realtime) as two processes over pseudo-terminals and slcan. For each
 device in a role the plug is pulled for a second ("unplug": the link reports it), or the device falls silent
-for as long ("freeze": only its age tells). All times are read from the log. In real time, "other_gaps" are
+for as long ("freeze": only its age shows it). All times are read from the log. In real time, "other_gaps" are
 the scheduler's and no failure; what was lost or damaged on the way is in "rejected".
 """
 
@@ -55,7 +55,7 @@ def run_in_two_processes(config: Config, folder: Path, run_s: float = RUN_S) -> 
     try:
         _wait_for_ports(config, folder)
         command = [PROGRAM, "run", "rover.toml", "--duration", str(run_s), "--out", "."]
-        # Exit code 1: the run did not end as it should; its log tells why.
+        # Exit code 1: the run did not end as it should; its log states why.
         if subprocess.run(command, cwd=folder, check=False, stdout=subprocess.DEVNULL).returncode > 1:
             raise SystemExit(f"`{' '.join(command)}` failed: see above")
     finally:
@@ -129,7 +129,7 @@ def _gaps(raw_ns: Sequence[int], silent_ns: int, back_ns: int) -> int:
 
 
 def meets_bars(row: Mapping[str, object], *, is_realtime: bool) -> bool:
-    """Tell whether a row is as it must be."""
+    """Return whether a row is as it must be."""
     numbers = {name: value for name, value in row.items() if isinstance(value, int | float)}
     return (
         numbers["detected_ms_after_last_data"] <= DETECTION_BAR_MS

@@ -35,7 +35,7 @@ NAMES = ("friction", "stiffness", "drag_along", "drag_across")
 
 
 def used_for_fitting(cell: Cell) -> bool:
-    """Tell whether a cell of 2023 is used for fitting; the others are the check."""
+    """Return whether a cell of 2023 is used for fitting; the others are the check."""
     return cell.direction_deg % 20 == 0
 
 

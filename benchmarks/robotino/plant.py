@@ -40,7 +40,7 @@ Pair = tuple[Cell, Cell]
 
 
 def is_within(pair: Pair) -> bool:
-    """Tell whether mean current and true speed of a cell are both within 15 per cent of the measured."""
+    """Return whether mean current and true speed of a cell are both within 15 per cent of the measured."""
     measured, model = pair
     current = model.current_a.mean() / measured.current_a.mean() - 1.0
     speed = model.true_speed_m_s / measured.true_speed_m_s - 1.0

@@ -1,4 +1,4 @@
-"""How well does each slip map tell the distance? All maps beside the paper's, on measured runs.
+"""How well does each slip map predict the distance? All maps beside the paper's, on measured runs.
 
     python -m benchmarks.robotino.slip_maps ../shared/data/robotino_2023
 

@@ -263,7 +263,7 @@ def text(value: float | None) -> str:
 
 
 def readable_cycles_ns(*paths: Path) -> list[int]:
-    """Return the times of the cycles that the log tells of."""
+    """Return the times of the cycles that the log has."""
     for path in paths:
         if path.exists():
             with suppress(LogError):

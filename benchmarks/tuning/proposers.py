@@ -41,7 +41,7 @@ def expected_costs(told: Sequence[Attempt]) -> list[float]:
 def cma_es(
     parameters: Parameters, start: Mapping[str, float], told: Sequence[Attempt], count: int
 ) -> list[dict[str, float]]:
-    """CMA-ES (Hansen 2016, arXiv:1604.00772) from the start; a batch is a generation, told as ranks."""
+    """CMA-ES (Hansen 2016, arXiv:1604.00772) from the start; a batch is a generation, reported as ranks."""
     optimiser = CMA(
         mean=np.clip(to_unit(parameters, start), 0.02, 0.98),
         sigma=0.25,

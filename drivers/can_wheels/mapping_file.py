@@ -121,7 +121,7 @@ class BusDescription:
         return None if signal.is_float else abs(turns.si_per_raw) * 2**signal.length
 
     def unmarked_revolution(self, wheel: WheelMapping) -> float | None:
-        """Return the raw steps of a revolution, where the mapping does not tell after what it wraps."""
+        """Return the raw steps of a revolution, where the mapping does not state after what it wraps."""
         source = wheel.position
         if source is None or source.wrap is not None or source.turns is not None:
             return None

@@ -60,7 +60,7 @@ NEXT_CONTROLWORD = {
 
 
 def state_of(statusword: int) -> State:
-    """Return the state that a statusword tells."""
+    """Return the state that a statusword reports."""
     if statusword & 0x08:
         return State.FAULT
     if statusword & 0x4F == 0x40:

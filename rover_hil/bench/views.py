@@ -116,7 +116,7 @@ class View(TypedDict):
 
 
 class Picture(TypedDict):
-    """A frame of a camera; `words` tell of the trace in it."""
+    """A frame of a camera; `words` describe the trace in it."""
 
     kind: Literal["picture"]
     camera: str

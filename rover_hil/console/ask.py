@@ -56,7 +56,7 @@ def ask_choice(question: str, choices: tuple[str, ...], default: str) -> str:
 
 
 def _again(question: str, words: str) -> None:
-    """Tell what is wrong with an answer.
+    """Report what is wrong with an answer.
 
     Raises:
         ConfigError: Nobody sits at the terminal: the next line answers another question.

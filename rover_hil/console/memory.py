@@ -49,7 +49,7 @@ def prepare_linear_algebra() -> None:
 
 
 def sentence_of(error: BaseException) -> str:
-    """Return what to tell the user of an error that is due to too little memory; empty for any other.
+    """Return the message on an error that is due to too little memory; empty for any other.
 
     Libraries say so in many ways: one that cannot be mapped is an ImportError, a thread that cannot be
     started a RuntimeError. So under a limit any error counts where the next library would not fit.

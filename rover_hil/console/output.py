@@ -35,7 +35,7 @@ def can_tell() -> bool:
 
 
 def end_output() -> str:
-    """Write what still waits for the standard output; return what to tell where that fails, else ""."""
+    """Write what still waits for the standard output; return a message where that fails, else ""."""
     try:
         sys.stdout.flush()
     except OSError as error:
@@ -44,7 +44,7 @@ def end_output() -> str:
 
 
 def output_problem(error: BaseException) -> str:
-    """Return what to tell of an error in writing the standard output; "" for any other error.
+    """Return the message on an error in writing the standard output; "" for any other error.
 
     Where the standard output takes one more line, the error is that of another pipe, port or disk.
     """

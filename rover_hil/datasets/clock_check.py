@@ -1,4 +1,4 @@
-"""Compares the clock of true poses or fixes with that of the wheels: do both tell the same course of time?"""
+"""Compares the clock of true poses or fixes with that of the wheels: do both show the same course of time?"""
 
 import math
 from collections.abc import Iterator

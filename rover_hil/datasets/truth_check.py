@@ -19,7 +19,7 @@ from rover_hil.recording.findings import FoundFinding
 
 WINDOW_S = 1.0
 LEAST_WINDOWS = 8
-"""Fewer windows in motion do not tell one error from another."""
+"""Fewer windows in motion do not distinguish one error from another."""
 LEAST_MOTION = 0.02
 """Windows with a smaller share of the greatest motion are rests."""
 AGREES = 0.3

@@ -149,14 +149,14 @@ def result_line(result: RunResult, stops: int) -> str:
 
 
 def tell_slowness(result: RunResult, rate_hz: float, messages: Terminal, *, virtual: bool) -> None:
-    """Tell the user of a real rover when the machine did not keep up with the loop."""
+    """Warn the user of a real rover when the machine did not keep up with the loop."""
     words = "" if virtual else too_slow(result, rate_hz)
     if words:
         messages.print(words, soft_wrap=True)
 
 
 def too_slow(result: RunResult, rate_hz: float) -> str:
-    """Return what to tell a user whose machine does not keep up with the loop; "" where it does."""
+    """Return the message for a user whose machine does not keep up with the loop; "" where it does."""
     due = result.cycles + result.skipped
     if result.skipped <= SLOW_SHARE * due:
         return ""

@@ -94,7 +94,7 @@ def _serve(console: Terminal, server: Server, clock: Clock, duration_s: float) -
 
 
 def too_slow(skipped_cycles: int, time_s: float) -> str:
-    """Return what to tell a user whose machine does not keep up with the simulation; "" where it does."""
+    """Return the message for a user whose machine does not keep up with the simulation; "" where it does."""
     due = 1000.0 * time_s
     factor = due / max(1.0, due - skipped_cycles)
     if factor < SLOW_FACTOR:

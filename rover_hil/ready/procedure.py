@@ -1,6 +1,6 @@
 """How every calibration runs: drive, read, fit, decide, write. Each has a folder beside this file.
 
-Nothing drives unless told: only this file asks for the order to move a rover, and passes it on.
+Nothing drives without an order: only this file asks for the order to move a rover, and passes it on.
 """
 
 import json
@@ -186,7 +186,7 @@ class Procedure(ABC, Generic[Record, Result]):
         """Record while the user moves the rover.
 
         Raises:
-            ConfigError: Only a drive tells what is calibrated.
+            ConfigError: Only a drive shows what is calibrated.
         """
         raise ConfigError("--by-hand: this calibration drives the rover itself, leave the option out")
 
@@ -201,7 +201,7 @@ class Procedure(ABC, Generic[Record, Result]):
         """Return what the logs, or other data, hold."""
 
     def ask(self, record: Record) -> None:
-        """Ask what the record does not tell."""
+        """Ask what the record does not show."""
 
     @abstractmethod
     def fit(self, record: Record) -> Result:

@@ -10,7 +10,7 @@ from drivers.device_settings import CanDeviceSettings, DeviceSettings
 class DriveOrder:
     """Someone has ordered to move a real rover.
 
-    Made only by `rover_hil.run.drive_permission`, which has asked or told the user.
+    Made only by `rover_hil.run.drive_permission`, which has asked or warned the user.
 
     Attributes:
         rover: Which one, in words.

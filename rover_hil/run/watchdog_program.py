@@ -53,7 +53,7 @@ _STAT = re.compile(rb".*\) (\S)(?: \S+){10} (\d+) (\d+) ", re.DOTALL)
 
 
 class Order(TypedDict):
-    """What the loop's side tells this process at its start.
+    """What the loop's side gives this process at its start.
 
     Attributes:
         page: Number of the file of the shared page.
@@ -368,12 +368,12 @@ class Watch:
         while (failure := self._port.stop()) and repeats:
             repeats -= 1
             select.select((), (), (), REPEAT_S)
-        self._tell(cause, failure)
+        self._report(cause, failure)
         for _ in range(repeats):
             select.select((), (), (), REPEAT_S)
             self._port.stop()
 
-    def _tell(self, cause: str, failure: str) -> None:
+    def _report(self, cause: str, failure: str) -> None:
         if failure:
             stopped = f"the drive could not be stopped ({failure}): its own time-out must"
         elif self._order["port"] == "none":

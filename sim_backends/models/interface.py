@@ -32,7 +32,7 @@ class Parameter:
         scatter_sd: Machines: standard deviation between runs, or between the units under test. Each then has
             a deviation of its own from the value for all; 0 where all runs have one value. Of an effect only
             the strength may scatter.
-        scatter_by: Condition that tells which unit was under test; empty where every run deviates by itself.
+        scatter_by: Condition that states which unit was under test; empty where every run deviates by itself.
     """
 
     name: str

@@ -7,7 +7,7 @@ const STORED = "rover_hil emergency stop";
 const alarm = document.getElementById("bench-alarm");
 let stopLine = null, lineTriedMs = -Infinity, numbers = 0;
 let press = null; // The stop that is not acknowledged yet: number, run, times of this and of the first press, answer.
-let goesOn = null; // The run of which an answer told, and the one that the page showed then.
+let goesOn = null; // The run that an answer reported, and the one that the page showed then.
 
 // ---- the connection: WebSockets do not count among the few connections that a browser makes to one server ----
 

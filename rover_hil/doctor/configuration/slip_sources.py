@@ -7,8 +7,8 @@ from rover_hil.config import Config
 from rover_hil.run.excitation import for_real_rover
 
 LOOKS_LIKE_SLIP = (
-    " (1 % of the camera's height or focal length is about 0.01 of slip; a focal length told too long, or a "
-    "height told too low, looks like slip: "
+    " (1 % of the camera's height or focal length is about 0.01 of slip; too long a focal length, or too "
+    "low a height, looks like slip: "
     "only pose fixes or `rover-hil calibrate scale CONFIG` show it)"
 )
 

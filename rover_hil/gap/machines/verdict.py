@@ -14,7 +14,7 @@ from sim_backends.state_model.model import has_ports
 DRAFT_KEYS = (
     "coefficient", "low", "high", "unit", "code", "force_before", "force_after", "force_unit", "is_confirmed",
 )  # fmt: skip
-"""What `verdict.json` tells of a draft, besides its term."""
+"""What `verdict.json` states of a draft, besides its term."""
 
 
 def decide_machine(findings: MachineFindings) -> Verdict:

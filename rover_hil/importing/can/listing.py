@@ -32,7 +32,7 @@ _WANTED = re.compile(
     r"(_|\b)(rq|req|request|cmd|command|setpoint|target|des(ired)?|lim(it)?|mn|mx)(_|\b)|torque|_tq",
     re.IGNORECASE,
 )
-"""Signals that tell what somebody wants, or a torque."""
+"""Signals that carry what somebody wants, or a torque."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

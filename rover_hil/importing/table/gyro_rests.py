@@ -10,7 +10,7 @@ from controllers.estimation.settings import FilterSettings
 from rover_hil.datasets.arrays import Array
 
 LEAST_RESTS = 5
-"""Fewer rests do not tell noise and drift apart: those of the settings are used."""
+"""Fewer rests do not distinguish noise and drift: those of the settings are used."""
 GRID = 41
 """Values of each of the two that are compared, evenly on a logarithmic scale over their ranges."""
 SWINGS_RAD = (1e-6, 1.0)
@@ -40,7 +40,7 @@ class GyroRest:
 
 @dataclass(frozen=True, slots=True)
 class LearnedBias:
-    """What the rests of a drive tell of its gyro.
+    """What the rests of a drive show of its gyro.
 
     Attributes:
         filter: Settings for readings that are corrected by these biases: noise, drift of what is left of the
@@ -83,7 +83,7 @@ def learn_bias(rests: Sequence[GyroRest], resolution_rad_s: float, settings: Fil
     Args:
         rests: At least one, in the order of their times.
         resolution_rad_s: Least difference of two readings.
-        settings: Noise and drift where the rests do not tell them, and deviation of the bias at the start.
+        settings: Noise and drift where the rests do not show them, and deviation of the bias at the start.
 
     Returns:
         Biases in rad/s. A reading of the returned filter is as noisy as makes the shortest rest as uncertain

@@ -1,4 +1,4 @@
-"""The motion of a drive from increments of distance and turn, whose rests tell the bias of a gyro."""
+"""The motion of a drive from increments of distance and turn, whose rests show the bias of a gyro."""
 
 import math
 

@@ -194,7 +194,7 @@ def _sense_problem(record: InertialRecord, up: Array, gravity: Array) -> str:
         return ""
     return (
         "the sensor is mounted in another way than the configuration says, or the turns were counted in the "
-        "wrong sense: let the sensor send accelerations, which tell which, or enter the rough mounting first"
+        "wrong sense: let the sensor send accelerations, which show which, or enter the rough mounting first"
     )
 
 

@@ -33,7 +33,7 @@ RATES = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 WHEELS = "wheels"
 REPEATED = "frame repeated"
 FREE_TURN_SD_RAD = 0.05
-"""Of a pair, where the camera alone is to tell the turn: many times what the picture leaves open."""
+"""Of a pair, where the camera alone is to measure the turn: many times what the picture leaves open."""
 
 
 class NothingToCompareError(LogError):

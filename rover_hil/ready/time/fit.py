@@ -6,7 +6,7 @@ without their constant and trend, the yaw of a device is that of the reference a
 minimises the squares of the difference. Turns at a constant rate show no offset: turns that begin and end do.
 Standard deviations are those of a jackknife over groups of blocks. A rolling shutter shears the ground while
 the rover turns: turns seem later by a share of the readout that follows from the rig. Which shutter a camera
-has, its turns do not tell; the readout is no longer than the time between two frames.
+has, its turns do not show; the readout is no longer than the time between two frames.
 """
 
 import math

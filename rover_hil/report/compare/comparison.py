@@ -103,7 +103,7 @@ def render_comparison(comparison: Comparison) -> str:
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """Return short names: as many parts of the paths as it takes to tell them apart."""
+    """Return short names: as many parts of the paths as distinguish them."""
     for count in range(1, max(len(path.parts) for path in paths) + 1):
         names = ["/".join(path.with_suffix("").parts[-count:]) for path in paths]
         if len(set(names)) == len(names):

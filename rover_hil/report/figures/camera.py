@@ -31,7 +31,7 @@ class Event(NamedTuple):
 
 
 class CameraPicture(NamedTuple):
-    """A frame at an event, as an address that holds it, "" for none; `trace` tells of the trace in it."""
+    """A frame at an event, as an address that holds it, "" for none; `trace` describes the trace in it."""
 
     words: str
     camera: str

@@ -101,7 +101,7 @@ class Evidence:
     def is_imitation(self, found: "MachineFit") -> bool:
         """Return True where large effects nearly cancel, and so imitate a third.
 
-        Never: declared noise and left-out runs tell effects from their imitation.
+        Never: declared noise and left-out runs distinguish effects from their imitation.
         """
         return False
 
