@@ -109,7 +109,7 @@ def _table_of(oddities: Sequence[Oddity]) -> Iterator[str]:
     """Yield the lines of a table of the findings, which are not broken where the terminal is narrow."""
     if not oddities:
         return
-    rows = [("finding", "where", "count", "what became of it")]
+    rows = [("data-quality finding", "where", "count", "what became of it")]
     rows += [(odd.what, odd.where, "" if odd.count is None else str(odd.count), odd.done) for odd in oddities]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for what, where, count, done in rows:

@@ -193,7 +193,7 @@ def _note_frames(frames: CanFrames, bus: _Found, contents: Contents) -> None:
 
 
 def _note_rest(frames: CanFrames, places: NDArray[np.intp], bus: _Found, contents: Contents) -> None:
-    """Note what of the log is not used, and what is odd in it."""
+    """Note what of the log is not used, and its data-quality findings."""
     others = len(frames) - len(places)
     if others:
         count = len(np.unique(frames.identifiers)) - len(bus.identifiers)

@@ -1,4 +1,4 @@
-"""The table of a drive: its columns in SI units, with what is odd in it."""
+"""The table of a drive: its columns in SI units, with their data-quality findings."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
