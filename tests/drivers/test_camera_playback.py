@@ -21,7 +21,7 @@ SIZE = (64, 48)
 
 
 def image_of(number: int) -> Image:
-    """Return a picture that tells its number by its brightness, also after JPEG."""
+    """Return a picture that shows its number by its brightness, also after JPEG."""
     return np.full((SIZE[1], SIZE[0], 3), 30 + 18 * (number % 12), np.uint8)
 
 

@@ -318,7 +318,7 @@ def _compass_deg(psi: Array, rover: Rover, rng: np.random.Generator) -> Array:
 
 
 def _trace(truth: Columns, rover: Rover, rng: np.random.Generator) -> Columns:
-    """Return the angle of the rear left wheel's velocity as the camera tells it."""
+    """Return the angle of the rear left wheel's velocity as the camera reports it."""
     _, _, (back, left), _ = CONTACTS
     aside = truth["ahead"] * np.tan(truth["slip_angle_rad"]) + truth["rate"] * back
     exact = np.degrees(np.arctan2(aside, np.maximum(truth["ahead"] - truth["rate"] * left, 1e-9)))

@@ -52,14 +52,14 @@ class Rover(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class CameraErrors:
-    """How the camera errs, and what it tells of it.
+    """Errors of the camera, and what it reports of them.
 
     Attributes:
         place_sd_m: Of the place of a frame while the rover rests, forward; to the left half as much again.
         moving_sd_m: Of it, beside that, while the rover moves: frames in a row are compared with others.
         share_sd: Of the travel of a pair, over itself, in any direction.
-        told_sd_m: What it tells of a pair, forward; to the left half as much again.
-        turn_sd_rad: Of the turn of a pair, and what it tells of it.
+        told_sd_m: What it reports of a pair, forward; to the left half as much again.
+        turn_sd_rad: Of the turn of a pair, and what it reports of it.
         scale_sd: Of the factor of a drive.
         drift_sd: Of the factor that drifts, with a memory of `drift_m`.
         burst_probability: That a burst of pairs without a measurement begins with a frame.

@@ -1,4 +1,4 @@
-"""Bags as users of other robots record them: the pose is right, refused, or uncertain enough and told."""
+"""Bags as users of other robots record them: the pose is right, refused, or uncertain enough and reported."""
 
 import math
 from collections.abc import Callable

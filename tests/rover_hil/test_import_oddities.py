@@ -1,4 +1,4 @@
-"""What others' drives do: it is found, told in one table, and repaired only where it is certain."""
+"""What others' drives do: it is found, reported in one table, and repaired only where it is certain."""
 
 import json
 from collections.abc import Callable

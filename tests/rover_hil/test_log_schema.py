@@ -213,7 +213,7 @@ def test_a_cycle_of_an_older_log_is_read() -> None:
     older = json.loads(RECORD)
     del older["slip"], older["drift"], older["contradiction"], older["steering_rad"]
     del older["command"]["steering_rad"], older["crab"], older["suspicion"], older["dead_reckoned"]
-    older["wheel_doubt"] = None  # told apart from other suspicions for a while
+    older["wheel_doubt"] = None  # distinguished from other suspicions for a while
     record = ESTIMATE_SHAPE.validate_python(older)
     assert "slip" not in record
     assert record["estimate"]["x_m"] == 1.0

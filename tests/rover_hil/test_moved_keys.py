@@ -1,4 +1,4 @@
-"""Configurations of three earlier states of the program are valid, or told what has moved where."""
+"""Configurations of three earlier states of the program are valid, or the message states the new key."""
 
 from pathlib import Path
 

@@ -54,7 +54,7 @@ def test_a_run_whose_folder_looks_like_markup(command: Command) -> None:
 
 
 def test_no_module_of_the_program_prints_on_a_console_of_its_own() -> None:
-    """One place prints: a `Console` of rich reads markup unless told otherwise."""
+    """One place prints: a `Console` of rich reads markup by default."""
     from pathlib import Path
 
     folder = Path(__file__).parents[2] / "rover_hil"

@@ -36,13 +36,13 @@ class Viewer:
         self._send(json.dumps({"op": "subscribe", "subscriptions": pairs}).encode())
 
     def read(self) -> dict[str, Any] | tuple[int, int, bytes]:
-        """Return what the server tells, or a message: subscription, time in ns, data."""
+        """Return what the server announces, or a message: subscription, time in ns, data."""
         kind, payload = self._frame()
         while kind not in (1, 2):
             kind, payload = self._frame()
         if kind == 1:
             told: dict[str, Any] = json.loads(payload)
-            # The server tells of a channel a moment before it accepts a subscription to it.
+            # The server announces a channel a moment before it accepts a subscription to it.
             if told["op"] == "status" and told["message"].startswith("Unknown channel ID"):
                 self.subscribe(self._subscribed)
             return told

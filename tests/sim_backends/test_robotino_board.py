@@ -142,7 +142,7 @@ def test_brake_holds_the_wheels() -> None:
     bench.poll((5.0, 5.0, 5.0), 2)
     (request,) = bench.codec.encode_stop()
     released = bytearray(request)
-    released[4], released[6], released[16] = 1, 10, 10  # motor 0 released; 0 and 1 told to turn
+    released[4], released[6], released[16] = 1, 10, 10  # motor 0 released; 0 and 1 commanded to turn
     bench.device.to_device.put(bench.plant.now_ns, bytes(released))
     bench.receive(bench.plant.now_ns + 20_000_000)
     assert bench.plant.speeds == pytest.approx((10 * STEP_RAD_S, 0.0, 0.0))

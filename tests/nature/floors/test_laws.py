@@ -1,4 +1,4 @@
-"""Tests of the contact laws alone: passivity, and what tells one nature from the other."""
+"""Tests of the contact laws alone: passivity, and what distinguishes them."""
 
 import math
 from collections.abc import Sequence

@@ -16,7 +16,7 @@ F64 = NDArray[np.float64]
 F32 = NDArray[Any]  # of float32
 
 WIDE, HIGH = 640, 480
-ATTITUDE_ERROR_DEG, PLACE_ERROR = 0.2, 0.003  # told against true rig, rms per axis
+ATTITUDE_ERROR_DEG, PLACE_ERROR = 0.2, 0.003  # given against true rig, rms per axis
 FULL_WELL, READ_NOISE = 9000.0, 9.0  # electrons
 GAMMA_TABLE = ((np.arange(4096) / 4095) ** (1 / 2.2) * 255 + 0.5).astype(np.uint8)  # 12-bit counts
 JPEG_QUALITY = 85
@@ -66,7 +66,7 @@ def make_rig(rng: np.random.Generator, height: float, focal: float, lateral: flo
 
 
 def misjudge(rng: np.random.Generator, rig: Rig) -> Rig:
-    """Return the rig as told: the true one with errors of calibration."""
+    """Return the given rig: the true one with errors of calibration."""
     error = Rotation.from_rotvec(rng.normal(0, np.radians(ATTITUDE_ERROR_DEG), 3)).as_matrix()
     place = rig.place + rng.normal(0, PLACE_ERROR, 3)
     return Rig(rig.matrix, rig.distortion, error @ rig.rotation, place)

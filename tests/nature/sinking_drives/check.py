@@ -270,7 +270,7 @@ def main() -> None:
     for look, row in looks.items():
         say(f"{look:10s} frames with slip below 0.3 / 0.55 / 0.9 / above / wheels still: {row}")
     say(
-        f"{frames} frames, {size / 1e6:.0f} MB; rig told rms per axis: "
+        f"{frames} frames, {size / 1e6:.0f} MB; errors of the given rig, rms per axis: "
         f"{np.sqrt(np.mean(np.square(tilts)) / 3):.3f} deg, "
         f"{np.sqrt(np.mean(np.square(shifts)) / 3) * 1e3:.2f} mm"
     )

@@ -17,7 +17,7 @@ import uvicorn
 
 
 class TimedSelector(selectors.DefaultSelector):
-    """Tells how much the thread has computed between two waits.
+    """Reports how much the thread has computed between two waits.
 
     Attributes:
         works_ms: Each work of more than 5 ms.

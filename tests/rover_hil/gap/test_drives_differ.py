@@ -1,4 +1,4 @@
-"""Drives of one rover that differ by a few tenths of a percent are no gap; the answer tells by how much."""
+"""Drives of one rover that differ by a few tenths of a percent are no gap; the answer states by how much."""
 
 import json
 import re

@@ -53,7 +53,7 @@ def test_missing_values_and_other_channels_are_no_neighbours() -> None:
 
 
 def test_a_channel_without_neighbours_keeps_its_errors() -> None:
-    """Of a slow channel every third sample has a value: there is nothing before it to tell what is new."""
+    """Of a slow channel every third sample has a value: there is nothing before it to show what is new."""
     slow = np.cumsum(np.random.default_rng(4).standard_normal(SAMPLES))
     slow[np.arange(SAMPLES) % 3 > 0] = np.nan
     lags, new_sd = learn_autoregression([slow])

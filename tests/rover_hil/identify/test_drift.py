@@ -1,4 +1,4 @@
-"""A marker that sits askew on the rover looks like drift on all surfaces; the smooth table tells it."""
+"""A marker that sits askew on the rover looks like drift on all surfaces; the smooth table shows it."""
 
 import dataclasses
 import math
