@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from controllers.estimation.dead_reckoning import DeadReckoned
-from controllers.estimation.ground_travel import GroundMeter, GroundReport, GroundTravel
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.motor_field import MotorFieldCorrection
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.ground.travel import GroundMeter, GroundReport, GroundTravel
+from controllers.estimation.headings.motor_field import MotorFieldCorrection
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pauses import PauseWatch
 from controllers.estimation.pose_estimate import PoseEstimate
-from controllers.estimation.wheel_contradiction import ContradictionReport
+from controllers.estimation.wheels.contradiction import ContradictionReport
 from controllers.estimator import Estimator
 from controllers.maneuvers import Maneuvers
 from controllers.motion.crab import CrabDrift, CrabReport

@@ -5,31 +5,31 @@ from dataclasses import replace
 
 from controllers.estimation.body_velocity import BodyVelocity
 from controllers.estimation.dead_reckoning import DeadReckoned, DeadReckoning
-from controllers.estimation.doubts import Doubts
-from controllers.estimation.ground_follower import GroundFollower
-from controllers.estimation.ground_travel import GroundTravel
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.gyro import GyroIntegrator
-from controllers.estimation.measurements.reader import Situation
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.filter.error_budget import Doubts
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.motion_history import Step, late
+from controllers.estimation.filter.pose_filter import PoseFilter
+from controllers.estimation.filter.reader import Situation
+from controllers.estimation.filter.slip_compensator import SlipCompensator
+from controllers.estimation.filter.transition import Turn
+from controllers.estimation.ground.follower import GroundFollower
+from controllers.estimation.ground.travel import GroundTravel
+from controllers.estimation.gyro.integrator import GyroIntegrator
+from controllers.estimation.gyro.standstill import RestWatch
+from controllers.estimation.gyro.standstill_follower import RestFollower
+from controllers.estimation.gyro.turn_source import TurnSource
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
-from controllers.estimation.pose_filter import PoseFilter
-from controllers.estimation.pose_fixes import Step, late
 from controllers.estimation.pose_report import PoseReport
-from controllers.estimation.rest import RestWatch
-from controllers.estimation.rest_follower import RestFollower
 from controllers.estimation.sample_intake import SampleIntake
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.slip_compensator import SlipCompensator
-from controllers.estimation.stuck_encoder_doubts import StuckEncoderDoubts
 from controllers.estimation.suspicion import Suspicion
-from controllers.estimation.transition import Turn
-from controllers.estimation.turn_evidence import TurnEvidence
-from controllers.estimation.turn_source import TurnSource
-from controllers.estimation.unseen_motion import UnseenMotion
-from controllers.estimation.wheel_contradiction import WheelContradiction
-from controllers.estimation.wheel_reach import WheelReach
+from controllers.estimation.wheels.bounds import WheelReach
+from controllers.estimation.wheels.contradiction import WheelContradiction
+from controllers.estimation.wheels.odometry import BodyIncrement
+from controllers.estimation.wheels.stuck_encoder_doubts import StuckEncoderDoubts
+from controllers.estimation.wheels.turn_evidence import TurnEvidence
+from controllers.estimation.wheels.unobserved_motion import UnseenMotion
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.steering import SteeringAngles
 from controllers.roles import DeviceRoles

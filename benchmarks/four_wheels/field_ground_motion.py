@@ -21,16 +21,16 @@ import numpy as np
 from benchmarks.four_wheels.field_drives import FieldDrive, draw_rover, field_drive
 from benchmarks.four_wheels.field_tests import FIRST_SEED, SITES, STARTED_S, run_seed
 from controllers.control_loop import ControlLoop
-from controllers.estimation.ground_settings import GroundMotionSettings
-from controllers.estimation.ground_travel import WHEELS_SD
+from controllers.estimation.ground.travel import WHEELS_SD
+from controllers.ground_motion.live_ground_motion import LiveGroundMotion
 from controllers.ground_motion.rig import RigFile
 from controllers.ground_motion.rig_tolerance import RigTolerance
+from controllers.ground_motion.settings import GroundMotionSettings
 from controllers.roles import DeviceRoles
 from drivers.camera.settings import CameraSettings
 from drivers.clock import nanoseconds
 from drivers.samples import FrameSample, HeadingReference, HeadingSample, RateSample, Sample, WheelSample
 from rover_hil.config import load_config
-from rover_hil.run.live_ground_motion import LiveGroundMotion
 
 ROLES = DeviceRoles(
     wheels="wheels", required={}, gyro="imu", headings=("compass",), camera="camera", wheel_age_s=0.0

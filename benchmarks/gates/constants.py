@@ -44,7 +44,7 @@ from rover_hil.tune.metrics import TruePath, path_rms_m
 
 ROOT = Path(__file__).parents[2]
 OF_SCOMP = "controllers.slip.scomp"
-OF_CAMERA = "controllers.estimation.ground_"
+OF_CAMERA = "controllers.estimation.ground."
 NUMBERS_OF_CAMERA = (
     "estimation.parameters.GroundParameters.slip_sd",
     "estimation.parameters.GroundParameters.noise_m_sqrt_m",

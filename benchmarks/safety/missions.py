@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.control_loop import ControlLoop, StepOutput
-from controllers.estimation.ground_settings import GroundMotionSettings
 from controllers.ground_motion.rig import RigFile
+from controllers.ground_motion.settings import GroundMotionSettings
 from controllers.safety import Mode
 from drivers.clock import VirtualClock, nanoseconds, seconds
 from drivers.link import NoTap

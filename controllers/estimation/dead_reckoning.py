@@ -2,7 +2,7 @@
 
 import math
 
-from controllers.estimation.pose_fixes import Step
+from controllers.estimation.filter.motion_history import Step
 from controllers.motion.planar import Pose, move, wrap_angle
 from drivers.record import record
 

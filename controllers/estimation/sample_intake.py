@@ -2,17 +2,17 @@
 
 from dataclasses import replace
 
-from controllers.estimation.ground_travel import GroundTravel
-from controllers.estimation.gyro import GyroIntegrator
-from controllers.estimation.measurements.listed import LISTED
-from controllers.estimation.odometry import WheelOdometry
+from controllers.estimation.filter.motion_history import FixQueue
+from controllers.estimation.filter.slip_compensator import SlipCompensator
+from controllers.estimation.filter.waiting_samples import WaitingSamples
+from controllers.estimation.ground.travel import GroundTravel
+from controllers.estimation.gyro.integrator import GyroIntegrator
+from controllers.estimation.gyro.standstill import InertialReadings
+from controllers.estimation.listed import LISTED
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pauses import SilenceWatch
-from controllers.estimation.pose_fixes import FixQueue
-from controllers.estimation.rest import InertialReadings
-from controllers.estimation.slip_compensator import SlipCompensator
-from controllers.estimation.waiting_samples import WaitingSamples
-from controllers.estimation.wheel_angle import WheelAngle
+from controllers.estimation.wheels.angle import WheelAngle
+from controllers.estimation.wheels.odometry import WheelOdometry
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.steering import SteeringAngles
 from controllers.roles import DeviceRoles

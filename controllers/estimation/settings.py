@@ -4,8 +4,27 @@ from typing import Annotated
 
 from pydantic import Field
 
-from controllers.estimation.motor_field import MotorFields
 from drivers.settings import Settings
+
+PerAmpere = Annotated[float, Field(ge=-10.0, le=10.0)]
+
+
+class MotorFields(Settings):
+    """Field of each motor at a compass, by `rover-hil calibrate motors CONFIG`.
+
+    Attributes:
+        source: The log that they were found from.
+        identified_on: Day, as 2026-01-31.
+        device: The compass.
+        per_ampere: Of each motor, ahead and to the left of the rover, over the earth's horizontal field.
+        per_ampere_sd: Standard deviations.
+    """
+
+    source: str
+    identified_on: str
+    device: str
+    per_ampere: Annotated[tuple[tuple[PerAmpere, PerAmpere], ...], Field(min_length=1, max_length=16)]
+    per_ampere_sd: tuple[tuple[PerAmpere, PerAmpere], ...] = ()
 
 
 class FilterSettings(Settings):

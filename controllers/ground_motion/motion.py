@@ -1,6 +1,9 @@
 """Motion of the rover over the ground between two frames."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
+
+Rates = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,3 +47,17 @@ class GroundMotion:
     def is_valid(self) -> bool:
         """Return whether the pair measures the motion."""
         return not self.invalid_because
+
+
+class WheelPrior(NamedTuple):
+    """Motion of the measured point between two frames if the wheels rolled, in the axes of the later frame.
+
+    Attributes:
+        turn_rad: By the source of the yaw.
+        rates_rad_s: Newest turn rates of the body about x, y, z; None where unknown.
+    """
+
+    forward_m: float
+    left_m: float
+    turn_rad: float
+    rates_rad_s: Rates | None

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator
 
-from controllers.estimation.pose_fixes import HISTORY_NS
+from controllers.estimation.filter.motion_history import HISTORY_NS
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from drivers.clock import nanoseconds

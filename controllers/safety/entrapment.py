@@ -9,8 +9,8 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
-from controllers.estimation.ground_travel import GroundPair
-from controllers.estimation.pose_fixes import HISTORY_NS
+from controllers.estimation.filter.motion_history import HISTORY_NS
+from controllers.estimation.ground.travel import GroundPair
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from drivers.clock import seconds

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from controllers.estimation.pose_fixes import DISPLACED, TURNED
+from controllers.estimation.filter.motion_history import DISPLACED, TURNED
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from drivers.clock import nanoseconds

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from controllers.estimation.turn_evidence import TurnEvidence
+from controllers.estimation.wheels.turn_evidence import TurnEvidence
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
 from controllers.safety.unproven_turn import UnprovenTurn

@@ -9,7 +9,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
-from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.parameters import ESTIMATION
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, StopReason, StopRule

@@ -3,7 +3,7 @@
 import operator
 from collections.abc import Iterator
 
-from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
+from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety.gyro_turn_rules import AGAINST, AVERAGE_S, WHY_NO_TURN, GyroTurnSettings
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule

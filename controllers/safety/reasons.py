@@ -7,9 +7,9 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import ClassVar, NamedTuple
 
-from controllers.estimation.ground_travel import GroundPair
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.turn_evidence import TurnEvidence
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.ground.travel import GroundPair
+from controllers.estimation.wheels.turn_evidence import TurnEvidence
 from drivers.safety_event import SafetyEvent
 from drivers.samples import Sample
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from operator import add
 
-from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
+from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, StopReason, StopRule
 from drivers.safety_event import Outcome, SafetyEvent

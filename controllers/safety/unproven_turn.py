@@ -3,7 +3,7 @@
 import math
 
 from controllers.estimation.parameters import ESTIMATION
-from controllers.estimation.turn_evidence import WheelTurn
+from controllers.estimation.wheels.turn_evidence import WheelTurn
 
 
 class UnprovenTurn:

@@ -1,7 +1,7 @@
 """What pose fixes or a camera say of the yaw while gyro and wheels exclude each other."""
 
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.measurement_model import Measured
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.measurement_model import Measured
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, Severity
 from drivers.clock import nanoseconds

@@ -10,7 +10,7 @@ from typing import Any, Union, get_args, get_origin
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 
-from controllers.estimation.motor_field import MotorFields
+from controllers.estimation.settings import MotorFields
 from controllers.slip.effort.gyro_response import GyroResponse
 from docs.generate.configuration_page import FILES, attributes_of, is_tag, summary_of, unit_of
 from drivers.settings import Settings

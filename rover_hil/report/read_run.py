@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from controllers.estimation.measurement_model import Measured
+from controllers.estimation.filter.measurement_model import Measured
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.limits import Limit
 from controllers.motion.rover_geometry import has_four_wheels

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from controllers.estimation.measurement_model import Measured
+from controllers.estimation.filter.measurement_model import Measured
 from controllers.motion.limits import Limit
 from controllers.safety import Mode
 from drivers.driver import Health

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from controllers.control_loop import ControlLoop, StepOutput
-from controllers.estimation.ground_travel import GroundMeter
+from controllers.estimation.ground.travel import GroundMeter
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import RoverSettings
 from controllers.slip.scomp.compensator import TraceFinder
@@ -181,7 +181,7 @@ def _make_meter(config: Config, view: "GroundView | None") -> GroundMeter | None
     if config.ground_motion is None or not isinstance(camera, CameraSettings):
         return None
     # Imported here because it brings OpenCV, which a rover without a camera must not wait for.
-    from rover_hil.run.live_ground_motion import LiveGroundMotion
+    from controllers.ground_motion.live_ground_motion import LiveGroundMotion
 
     return LiveGroundMotion(config.ground_motion, camera, view)
 

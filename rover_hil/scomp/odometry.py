@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.estimation.guarded_filter import FilterStep, Innovation
+from controllers.estimation.filter.guarded_filter import FilterStep, Innovation
+from controllers.estimation.filter.state_layout import YAW, StateLayout, X, Y
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.state_layout import YAW, StateLayout, X, Y
 from controllers.motion.planar import wrap_angle
 from controllers.slip.scomp.motion_model import FIRST, SECOND, Tilt
 from controllers.slip.scomp.parameters import ScompParameters

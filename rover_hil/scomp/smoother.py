@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controllers.estimation.guarded_filter import FilterStep
+from controllers.estimation.filter.guarded_filter import FilterStep
 from rover_hil.datasets.arrays import Array
 
 

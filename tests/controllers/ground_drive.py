@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controllers.control_loop import ControlLoop, StepOutput
-from controllers.estimation.ground_settings import GroundMotionSettings
+from controllers.ground_motion.settings import GroundMotionSettings
 from controllers.motion.settings import WaypointsMission
 from controllers.roles import DeviceRoles
 from rover_hil.config import load_config

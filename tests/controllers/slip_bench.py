@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.kinematics import OmniKinematics
 from controllers.slip.effort.compensator import EffortCompensator, SlipReport
 from controllers.slip.effort.gyro_response import GyroResponse

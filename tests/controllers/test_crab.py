@@ -6,11 +6,11 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.filter.pose_filter import PoseFilter
+from controllers.estimation.filter.transition import Turn
 from controllers.estimation.pose_estimate import YawSource
-from controllers.estimation.pose_filter import PoseFilter
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.transition import Turn
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.crab import CrabDrift, DriftSource
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.missions.path_following import PathFollower

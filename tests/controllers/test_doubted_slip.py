@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers.estimation.measurement_model import Expected, Measured
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.filter.measurement_model import Expected, Measured
+from controllers.estimation.filter.slip_states import SlipEstimate
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.slip_states import SlipEstimate
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.estimator import Estimator
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.kinematics import SkidSteerKinematics

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from controllers.control_loop import ControlLoop, StepOutput
-from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
 from controllers.roles import DeviceRoles

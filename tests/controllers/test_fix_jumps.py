@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import pytest
 
-from controllers.estimation.fix_jumps import FixJumps
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.filter.motion_history import WayBack
+from controllers.estimation.filter.pose_filter import PoseFilter
+from controllers.estimation.filter.transition import Turn
 from controllers.estimation.pose_estimate import YawSource
-from controllers.estimation.pose_filter import PoseFilter
-from controllers.estimation.pose_fixes import WayBack
+from controllers.estimation.positions.jumps import FixJumps
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.transition import Turn
+from controllers.estimation.wheels.odometry import BodyIncrement
 from drivers.samples import UNKNOWN_YAW_STD_RAD, PoseFixSample
 from tests.controllers.floor_fixes import FIX
 

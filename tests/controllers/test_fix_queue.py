@@ -5,7 +5,7 @@ from dataclasses import astuple, replace
 
 import pytest
 
-from controllers.estimation.pose_fixes import FixQueue, Step
+from controllers.estimation.filter.motion_history import FixQueue, Step
 from drivers.samples import PoseFixSample
 from tests.controllers.floor_fixes import FIX
 from tests.controllers.simulated import MS

@@ -9,14 +9,14 @@ import pytest
 from scipy.stats import chi2
 
 from controllers.control_loop import ControlLoop
-from controllers.estimation.guarded_filter import Array, Innovation
-from controllers.estimation.measurement_model import Measured
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.filter.guarded_filter import Array, Innovation
+from controllers.estimation.filter.measurement_model import Measured
+from controllers.estimation.filter.motion_history import FixQueue, WayBack
+from controllers.estimation.filter.pose_filter import PoseFilter
+from controllers.estimation.filter.transition import Turn
 from controllers.estimation.pose_estimate import YawSource
-from controllers.estimation.pose_filter import PoseFilter
-from controllers.estimation.pose_fixes import FixQueue, WayBack
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.transition import Turn
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.estimator import Estimator
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.planar import Pose, wrap_angle

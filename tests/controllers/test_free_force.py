@@ -2,7 +2,7 @@
 
 import pytest
 
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.slip.effort.free_force import FreeForce
 
 STEP_M = 0.05

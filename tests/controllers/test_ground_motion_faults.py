@@ -8,10 +8,9 @@ import pytest
 
 from benchmarks.safety.missions import drive as run_mission
 from benchmarks.safety.missions import el_dorado
-from controllers.estimation.ground_travel import WheelPrior
 from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.ground_view import GroundView
-from controllers.ground_motion.motion import GroundMotion
+from controllers.ground_motion.motion import GroundMotion, WheelPrior
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
 from controllers.ground_motion.rig_tolerance import RigTolerance

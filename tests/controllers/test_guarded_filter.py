@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from controllers.estimation.guarded_filter import GuardedFilter
-from controllers.estimation.measurement_model import Measured
+from controllers.estimation.filter.guarded_filter import GuardedFilter
+from controllers.estimation.filter.measurement_model import Measured
 
 NOTHING = np.zeros((2, 2))
 SAME = np.eye(2)

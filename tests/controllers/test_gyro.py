@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers.estimation.gyro import GyroIntegrator
+from controllers.estimation.gyro.integrator import GyroIntegrator
 from controllers.estimation.parameters import ESTIMATION
 
 MS = 1_000_000
@@ -66,7 +66,7 @@ def test_the_uncertainty_is_the_error_of_the_trapezoid_by_the_mean_square_of_the
 ) -> None:
     memory_s = 0.5
     pose = replace(ESTIMATION.pose, curvature_memory_s=memory_s)
-    monkeypatch.setattr("controllers.estimation.gyro.ESTIMATION", replace(ESTIMATION, pose=pose))
+    monkeypatch.setattr("controllers.estimation.gyro.integrator.ESTIMATION", replace(ESTIMATION, pose=pose))
     gyro = GyroIntegrator(0.15)
     for i in range(6):
         gyro.feed(i * 10 * MS, 40.0 * (0.01 * i) ** 2)

@@ -10,14 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from controllers.estimation.measurements.pose_fix import PoseFix
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.filter.motion_history import FixQueue
+from controllers.estimation.filter.pose_filter import PoseFilter
+from controllers.estimation.filter.state_layout import BIAS, YAW, StateLayout, X, Y, lay_out
+from controllers.estimation.filter.transition import MotionTransition, Turn
 from controllers.estimation.pose_estimate import YawSource
-from controllers.estimation.pose_filter import PoseFilter
-from controllers.estimation.pose_fixes import FixQueue
+from controllers.estimation.positions.pose_fix import PoseFix
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.state_layout import BIAS, YAW, StateLayout, X, Y, lay_out
-from controllers.estimation.transition import MotionTransition, Turn
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.planar import wrap_angle
 from drivers.clock import nanoseconds
 from drivers.samples import PoseFixSample

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from controllers.estimation import sample_intake
-from controllers.estimation.measurement_model import Array, Expected, Measured
-from controllers.estimation.measurements.listed import LISTED
-from controllers.estimation.measurements.reader import Measurement, Situation
+from controllers.estimation.filter.measurement_model import Array, Expected, Measured
+from controllers.estimation.filter.reader import Measurement, Situation
+from controllers.estimation.filter.state_layout import YAW, X, Y
+from controllers.estimation.listed import LISTED
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.state_layout import YAW, X, Y
 from controllers.estimator import Estimator
 from controllers.motion.kinematics import SkidSteerKinematics
 from controllers.motion.rover_geometry import SkidSteerRoverSettings

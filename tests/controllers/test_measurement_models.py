@@ -9,13 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from controllers.estimation.guarded_filter import GuardedFilter
-from controllers.estimation.measurement_model import Measured, MeasurementModel
-from controllers.estimation.measurements.ground_travel import GroundTravel
-from controllers.estimation.measurements.gyro_at_rest import GyroAtRest
-from controllers.estimation.measurements.heading import HeadingModel
-from controllers.estimation.measurements.pose_fix import PoseFix
-from controllers.estimation.pose_fixes import WayBack
+from controllers.estimation.filter.guarded_filter import GuardedFilter
+from controllers.estimation.filter.measurement_model import Measured, MeasurementModel
+from controllers.estimation.filter.motion_history import WayBack
+from controllers.estimation.ground.model import GroundTravel
+from controllers.estimation.gyro.standstill_reading import GyroAtRest
+from controllers.estimation.headings.heading import HeadingModel
+from controllers.estimation.positions.pose_fix import PoseFix
 from controllers.ground_motion.motion import GroundMotion
 from controllers.motion.planar import wrap_angle
 from controllers.slip.scomp.motion_model import MotionModel, Tilt

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from controllers.control_loop import ControlLoop
-from controllers.estimation.motor_field import MotorCurrents, MotorFields, without_motor_field
-from controllers.estimation.settings import FilterSettings
+from controllers.estimation.headings.motor_field import MotorCurrents, without_motor_field
+from controllers.estimation.settings import FilterSettings, MotorFields
 from controllers.safety import Mode
 from drivers.samples import HeadingReference, HeadingSample, Sample, WheelSample
 from tests.controllers.simulated import (

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controllers.estimation.odometry import WheelOdometry
+from controllers.estimation.wheels.odometry import WheelOdometry
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.planar import wrap_angle
 from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings

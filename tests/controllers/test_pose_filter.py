@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.measurements.heading import HeadingReader
-from controllers.estimation.measurements.reader import Situation
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.pose_filter import PoseFilter
+from controllers.estimation.filter.reader import Situation
+from controllers.estimation.filter.transition import Turn
+from controllers.estimation.headings.heading import HeadingReader
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
-from controllers.estimation.pose_filter import PoseFilter
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.transition import Turn
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.planar import wrap_angle
 from drivers.samples import HeadingReference, HeadingSample
 from tests.cases import first_often

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from controllers.control_loop import ControlLoop
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.filter.motion_history import WayBack
+from controllers.estimation.filter.pose_filter import PoseFilter
+from controllers.estimation.filter.transition import Turn
 from controllers.estimation.pose_estimate import YawSource
-from controllers.estimation.pose_filter import PoseFilter
-from controllers.estimation.pose_fixes import WayBack
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.transition import Turn
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.ftrace.reading import Rates, TraceReading
 from controllers.motion.crab import DriftSource
 from controllers.motion.kinematics import SkidSteerKinematics

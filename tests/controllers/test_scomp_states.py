@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.filter.pose_filter import PoseFilter
+from controllers.estimation.filter.transition import Turn
 from controllers.estimation.pose_estimate import YawSource
-from controllers.estimation.pose_filter import PoseFilter
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.transition import Turn
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.slip.scomp.settings import ScompSettings
 from controllers.slip.scomp.states import ScompStates
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.estimator import Estimator
 from controllers.slip.effort.learned_curve import LearnedCurve
 from controllers.slip.effort.slip_by_fixes import SlipAtForce, SlipByFixes

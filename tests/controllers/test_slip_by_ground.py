@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from controllers.estimation.ground_travel import GroundPair
+from controllers.estimation.ground.travel import GroundPair
 from controllers.ground_motion.motion import GroundMotion
 from controllers.slip.effort.slip_by_fixes import SlipAtForce
 from controllers.slip.effort.slip_by_ground import SlipByGround

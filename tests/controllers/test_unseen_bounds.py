@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from controllers.estimation.turn_evidence import WheelTurn
-from controllers.estimation.unseen_motion import UnseenMotion
+from controllers.estimation.wheels.turn_evidence import WheelTurn
+from controllers.estimation.wheels.unobserved_motion import UnseenMotion
 from controllers.motion.kinematics import OmniKinematics, greatest_motion, wheel_effects
 from tests.controllers.simulated import OMNI
 

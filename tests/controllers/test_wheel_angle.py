@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from controllers.estimation.wheel_angle import Angle, WheelAngle
+from controllers.estimation.wheels.angle import Angle, WheelAngle
 
 MS = 1_000_000
 LIMIT_RAD_S = 12.0

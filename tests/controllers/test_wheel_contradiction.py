@@ -2,8 +2,8 @@
 
 import pytest
 
-from controllers.estimation.odometry import BodyIncrement
-from controllers.estimation.wheel_contradiction import ContradictionReport, WheelContradiction
+from controllers.estimation.wheels.contradiction import ContradictionReport, WheelContradiction
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import RoverSettings, SkidSteerRoverSettings, WheelsRoverSettings
 

@@ -5,9 +5,10 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from controllers.estimation.ground_settings import GroundMotionSettings
-from controllers.estimation.ground_travel import WheelPrior
 from controllers.ground_motion.ground_patch import GroundPatch
+from controllers.ground_motion.live_ground_motion import LiveGroundMotion
+from controllers.ground_motion.motion import WheelPrior
+from controllers.ground_motion.settings import GroundMotionSettings
 from drivers.camera.settings import CameraSettings
 from drivers.clock import VirtualClock
 from drivers.errors import ConfigError
@@ -15,7 +16,6 @@ from drivers.link import NoTap
 from drivers.samples import FrameSample, Image, Sample, WheelSample
 from rover_hil.config import Config, load_config
 from rover_hil.run.composition import build_virtual_rig
-from rover_hil.run.live_ground_motion import LiveGroundMotion
 
 MS = 1_000_000
 AHEAD = WheelPrior(forward_m=0.02, left_m=0.0, turn_rad=0.0, rates_rad_s=(0.0, 0.0, 0.0))

@@ -10,11 +10,11 @@ from pydantic_core import to_json
 
 from controllers.control_loop import StepOutput
 from controllers.estimation.dead_reckoning import DeadReckoned
-from controllers.estimation.ground_travel import GroundReport
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.measurement_model import Measured
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.measurement_model import Measured
+from controllers.estimation.ground.travel import GroundReport
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
-from controllers.estimation.wheel_contradiction import ContradictionReport
+from controllers.estimation.wheels.contradiction import ContradictionReport
 from controllers.ftrace.reading import TraceReading
 from controllers.motion.crab import CrabReport, DriftSource
 from controllers.motion.limits import Limit

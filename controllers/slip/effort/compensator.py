@@ -4,9 +4,9 @@ import cmath
 import math
 from collections.abc import Sequence
 
-from controllers.estimation.ground_travel import GroundPair
-from controllers.estimation.odometry import BodyIncrement
-from controllers.estimation.slip_states import SlipEstimate
+from controllers.estimation.filter.slip_states import SlipEstimate
+from controllers.estimation.ground.travel import GroundPair
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.rover_geometry import OmniRoverSettings

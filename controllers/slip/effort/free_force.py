@@ -2,7 +2,7 @@
 
 import math
 
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.slip.effort.parameters import EFFORT
 
 

@@ -4,7 +4,7 @@ import math
 import operator
 from collections.abc import Sequence
 
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.kinematics import Kinematics
 from controllers.slip.effort.parameters import EFFORT

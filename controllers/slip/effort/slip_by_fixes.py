@@ -6,7 +6,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.slip.effort.parameters import EFFORT
 from drivers.clock import nanoseconds
 from drivers.samples import PoseFixSample

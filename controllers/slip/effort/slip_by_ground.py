@@ -3,7 +3,7 @@
 import cmath
 import math
 
-from controllers.estimation.ground_travel import GroundPair
+from controllers.estimation.ground.travel import GroundPair
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.slip_by_fixes import SlipAtForce
 

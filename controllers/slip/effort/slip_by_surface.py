@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.kinematics import Kinematics
 from controllers.slip.effort.ground_knowledge import GroundKnowledge, KnownSlip
 from controllers.slip.effort.settings import YAW_PROBE, SlipSettings

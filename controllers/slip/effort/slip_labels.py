@@ -1,7 +1,7 @@
 """Slip that pose fixes or a camera measure: it labels the readings of the excitation, and teaches."""
 
-from controllers.estimation.ground_travel import GroundPair
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.ground.travel import GroundPair
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.slip.effort.ground_knowledge import GroundKnowledge
 from controllers.slip.effort.labelled_windows import LabelledReading, LabelledWindows
 from controllers.slip.effort.parameters import EFFORT

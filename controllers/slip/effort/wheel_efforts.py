@@ -4,7 +4,7 @@ import math
 import operator
 from collections.abc import Sequence
 
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.slip.effort.motor_model import (
     SIGN_UNKNOWN,
     EffortFlag,

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.slip_states import SlipEstimate
 from controllers.estimation.parameters import ESTIMATION
-from controllers.estimation.slip_states import SlipEstimate
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.ftrace.reading import Rates, TraceReading
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.crab import DriftSource

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.estimation.odometry import BodyIncrement
-from controllers.estimation.slip_states import SlipStep
+from controllers.estimation.filter.slip_states import SlipStep
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.matrices import complex_product, product
 from controllers.slip.scomp.motion_model import FIRST, MotionModel, Tilt
 from controllers.slip.scomp.parameters import SCOMP, ScompParameters

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.estimation.measurement_model import Array, Expected, Measured
-from controllers.estimation.state_layout import BIAS
+from controllers.estimation.filter.measurement_model import Array, Expected, Measured
+from controllers.estimation.filter.state_layout import BIAS
 from controllers.slip.scomp.motion_model import GAIN, RESIDUAL, TRACE_NOISE, TRACE_OFFSET, MotionModel, Tilt
 
 

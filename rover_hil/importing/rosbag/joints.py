@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.estimation.parameters import ESTIMATION
-from controllers.estimation.wheel_angle import MOST_TURNS, ROUNDING, TURN_RAD
+from controllers.estimation.wheels.angle import MOST_TURNS, ROUNDING, TURN_RAD
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.errors import LogError
 from rover_hil.importing.rosbag.bag import BagMessage

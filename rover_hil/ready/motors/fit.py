@@ -13,12 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from controllers.estimation.motor_field import (
-    GREATEST_SHARE,
-    MotorCurrents,
-    MotorFields,
-    without_motor_field,
-)
+from controllers.estimation.headings.motor_field import GREATEST_SHARE, MotorCurrents, without_motor_field
+from controllers.estimation.settings import MotorFields
 from controllers.motion.kinematics import make_kinematics
 from drivers.errors import LogError
 from rover_hil.datasets.arrays import Array, Flags, rms, wrap_angles

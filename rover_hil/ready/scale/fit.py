@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from controllers.estimation.ground_travel import WHEELS_SD
+from controllers.estimation.ground.travel import WHEELS_SD
 from rover_hil.ready.scale.record import ScaleRecord
 from rover_hil.ready.wheels.fit import NORMAL_95, Factor, fit_factor
 

@@ -8,15 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from controllers.estimation.ground_settings import GroundMotionSettings
-from controllers.estimation.ground_travel import Rates
 from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.ground_patch import GroundPatch
 from controllers.ground_motion.ground_view import GroundView
-from controllers.ground_motion.motion import GroundMotion
+from controllers.ground_motion.motion import GroundMotion, Rates
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
 from controllers.ground_motion.rig import RigFile
+from controllers.ground_motion.settings import GroundMotionSettings
 from controllers.motion.kinematics import make_kinematics
 from drivers.clock import nanoseconds, seconds
 from drivers.errors import LogError

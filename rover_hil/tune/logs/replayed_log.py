@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.control_loop import StepOutput
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.measurement_model import Measured
-from controllers.estimation.pose_fixes import DISPLACED, TURNED
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.measurement_model import Measured
+from controllers.estimation.filter.motion_history import DISPLACED, TURNED
 from drivers.clock import nanoseconds
 from drivers.errors import LogError
 from drivers.samples import PoseFixSample, Sample

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from controllers.estimation.ground_travel import GroundPair
+from controllers.estimation.ground.travel import GroundPair
 from controllers.ground_motion.motion import GroundMotion
 from controllers.roles import DeviceRoles
 from controllers.safety.entrapment import EntrapmentRule, EntrapmentSettings

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
+from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety.gyro_reading_rules import (
     GreatestRateRule,

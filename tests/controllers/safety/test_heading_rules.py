@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.measurement_model import Measured
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.measurement_model import Measured
 from controllers.roles import DeviceRoles
 from controllers.safety.heading_rules import HeadingTurnRule, HeadingTurnSettings
 from controllers.safety.reasons import Cycle, Severity, StopReason

@@ -2,8 +2,8 @@
 
 import pytest
 
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.measurement_model import Measured
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.measurement_model import Measured
 from controllers.safety.innovation_monitor import InnovationMonitor, InnovationSettings
 from controllers.safety.reasons import Cycle, Severity, StopReason
 from drivers.clock import nanoseconds

@@ -2,9 +2,9 @@
 
 import pytest
 
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.measurement_model import Measured
-from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.measurement_model import Measured
+from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety.gyro_turn_rules import GyroTurnSettings
 from controllers.safety.missed_turn_rule import MissedTurnRule

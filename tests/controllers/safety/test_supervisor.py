@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.measurement_model import Measured
-from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.measurement_model import Measured
+from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
 from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule

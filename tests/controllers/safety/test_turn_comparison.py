@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
+from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, StopReason
 from controllers.safety.turn_comparison import TurnComparison

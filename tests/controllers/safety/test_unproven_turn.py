@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
+from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
 from controllers.roles import DeviceRoles
 from controllers.safety.gyro_turn_rules import GyroFollowsRule
 from controllers.safety.missed_turn_rule import MissedTurnRule

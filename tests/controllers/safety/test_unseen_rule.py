@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.measurement_model import Measured
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.measurement_model import Measured
 from controllers.roles import DeviceRoles
 from controllers.safety import SafetySupervisor
 from controllers.safety.estimate_rules import DisplacedFixRule, FixJumpRule, UnseenMotionRule, UnseenSettings

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from controllers.estimation.guarded_filter import FilterStep
+from controllers.estimation.filter.guarded_filter import FilterStep
 from rover_hil.scomp.smoother import smooth
 
 

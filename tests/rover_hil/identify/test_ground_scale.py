@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controllers.estimation.ground_travel import WHEELS_SD
+from controllers.estimation.ground.travel import WHEELS_SD
 from controllers.ground_motion.flow import GroundFlow
 from controllers.ground_motion.ground_patch import GroundPatch
 from controllers.ground_motion.parameters import DEFAULTS

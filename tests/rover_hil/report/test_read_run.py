@@ -11,8 +11,8 @@ import pytest
 from mcap.reader import make_reader
 
 from controllers.control_loop import StepOutput
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.measurement_model import Measured
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.measurement_model import Measured
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
 from controllers.motion.limits import Limit
 from controllers.motion.planar import Pose

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.estimation.measurement_model import Array, Expected, Measured
-from controllers.estimation.pose_fixes import WayBack
-from controllers.estimation.state_layout import BIAS, YAW, X, Y
+from controllers.estimation.filter.measurement_model import Array, Expected, Measured
+from controllers.estimation.filter.motion_history import WayBack
+from controllers.estimation.filter.state_layout import BIAS, YAW, X, Y
 from drivers.samples import UNKNOWN_YAW_STD_RAD, PoseFixSample
 
 

@@ -1,13 +1,12 @@
 """The motion over the ground in the frames of a running rover."""
 
-from controllers.estimation.ground_settings import GroundMotionSettings
-from controllers.estimation.ground_travel import Rates, WheelPrior
 from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.ground_patch import GroundPatch
 from controllers.ground_motion.ground_view import GroundView
-from controllers.ground_motion.motion import GroundMotion
+from controllers.ground_motion.motion import GroundMotion, Rates, WheelPrior
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
+from controllers.ground_motion.settings import GroundMotionSettings
 from drivers.camera.settings import CameraSettings
 from drivers.clock import seconds
 from drivers.errors import ConfigError

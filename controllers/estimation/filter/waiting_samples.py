@@ -2,7 +2,7 @@
 
 from collections.abc import Hashable, Sequence
 
-from controllers.estimation.measurements.reader import Reader
+from controllers.estimation.filter.reader import Reader
 from drivers.samples import Sample
 
 

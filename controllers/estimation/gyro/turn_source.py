@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 
-from controllers.estimation.gyro import GyroIntegrator, GyroTurn
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.filter.transition import Turn
+from controllers.estimation.gyro.integrator import GyroIntegrator, GyroTurn
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pose_estimate import YawSource
-from controllers.estimation.transition import Turn
-from controllers.estimation.turn_evidence import TurnEvidence, WheelTurn
+from controllers.estimation.wheels.odometry import BodyIncrement
+from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
 from controllers.motion.body_motion import BodyMotion
 
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.estimation.measurement_model import Array, Expected, Measured
-from controllers.estimation.state_layout import BIAS
+from controllers.estimation.filter.measurement_model import Array, Expected, Measured
+from controllers.estimation.filter.state_layout import BIAS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

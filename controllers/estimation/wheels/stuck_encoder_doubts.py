@@ -2,14 +2,14 @@
 
 import math
 
-from controllers.estimation.doubts import added
-from controllers.estimation.odometry import BodyIncrement
-from controllers.estimation.pose_filter import PoseFilter
+from controllers.estimation.filter.error_budget import added
+from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.stuck_encoder import StuckEncoders
 from controllers.estimation.suspicion import Contradiction, Suspicion
-from controllers.estimation.turn_evidence import TurnEvidence
-from controllers.estimation.wheel_reach import WheelReach
+from controllers.estimation.wheels.bounds import WheelReach
+from controllers.estimation.wheels.odometry import BodyIncrement
+from controllers.estimation.wheels.stuck_encoder import StuckEncoders
+from controllers.estimation.wheels.turn_evidence import TurnEvidence
 
 
 class StuckEncoderDoubts:

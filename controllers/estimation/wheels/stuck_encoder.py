@@ -7,7 +7,7 @@ from statistics import NormalDist
 
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.turn_evidence import TurnEvidence
+from controllers.estimation.wheels.turn_evidence import TurnEvidence
 from controllers.motion.body_motion import BodyMotion
 
 

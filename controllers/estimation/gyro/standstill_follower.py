@@ -2,16 +2,16 @@
 
 import math
 
-from controllers.estimation.doubts import Doubts, added
-from controllers.estimation.ground_follower import GroundFollower
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.gyro import GyroIntegrator
-from controllers.estimation.odometry import WheelOdometry
-from controllers.estimation.pose_filter import PoseFilter
-from controllers.estimation.rest import Rest, RestWatch, Witness
+from controllers.estimation.filter.error_budget import Doubts, added
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.pose_filter import PoseFilter
+from controllers.estimation.ground.follower import GroundFollower
+from controllers.estimation.gyro.integrator import GyroIntegrator
+from controllers.estimation.gyro.standstill import Rest, RestWatch, Witness
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.suspicion import Contradiction, Suspicion
-from controllers.estimation.wheel_reach import WheelReach
+from controllers.estimation.wheels.bounds import WheelReach
+from controllers.estimation.wheels.odometry import WheelOdometry
 from drivers.clock import nanoseconds
 
 LINEAR_RAD = 0.5

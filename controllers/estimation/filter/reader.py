@@ -4,9 +4,9 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Protocol
 
-from controllers.estimation.measurement_model import MeasurementModel
+from controllers.estimation.filter.measurement_model import MeasurementModel
+from controllers.estimation.filter.state_layout import StateLayout
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.state_layout import StateLayout
 from drivers.samples import Sample
 
 Measurement = tuple[MeasurementModel, tuple[float, ...]]

@@ -6,8 +6,8 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.measurement_model import Measured
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.measurement_model import Measured
 from controllers.motion.planar import Pose, move, wrap_angle
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds
 from drivers.record import record

@@ -13,7 +13,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.estimation.measurement_model import Measured, MeasurementModel
+from controllers.estimation.filter.measurement_model import Measured, MeasurementModel
 from controllers.matrices import is_positive_definite, product
 from controllers.motion.planar import wrap_angle
 from drivers.record import record

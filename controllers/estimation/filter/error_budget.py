@@ -2,10 +2,10 @@
 
 import math
 
+from controllers.estimation.filter.pose_filter import PoseFilter
+from controllers.estimation.filter.slip_compensator import SlipCompensator
 from controllers.estimation.parameters import ESTIMATION
-from controllers.estimation.pose_filter import PoseFilter
-from controllers.estimation.slip_compensator import SlipCompensator
-from controllers.estimation.unseen_motion import UnseenMotion
+from controllers.estimation.wheels.unobserved_motion import UnseenMotion
 from controllers.motion.body_motion import BodyMotion
 
 

@@ -3,7 +3,7 @@
 Fixes and frames, which come late, are led back to their exposure first: `pose_fixes` and `ground_travel`.
 """
 
-from controllers.estimation.measurements.heading import HeadingReader
-from controllers.estimation.measurements.reader import Reader
+from controllers.estimation.filter.reader import Reader
+from controllers.estimation.headings.heading import HeadingReader
 
 LISTED: tuple[Reader, ...] = (HeadingReader(),)

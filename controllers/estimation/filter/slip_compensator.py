@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import Protocol, TypeVar
 
-from controllers.estimation.odometry import BodyIncrement
-from controllers.estimation.slip_states import SlipEstimate, SlipStates
+from controllers.estimation.filter.slip_states import SlipEstimate, SlipStates
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.body_motion import BodyMotion
 from drivers.samples import Sample
 

@@ -1,12 +1,12 @@
 """The pose filter follows the motion over the ground that a camera measures."""
 
-from controllers.estimation.doubts import added
-from controllers.estimation.ground_travel import GroundPair, GroundReport, GroundTravel, contradicting
-from controllers.estimation.guarded_filter import Innovation
+from controllers.estimation.filter.error_budget import added
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.motion_history import FixQueue
+from controllers.estimation.filter.pose_filter import PoseFilter
+from controllers.estimation.ground.travel import GroundPair, GroundReport, GroundTravel, contradicting
+from controllers.estimation.gyro.turn_source import TurnSource
 from controllers.estimation.pose_estimate import YawSource
-from controllers.estimation.pose_filter import PoseFilter
-from controllers.estimation.pose_fixes import FixQueue
-from controllers.estimation.turn_source import TurnSource
 
 
 class GroundFollower:

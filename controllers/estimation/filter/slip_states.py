@@ -7,10 +7,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.measurement_model import MeasurementModel
-from controllers.estimation.odometry import BodyIncrement
-from controllers.estimation.state_layout import StateLayout
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.measurement_model import MeasurementModel
+from controllers.estimation.filter.state_layout import StateLayout
+from controllers.estimation.wheels.odometry import BodyIncrement
 
 Array = NDArray[np.float64]
 

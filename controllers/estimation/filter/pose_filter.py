@@ -7,19 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.estimation.fix_frames import FixFrames
-from controllers.estimation.guarded_filter import FilterStep, GuardedFilter, Innovation
-from controllers.estimation.measurement_model import MeasurementModel
-from controllers.estimation.measurements.ground_travel import GroundTravel
-from controllers.estimation.measurements.gyro_at_rest import GyroAtRest
-from controllers.estimation.measurements.pose_fix import pose_then
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.filter.guarded_filter import FilterStep, GuardedFilter, Innovation
+from controllers.estimation.filter.measurement_model import MeasurementModel
+from controllers.estimation.filter.motion_history import Step, WayBack
+from controllers.estimation.filter.slip_states import SlipStates
+from controllers.estimation.filter.state_layout import BIAS, SCALE, YAW, StateLayout, X, Y, lay_out
+from controllers.estimation.filter.transition import MotionTransition, Turn
+from controllers.estimation.ground.model import GroundTravel
+from controllers.estimation.gyro.standstill_reading import GyroAtRest
 from controllers.estimation.parameters import ESTIMATION
-from controllers.estimation.pose_fixes import Step, WayBack
+from controllers.estimation.positions.frames import FixFrames
+from controllers.estimation.positions.pose_fix import pose_then
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.slip_states import SlipStates
-from controllers.estimation.state_layout import BIAS, SCALE, YAW, StateLayout, X, Y, lay_out
-from controllers.estimation.transition import MotionTransition, Turn
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.ground_motion.motion import GroundMotion
 from controllers.motion.planar import Pose
 from drivers.samples import PoseFixSample

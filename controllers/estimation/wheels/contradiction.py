@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from controllers.estimation.odometry import BodyIncrement
 from controllers.estimation.parameters import ESTIMATION
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.kinematics import Kinematics
 
 

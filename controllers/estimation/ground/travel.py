@@ -6,16 +6,14 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from typing import NamedTuple, Protocol
 
-from controllers.estimation.ground_settings import GroundMotionSettings
-from controllers.estimation.guarded_filter import Innovation
-from controllers.estimation.measurement_model import Measured
-from controllers.estimation.pose_fixes import WayBack
-from controllers.ground_motion.motion import GroundMotion
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.measurement_model import Measured
+from controllers.estimation.filter.motion_history import WayBack
+from controllers.ground_motion.motion import GroundMotion, Rates, WheelPrior
+from controllers.ground_motion.settings import GroundMotionSettings
 from drivers.clock import nanoseconds, seconds
 from drivers.record import record
 from drivers.samples import FrameSample, RateSample
-
-Rates = tuple[float, float, float]
 
 MOST_WAITING = 4
 """Frames that wait for the motion of the wheels; a camera that sends more is faster than the wheels."""
@@ -37,20 +35,6 @@ STRAIGHT = 0.7
 """Least length of the sum of the travels over the sum of their lengths, for a slip of the whole."""
 WHEELS_SD = 0.005
 """Of the travel of rolling wheels, as a share: radius and encoders."""
-
-
-class WheelPrior(NamedTuple):
-    """Motion of the measured point between two frames if the wheels rolled, in the axes of the later frame.
-
-    Attributes:
-        turn_rad: By the source of the yaw.
-        rates_rad_s: Newest turn rates of the body about x, y, z; None where unknown.
-    """
-
-    forward_m: float
-    left_m: float
-    turn_rad: float
-    rates_rad_s: Rates | None
 
 
 class GroundMeter(Protocol):

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.estimation.measurement_model import Array, Expected, Measured
-from controllers.estimation.measurements.reader import Measurement, Situation
-from controllers.estimation.state_layout import HARMONICS, YAW
+from controllers.estimation.filter.measurement_model import Array, Expected, Measured
+from controllers.estimation.filter.reader import Measurement, Situation
+from controllers.estimation.filter.state_layout import HARMONICS, YAW
 from drivers.samples import HeadingReference, HeadingSample, Sample
 
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.estimation.odometry import BodyIncrement
+from controllers.estimation.filter.motion_history import Step
+from controllers.estimation.filter.slip_states import SlipStates, SlipStep
+from controllers.estimation.filter.state_layout import BIAS, YAW, StateLayout, X, Y
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pose_estimate import YawSource
-from controllers.estimation.pose_fixes import Step
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.slip_states import SlipStates, SlipStep
-from controllers.estimation.state_layout import BIAS, YAW, StateLayout, X, Y
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.matrices import complex_product, product
 from controllers.motion.planar import Pose, move
 from drivers.record import record

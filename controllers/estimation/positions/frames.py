@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.estimation.fix_jumps import FixJumps
-from controllers.estimation.guarded_filter import GuardedFilter, Innovation
-from controllers.estimation.measurements.pose_fix import PoseFix, has_yaw, place_then
+from controllers.estimation.filter.guarded_filter import GuardedFilter, Innovation
+from controllers.estimation.filter.motion_history import WayBack, displaced, jumped, off
+from controllers.estimation.filter.state_layout import YAW, X, Y
 from controllers.estimation.parameters import ESTIMATION
-from controllers.estimation.pose_fixes import WayBack, displaced, jumped, off
-from controllers.estimation.state_layout import YAW, X, Y
+from controllers.estimation.positions.jumps import FixJumps
+from controllers.estimation.positions.pose_fix import PoseFix, has_yaw, place_then
 from controllers.motion.planar import wrap_angle
 from drivers.samples import PoseFixSample
 

@@ -1,0 +1,1 @@
+"""The pose filter: state, transition, measurements, and added uncertainty."""

@@ -1,0 +1,1 @@
+"""Motion over the ground that a camera measures."""

@@ -1,0 +1,1 @@
+"""Turn by the gyro, and standstill by gyro and accelerometer."""

@@ -1,0 +1,1 @@
+"""Headings of compasses and other devices."""

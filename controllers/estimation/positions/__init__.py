@@ -1,0 +1,1 @@
+"""Measured positions and poses."""

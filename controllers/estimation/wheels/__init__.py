@@ -1,0 +1,1 @@
+"""Motion by the wheels, and what may be wrong with it."""
