@@ -313,7 +313,7 @@ class ControlLoop:
             unseen_m=self._estimator.unseen.position_m,
             unseen_rad=self._estimator.unseen.yaw_rad,
             doubted_rad=self._estimator.doubted_rad,
-            jumped_m=self._estimator.pose_filter.jumped_m,
+            jumped_m=self._estimator.positions.jumped_m,
             ground_pairs=self._estimator.ground.pairs,
             slip=self._valid_slip(),
             lost_response="" if excited is None else excited.lost_response,

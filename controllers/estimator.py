@@ -21,6 +21,7 @@ from controllers.estimation.gyro.turn_source import TurnSource
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
 from controllers.estimation.pose_report import PoseReport
+from controllers.estimation.positions.frames import PositionFrames
 from controllers.estimation.sample_intake import SampleIntake
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.suspicion import Suspicion
@@ -59,6 +60,7 @@ class Estimator:
         gyro: Its readings.
         contradiction: How far the wheels contradict each other.
         pose_filter: The filter that it feeds.
+        positions: Frames of the devices that measure positions.
         unseen: Standard deviations from motion that was not measured.
         ground: Motion over the ground that a camera measures.
         rest: Whether the rover rests.
@@ -107,6 +109,7 @@ class Estimator:
             has_ground=ground is not None,
             slip=None if slip is None else slip.states,
         )
+        self.positions = PositionFrames(self.pose_filter, settings.gate_probability)
         self._turns = TurnSource(self.gyro, kinematics.wheel_count)
         self.ground = GroundFollower(ground, roles.camera, self.pose_filter, self._fixes, self._turns)
         self.unseen = UnseenMotion(self._reach.effects)
@@ -118,7 +121,7 @@ class Estimator:
             self._doubts,
             self.odometry,
             self.gyro,
-            self.ground,
+            self.ground.moved_m,
             self._reach,
         )
         self._stuck = StuckEncoderDoubts(settings, self.pose_filter, self._reach)
@@ -126,7 +129,7 @@ class Estimator:
             self.odometry, self.gyro, self._turns, self.pose_filter, slip, self.ground
         )
         self._report = PoseReport(
-            settings, roles, self.pose_filter, self._turns, self._velocity, self._reach, slip
+            settings, roles, self.pose_filter, self.positions, self._turns, self._velocity, self._reach, slip
         )
         self._dead_reckoning = DeadReckoning() if roles.fixes else None
         self._path_m = self._rolled_m = 0.0
@@ -185,7 +188,7 @@ class Estimator:
         innovations = self._correct_by_samples()
         innovations += self.ground.follow(now_ns, is_resting=self.rest.is_resting)
         for fix, way_back in self._fixes.take():
-            innovations += (late(fix),) if way_back is None else self.pose_filter.correct_pose(fix, way_back)
+            innovations += (late(fix),) if way_back is None else self.positions.correct(fix, way_back)
         innovations += self.rest.correct_bias(self._roles.gyro)
         if self.unseen.position_m or self.unseen.yaw_rad or self.doubted_rad:
             self._doubts.limit()

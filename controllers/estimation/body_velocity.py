@@ -45,7 +45,7 @@ class BodyVelocity:
         """Return velocity x, y in m/s and turn rate in rad/s by the wheels without slip."""
         rolled = self._odometry.velocity
         if self._ground.is_measured:
-            velocity_m_s = complex(*rolled[:2]) * (1.0 + self._filter.measured_slip)
+            velocity_m_s = complex(*rolled[:2]) * (1.0 + self._ground.measured_slip)
             return velocity_m_s.real, velocity_m_s.imag, rolled[2]
         if self._slip is None:
             return rolled

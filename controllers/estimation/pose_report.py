@@ -7,6 +7,7 @@ from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.slip_compensator import SlipCompensator
 from controllers.estimation.gyro.turn_source import TurnSource
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
+from controllers.estimation.positions.frames import PositionFrames
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.wheels.bounds import WheelReach
 from controllers.motion.planar import wrap_angle
@@ -24,6 +25,7 @@ class PoseReport:
         settings: Noise of the gyro's delay.
         roles: Ages of the devices.
         pose_filter: Pose and covariance.
+        positions: By how much measured positions have jumped.
         turns: Turn that waits for motion of the wheels or a reading of the gyro.
         velocity: Of the body.
         reach: How far the wheels can have moved the body.
@@ -35,6 +37,7 @@ class PoseReport:
         settings: FilterSettings,
         roles: DeviceRoles,
         pose_filter: PoseFilter,
+        positions: PositionFrames,
         turns: TurnSource,
         velocity: BodyVelocity,
         reach: WheelReach,
@@ -42,7 +45,8 @@ class PoseReport:
     ) -> None:
         self._gyro_delay_sd_s = settings.gyro_delay_sd_s
         self._wheel_age_s = roles.max_age_s(roles.wheels)
-        self._filter, self._turns, self._velocity = pose_filter, turns, velocity
+        self._filter, self._positions = pose_filter, positions
+        self._turns, self._velocity = turns, velocity
         self._reach, self._slip = reach, slip
 
     def estimate(
@@ -67,7 +71,7 @@ class PoseReport:
         toward = cmath.rect(1.0, yaw_rad)
         since_m = age_s * complex(velocity_x_m_s, velocity_y_m_s) * toward
         unsettled_m = 0j if self._slip is None else self._slip.unsettled_m * toward
-        for along_m in (since_m, unsettled_m, *self._filter.jumped_m.values()):
+        for along_m in (since_m, unsettled_m, *self._positions.jumped_m.values()):
             xx, xy, yy = xx + along_m.real**2, xy + along_m.real * along_m.imag, yy + along_m.imag**2
         if not is_commanded and age_s > self._wheel_age_s:  # the wheels are silent, and somebody else drives
             x_m, y_m, turn_rad = self._reach.beside_gyro(self._reach.at_limit_rad(age_s))

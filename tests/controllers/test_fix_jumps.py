@@ -5,14 +5,13 @@ from dataclasses import replace
 import pytest
 
 from controllers.estimation.filter.motion_history import WayBack
-from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.transition import Turn
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.positions.jumps import FixJumps
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.wheels.odometry import BodyIncrement
 from drivers.samples import UNKNOWN_YAW_STD_RAD, PoseFixSample
-from tests.controllers.floor_fixes import FIX
+from tests.controllers.floor_fixes import FIX, PositionFilter
 
 HERE = WayBack(x_m=0.0, y_m=0.0, turned_rad=0.0, position_m2=0.0, yaw_rad2=0.0)
 AHEAD = BodyIncrement(x_m=0.1, y_m=0.0, turn_rad=0.0, duration_s=0.2)
@@ -26,15 +25,15 @@ def fix(place_m: complex) -> PoseFixSample:
     )
 
 
-def driven(steps: int = 20) -> tuple[PoseFilter, complex]:
+def driven(steps: int = 20) -> tuple[PositionFilter, complex]:
     """Return a filter that has found the axes of the places, and where it is."""
-    pose_filter = PoseFilter(FilterSettings(), (), (DEVICE,))
+    pose_filter = PositionFilter(FilterSettings(), (), (DEVICE,))
     place_m = 0j
     for _ in range(steps):
-        pose_filter.correct_pose(fix(place_m), HERE)
+        pose_filter.positions.correct(fix(place_m), HERE)
         pose_filter.predict(AHEAD, NO_TURN)
         place_m += 0.1
-    assert pose_filter.correct_pose(fix(place_m), HERE)[0].accepted
+    assert pose_filter.positions.correct(fix(place_m), HERE)[0].accepted
     return pose_filter, place_m
 
 
@@ -42,25 +41,27 @@ def driven(steps: int = 20) -> tuple[PoseFilter, complex]:
 def test_a_jump_moves_no_pose_and_holds_it_from_then_on(jump_m: complex) -> None:
     pose_filter, place_m = driven()
     before, variances = pose_filter.pose, pose_filter.covariance
-    accepted = [pose_filter.correct_pose(fix(place_m + jump_m), HERE)[0].accepted for _ in range(4)]
+    accepted = [pose_filter.positions.correct(fix(place_m + jump_m), HERE)[0].accepted for _ in range(4)]
     assert accepted == [False, False, True, True]
-    assert pose_filter.jumped_m[DEVICE] == pytest.approx(jump_m, abs=0.02)
+    assert pose_filter.positions.jumped_m[DEVICE] == pytest.approx(jump_m, abs=0.02)
     assert pose_filter.pose.x_m == pytest.approx(before.x_m, abs=1e-3)
     assert pose_filter.covariance == pytest.approx(variances, rel=0.03)
     for _ in range(50):  # wheels that turn 10 % too far are still corrected
         pose_filter.predict(replace(AHEAD, x_m=0.11), NO_TURN)
         place_m += 0.1
-        assert pose_filter.correct_pose(fix(place_m + jump_m), HERE)[0].accepted
+        assert pose_filter.positions.correct(fix(place_m + jump_m), HERE)[0].accepted
     assert pose_filter.pose.x_m == pytest.approx(place_m.real, abs=0.1)
 
 
 def test_places_that_return_end_the_jump() -> None:
     pose_filter, place_m = driven()
     for _ in range(3):
-        pose_filter.correct_pose(fix(place_m + 1.0), HERE)
-    names = [innovation.name for _ in range(3) for innovation in pose_filter.correct_pose(fix(place_m), HERE)]
+        pose_filter.positions.correct(fix(place_m + 1.0), HERE)
+    names = [
+        innovation.name for _ in range(3) for innovation in pose_filter.positions.correct(fix(place_m), HERE)
+    ]
     assert names.count(f"{DEVICE} jumped") == 1
-    assert pose_filter.jumped_m == {}
+    assert pose_filter.positions.jumped_m == {}
     assert pose_filter.pose.x_m == pytest.approx(place_m.real, abs=0.02)
 
 
@@ -69,8 +70,8 @@ def test_wheels_that_slip_wholly_are_no_jump() -> None:
     pose_filter, place_m = driven()
     for _ in range(40):
         pose_filter.predict(AHEAD, NO_TURN)
-        pose_filter.correct_pose(fix(place_m), HERE)
-    assert pose_filter.jumped_m == {}
+        pose_filter.positions.correct(fix(place_m), HERE)
+    assert pose_filter.positions.jumped_m == {}
     assert pose_filter.pose.x_m == pytest.approx(place_m.real, abs=0.3)
 
 
@@ -79,8 +80,8 @@ def test_motion_that_was_not_measured_is_no_jump() -> None:
     pose_filter, place_m = driven()
     pose_filter.widen(1.5, 0.0, 0.0)
     for _ in range(4):
-        pose_filter.correct_pose(fix(place_m + 1.2), HERE)
-    assert pose_filter.jumped_m == {}
+        pose_filter.positions.correct(fix(place_m + 1.2), HERE)
+    assert pose_filter.positions.jumped_m == {}
     assert pose_filter.pose.x_m == pytest.approx(place_m.real + 1.2, abs=0.1)
 
 

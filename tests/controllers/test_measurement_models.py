@@ -13,7 +13,7 @@ from controllers.estimation.filter.guarded_filter import GuardedFilter
 from controllers.estimation.filter.measurement_model import Measured, MeasurementModel
 from controllers.estimation.filter.motion_history import WayBack
 from controllers.estimation.ground.model import GroundTravel
-from controllers.estimation.gyro.standstill_reading import GyroAtRest
+from controllers.estimation.gyro.standstill_reading import GyroAtStandstill
 from controllers.estimation.headings.heading import HeadingModel
 from controllers.estimation.positions.pose_fix import PoseFix
 from controllers.ground_motion.motion import GroundMotion
@@ -86,7 +86,7 @@ MODELS: dict[str, MeasurementModel] = {
     "heading with deviation": HeadingModel(
         source=Measured("compass"), offset_index=4, deviation_index=5, turned_since_rad=0.1, sd_rad=0.05
     ),
-    "gyro at rest": GyroAtRest(device="imu", sd_rad_s=0.01),
+    "gyro at rest": GyroAtStandstill(device="imu", sd_rad_s=0.01),
     "fix": PoseFix(fix=fix(0.02), way_back=WAY_BACK, origin_index=5),
     "fix without yaw": PoseFix(fix=fix(UNKNOWN_YAW_STD_RAD), way_back=WAY_BACK, origin_index=5),
     "ground": GroundTravel(device="camera", motion=MOTION, way_back=WAY_BACK, frame_index=5, has_turn=True),

@@ -12,7 +12,6 @@ from pydantic import ValidationError
 
 from controllers.control_loop import ControlLoop
 from controllers.estimation.filter.motion_history import WayBack
-from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.transition import Turn
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
@@ -29,6 +28,7 @@ from controllers.slip.scomp.compensator import NO_MOTION, ScompCompensator
 from controllers.slip.scomp.settings import ScompSettings
 from drivers.clock import nanoseconds
 from drivers.samples import AttitudeSample, FrameSample, PoseFixSample, RateSample, Sample, WheelSample
+from tests.controllers.floor_fixes import PositionFilter
 from tests.controllers.mobility import Wheels
 from tests.controllers.simulated import LIMITS, OMNI, ROLES, SKID
 
@@ -84,7 +84,7 @@ class Bench:
             settings or ScompSettings(), WITH_CAMERA, SkidSteerKinematics(ROVER), finder
         )
         self.finder = finder or SeenTrace(None)
-        self.filter = PoseFilter(filter_settings, (), ("floor",), slip=self.told.states)
+        self.filter = PositionFilter(filter_settings, (), ("floor",), slip=self.told.states)
         self.pitch_rad = pitch_rad
         self.t_ns = 0
         self.readings: list[TraceReading] = []
@@ -376,7 +376,7 @@ def test_fixes_correct_the_slip_law() -> None:
             position_std_m=0.005,
             yaw_std_rad=0.01,
         )
-        assert all(innovation.accepted for innovation in bench.filter.correct_pose(fix, here))
+        assert all(innovation.accepted for innovation in bench.filter.positions.correct(fix, here))
         bench.run(0.1 / RIM_M_S)
     begin_m = bench.way.real
     bench.run(1.0 / RIM_M_S)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from controllers.estimation.filter.motion_history import WayBack
-from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.transition import Turn
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.wheels.odometry import BodyIncrement
 from drivers.samples import PoseFixSample
+from tests.controllers.floor_fixes import PositionFilter
 
 STEP_M = 0.01
 SETTINGS = FilterSettings(
@@ -26,14 +26,14 @@ SETTINGS = FilterSettings(
 
 def driven(
     settings: FilterSettings, distance_m: float, *, is_compensated: bool, is_sure: bool = True
-) -> PoseFilter:
+) -> PositionFilter:
     """Return a filter that has rolled straight ahead."""
-    pose_filter = PoseFilter(settings, (), ("camera",), is_compensated=is_compensated)
+    pose_filter = PositionFilter(settings, (), ("camera",), is_compensated=is_compensated)
     roll(pose_filter, distance_m, is_sure=is_sure)
     return pose_filter
 
 
-def roll(pose_filter: PoseFilter, distance_m: float, *, is_sure: bool = True) -> None:
+def roll(pose_filter: PositionFilter, distance_m: float, *, is_sure: bool = True) -> None:
     for _ in range(round(distance_m / STEP_M)):
         increment = BodyIncrement(x_m=STEP_M, y_m=0.0, turn_rad=0.0, duration_s=0.1, is_sure=is_sure)
         pose_filter.predict(increment, Turn(angle_rad=0.0, source=YawSource.GYRO))
@@ -71,7 +71,7 @@ def test_the_reported_uncertainty_of_the_slip_acts_on_the_way_of_the_wheels(
 ) -> None:
     """And it changes with the place, not with the turning of the wheels."""
     settings = SETTINGS.model_copy(update={"slip_sd": 0.03, "slip_sd_share": 0.4})
-    pose_filter = PoseFilter(settings, (), is_compensated=True)
+    pose_filter = PositionFilter(settings, (), is_compensated=True)
     for _ in range(100):
         increment = BodyIncrement(
             x_m=(1.0 - slip) * STEP_M,
@@ -104,7 +104,7 @@ def test_a_drive_that_begins_unsure_spreads_so_from_the_start() -> None:
 
 def test_fixes_of_a_rover_that_slips_correct_the_way_after_them() -> None:
     """Wheels roll 1 m for 0.8 m on the ground; after that fix the next 0.1 m are shortened, too."""
-    pose_filter = PoseFilter(SETTINGS, (), ("camera",), is_compensated=False)
+    pose_filter = PositionFilter(SETTINGS, (), ("camera",), is_compensated=False)
     here = WayBack(x_m=0.0, y_m=0.0, turned_rad=0.0, position_m2=0.0, yaw_rad2=0.0)
 
     def fix(x_m: float) -> None:
@@ -118,7 +118,7 @@ def test_fixes_of_a_rover_that_slips_correct_the_way_after_them() -> None:
             position_std_m=0.002,
             yaw_std_rad=0.01,
         )
-        assert all(innovation.accepted for innovation in pose_filter.correct_pose(sample, here))
+        assert all(innovation.accepted for innovation in pose_filter.positions.correct(sample, here))
 
     fix(0.0)
     for number in range(1, 11):

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from controllers.estimation.filter.guarded_filter import Innovation
-from controllers.estimation.filter.measurement_model import Measured
+from controllers.estimation.filter.measurement_model import Array, Measured
+from controllers.estimation.filter.state_layout import YAW, X, Y
 from controllers.motion.planar import Pose, move, wrap_angle
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds
 from drivers.record import record
@@ -71,6 +72,13 @@ class WayBack:
     def with_bias(self, bias_rad_s: float) -> tuple[complex, float]:
         """Return what another bias adds to the past place, in the present body frame, and to the past yaw."""
         return bias_rad_s * self.place_s_m - self.bias_m, bias_rad_s * self.covered_s - self.bias_rad
+
+
+def pose_then(state: Array, way_back: WayBack) -> tuple[complex, float]:
+    """Return place and yaw of the rover in the local frame at exposure."""
+    yaw_rad = state.item(YAW)
+    arm_m = complex(way_back.x_m, way_back.y_m) * cmath.rect(1.0, yaw_rad)
+    return complex(state.item(X), state.item(Y)) + arm_m, yaw_rad - way_back.turned_rad
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

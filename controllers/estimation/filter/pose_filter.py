@@ -9,20 +9,13 @@ from numpy.typing import NDArray
 
 from controllers.estimation.filter.guarded_filter import FilterStep, GuardedFilter, Innovation
 from controllers.estimation.filter.measurement_model import MeasurementModel
-from controllers.estimation.filter.motion_history import Step, WayBack
+from controllers.estimation.filter.motion_history import Step
 from controllers.estimation.filter.slip_states import SlipStates
-from controllers.estimation.filter.state_layout import BIAS, SCALE, YAW, StateLayout, X, Y, lay_out
+from controllers.estimation.filter.state_layout import BIAS, YAW, X, Y, lay_out
 from controllers.estimation.filter.transition import MotionTransition, Turn
-from controllers.estimation.ground.model import GroundTravel
-from controllers.estimation.gyro.standstill_reading import GyroAtRest
-from controllers.estimation.parameters import ESTIMATION
-from controllers.estimation.positions.frames import FixFrames
-from controllers.estimation.positions.pose_fix import pose_then
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.wheels.odometry import BodyIncrement
-from controllers.ground_motion.motion import GroundMotion
 from controllers.motion.planar import Pose
-from drivers.samples import PoseFixSample
 
 Array = NDArray[np.float64]
 
@@ -61,6 +54,11 @@ class PoseFilter:
         is_compensated: Whether slip is compensated where an increment is sure.
         has_ground: Whether a camera measures the motion over the ground.
         slip: States of the slip compensator; None where it has none.
+
+    Attributes:
+        layout: Where each part of the state is.
+        kalman: The filter itself, for sensors whose frames or scales are states.
+        path_m: What the wheels have rolled, or may have moved without a measurement.
     """
 
     def __init__(
@@ -73,8 +71,7 @@ class PoseFilter:
         has_ground: bool = False,
         slip: SlipStates | None = None,
     ) -> None:
-        self._settings = settings
-        self._layout = layout = lay_out(
+        self.layout = layout = lay_out(
             settings,
             heading_devices,
             fix_devices,
@@ -82,53 +79,42 @@ class PoseFilter:
             has_ground=has_ground,
             block_variances=() if slip is None else slip.start_variances.tolist(),
         )
-        self._has_scale = False
         self._slip = slip
         start = np.zeros(layout.size)
         if slip is not None:
             start[layout.block] = slip.start
-        self._filter = GuardedFilter(
+        self.kalman = GuardedFilter(
             start.tolist(), layout.variances, layout.angles, settings.gate_probability
         )
         self._motion = MotionTransition(settings, layout, slip)
-        self._fix_frames = FixFrames(self._filter, layout.origins, settings.gate_probability)
+        self.path_m = 0.0
 
     def keep_steps(self) -> list[FilterStep]:
         """Keep every step of the filter from now on, for a smoother; return the growing list."""
-        return self._filter.keep_steps()
-
-    @property
-    def layout(self) -> StateLayout:
-        """Where each part of the state is."""
-        return self._layout
+        return self.kalman.keep_steps()
 
     @property
     def pose(self) -> Pose:
         """The estimated pose."""
-        x_m, y_m, yaw_rad = self._filter.state[:BIAS]
+        x_m, y_m, yaw_rad = self.kalman.state[:BIAS]
         return Pose(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
-
-    @property
-    def jumped_m(self) -> dict[str, complex]:
-        """By how much the places of each device have jumped, in the local frame; see `FixJumps`."""
-        return self._fix_frames.jumped_m
 
     @property
     def gyro_bias_rad_s(self) -> float:
         """The estimated bias of the gyro."""
-        return self._filter.value(BIAS)
+        return self.kalman.value(BIAS)
 
     @property
     def covariance(self) -> tuple[float, float, float, float, float, float]:
         """Upper triangle of the covariance over (x, y, yaw), by rows."""
-        x_row, y_row, yaw_row = self._filter.covariance[:BIAS]
+        x_row, y_row, yaw_row = self.kalman.covariance[:BIAS]
         return (x_row[X], x_row[Y], x_row[YAW], y_row[Y], y_row[YAW], yaw_row[YAW])
 
     def predict(self, increment: BodyIncrement, turn: Turn) -> Step:
         """Move by the wheels' increment; `turn` replaces the turn of the wheels. Return the step."""
-        moved = self._motion.predict(self._filter.state, increment, turn)
-        self._filter.predict(increment.duration_s, moved.state, moved.transition, moved.noise)
-        self._fix_frames.move(abs(moved.step.rolled_m))
+        moved = self._motion.predict(self.kalman.state, increment, turn)
+        self.kalman.predict(increment.duration_s, moved.state, moved.transition, moved.noise)
+        self.path_m += abs(moved.step.rolled_m)
         return moved.step
 
     def widen(self, x_m: float, y_m: float, yaw_rad: float) -> None:
@@ -141,24 +127,19 @@ class PoseFilter:
             y_m: The same to the left or right.
             yaw_rad: It may have turned by this at most.
         """
-        self._fix_frames.move(math.hypot(x_m, y_m))
-        direction = cmath.rect(1.0, self._filter.value(YAW))
-        noise = np.zeros((self._layout.size,) * 2)
+        self.path_m += math.hypot(x_m, y_m)
+        direction = cmath.rect(1.0, self.kalman.value(YAW))
+        noise = np.zeros((self.layout.size,) * 2)
         for axis, greatest_m in ((direction, x_m), (1j * direction, y_m)):
             column = np.array([axis.real, axis.imag])
             noise[:YAW, :YAW] += np.outer(column, column) * greatest_m**2 / 3.0
         noise[YAW, YAW] = yaw_rad**2 / 3.0
-        self._filter.widen_by(noise)
-
-    def correct_bias(self, device: str, rate_rad_s: float) -> Innovation:
-        """Correct by a gyro reading at standstill: it is the bias."""
-        model = GyroAtRest(device=device, sd_rad_s=self._settings.gyro_rate_noise_rad_s)
-        return self._filter.correct(model, (rate_rad_s,))[0]
+        self.kalman.widen_by(noise)
 
     @property
     def gyro_bias_rad2_s2(self) -> float:
         """Its variance."""
-        return self._filter.covariance[BIAS][BIAS]
+        return self.kalman.covariance[BIAS][BIAS]
 
     def doubt_bias(self, error_rad_s: float) -> float:
         """Make the bias uncertain by an error that it may have, and all that depends on it.
@@ -169,82 +150,27 @@ class PoseFilter:
         Returns:
             By how much the yaw is wrong with that error.
         """
-        column = np.array([row[BIAS] for row in self._filter.covariance])
+        column = np.array([row[BIAS] for row in self.kalman.covariance])
         followed = error_rad_s * column / column[BIAS]
-        self._filter.widen_by(np.outer(followed, followed))
+        self.kalman.widen_by(np.outer(followed, followed))
         return abs(float(followed[YAW]))
 
     @property
     def slip_values(self) -> Array:
         """The states of the slip compensator, shape (n,)."""
-        return np.array(self._filter.state[self._layout.block])
+        return np.array(self.kalman.state[self.layout.block])
 
     def correct(self, model: MeasurementModel, measured: Sequence[float]) -> tuple[Innovation, ...]:
         """Correct by what a model measures."""
-        return self._filter.correct(model, measured)
+        return self.kalman.correct(model, measured)
 
     def widen_slip(self, index: int, variance: float) -> None:
         """Increase the variance of one state of the slip compensator."""
-        self._filter.widen(self._layout.block.start + index, variance)
+        self.kalman.widen(self.layout.block.start + index, variance)
 
     def doubt_slip(self) -> None:
         """Make the states of slip as uncertain as at the start: what has taught them was wrong."""
         variances = () if self._slip is None else self._slip.start_variances
-        covariance = self._filter.covariance
-        for index, variance in enumerate(variances, self._layout.block.start):
-            self._filter.widen(index, max(0.0, float(variance) - covariance[index][index]))
-
-    def correct_pose(self, fix: PoseFixSample, way_back: WayBack) -> tuple[Innovation, ...]:
-        """Correct by a fix of the pose; `way_back` leads from the present pose to that at exposure."""
-        return self._fix_frames.correct(fix, way_back)
-
-    @property
-    def measured_slip(self) -> complex:
-        """What is added to the wheels' travel while the motion is measured, as a share; left imaginary."""
-        state, index = self._filter.state, self._layout.measured_slip
-        return ESTIMATION.ground.slip_sd * complex(state[index], state[index + 1])
-
-    def mark_frame(self, way_back: WayBack) -> None:
-        """Keep the pose at the exposure of a frame; `way_back` leads to it from the present pose."""
-        frame = self._layout.frame
-        state = np.array(self._filter.state)
-        then_m, then_rad = pose_then(state, way_back)
-        arm_m = then_m - complex(state[X], state[Y])
-        transition = np.eye(len(state))
-        transition[frame : frame + BIAS] = 0.0
-        transition[[frame + X, frame + Y, frame + YAW], [X, Y, YAW]] = 1.0
-        transition[frame + X, YAW], transition[frame + Y, YAW] = -arm_m.imag, arm_m.real
-        state[frame : frame + BIAS] = then_m.real, then_m.imag, then_rad
-        self._filter.predict(0.0, state.tolist(), transition, np.zeros_like(transition))
-
-    def correct_ground(
-        self, device: str, motion: GroundMotion, way_back: WayBack, *, corrects_yaw: bool
-    ) -> tuple[Innovation, ...]:
-        """Correct by the motion over the ground since the frame of `mark_frame`.
-
-        A motion that the wheels do not explain, as of a rover pushed at rest, is reported as rejected.
-        It is taken nevertheless: the camera sees the rover itself, and what it saw would be lost for good.
-
-        Args:
-            device: Name of the camera.
-            motion: A valid one, from the time of that frame on.
-            way_back: From the present pose to that at the later frame.
-            corrects_yaw: Whether the turn is used, too; a gyro that is fresh measures it better.
-        """
-        frame = self._layout.frame
-        if not self._has_scale:
-            self._has_scale = True
-            self._filter.widen(frame + SCALE, motion.scale_sd**2)
-        model = GroundTravel(
-            device=device, motion=motion, way_back=way_back, frame_index=frame, has_turn=corrects_yaw
-        )
-        innovations = self._filter.correct(model, model.measured)
-        residuals = [innovation.residual or 0.0 for innovation in innovations]
-        if not innovations[0].accepted and innovations[0].residual is not None:
-            distance_m2 = abs(complex(residuals[X], residuals[Y])) ** 2
-            for index in (X, Y):
-                self._filter.widen(index, distance_m2)
-            if corrects_yaw:
-                self._filter.widen(YAW, residuals[YAW] ** 2)
-            self._filter.correct(model, model.measured)
-        return innovations
+        covariance = self.kalman.covariance
+        for index, variance in enumerate(variances, self.layout.block.start):
+            self.kalman.widen(index, max(0.0, float(variance) - covariance[index][index]))

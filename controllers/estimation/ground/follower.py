@@ -4,6 +4,7 @@ from controllers.estimation.filter.error_budget import added
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.motion_history import FixQueue
 from controllers.estimation.filter.pose_filter import PoseFilter
+from controllers.estimation.ground.frame_pose import FramePose
 from controllers.estimation.ground.travel import GroundPair, GroundReport, GroundTravel, contradicting
 from controllers.estimation.gyro.turn_source import TurnSource
 from controllers.estimation.pose_estimate import YawSource
@@ -34,6 +35,7 @@ class GroundFollower:
     ) -> None:
         self._travel, self._camera = travel, camera or ""
         self._filter, self._fixes, self._turns = pose_filter, fixes, turns
+        self._frame = FramePose(pose_filter)
         self._lost_m = self._doubted_rig_m = 0.0
         self.pairs: tuple[GroundPair, ...] = ()
         self.is_measured = False
@@ -59,17 +61,22 @@ class GroundFollower:
             elif pair is not None:
                 self._lost_m = 0.0
                 corrects_yaw = self._turns.yaw_source is not YawSource.GYRO
-                innovations += self._filter.correct_ground(
+                innovations += self._frame.correct(
                     self._camera, pair.motion, way_back, corrects_yaw=corrects_yaw
                 )
                 pairs.append(pair)
             if is_begin:
-                self._filter.mark_frame(way_back)
+                self._frame.mark(way_back)
         is_gyro = self._turns.yaw_source is YawSource.GYRO or is_resting
         innovations += self._travel.compare_turns(self._camera, is_gyro=is_gyro)
         self.pairs = tuple(pairs)
         self.is_measured = self._travel.is_valid(now_ns)
         return innovations
+
+    @property
+    def measured_slip(self) -> complex:
+        """What is added to the wheels' travel while the motion is measured, as a share; left imaginary."""
+        return self._frame.measured_slip
 
     def moved_m(self, from_ns: int, to_ns: int) -> float:
         """Return how far a camera has seen the rover move in a time; 0 without one."""

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from controllers.estimation.filter.measurement_model import Array, Expected, Measured
-from controllers.estimation.filter.motion_history import WayBack
+from controllers.estimation.filter.motion_history import WayBack, pose_then
 from controllers.estimation.filter.state_layout import SCALE, YAW, X, Y
-from controllers.estimation.positions.pose_fix import pose_then
 from controllers.ground_motion.motion import GroundMotion
 from controllers.motion.planar import wrap_angle
 

@@ -1,13 +1,14 @@
 """A rest of the wheels: what it teaches of the gyro, and what is open where something contradicts it."""
 
 import math
+from collections.abc import Callable
 
 from controllers.estimation.filter.error_budget import Doubts, added
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.pose_filter import PoseFilter
-from controllers.estimation.ground.follower import GroundFollower
 from controllers.estimation.gyro.integrator import GyroIntegrator
 from controllers.estimation.gyro.standstill import Rest, RestWatch, Witness
+from controllers.estimation.gyro.standstill_reading import GyroAtStandstill
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.suspicion import Contradiction, Suspicion
 from controllers.estimation.wheels.bounds import WheelReach
@@ -30,7 +31,7 @@ class RestFollower:
         doubts: Widens the estimate.
         odometry: Tells when the wheels stopped.
         gyro: Its newest reading.
-        ground: Motion that a camera sees.
+        moved_m: Motion over the ground in a time that a camera has seen.
         reach: How far the wheels can have moved the body.
 
     Attributes:
@@ -47,11 +48,11 @@ class RestFollower:
         doubts: Doubts,
         odometry: WheelOdometry,
         gyro: GyroIntegrator,
-        ground: GroundFollower,
+        moved_m: Callable[[int, int], float],
         reach: WheelReach,
     ) -> None:
         self._settings, self._watch, self._filter, self._doubts = settings, watch, pose_filter, doubts
-        self._odometry, self._gyro, self._ground, self._reach = odometry, gyro, ground, reach
+        self._odometry, self._gyro, self._moved_m, self._reach = odometry, gyro, moved_m, reach
         self._doubted = (0.0, 0.0)
         self._is_bias_known = self._has_doubted_bias = False
         self._bias_seen_ns: int | None = None
@@ -107,7 +108,8 @@ class RestFollower:
         if not self.is_resting or gyro.t_ns == self._bias_seen_ns or device is None:
             return []
         self._bias_seen_ns = gyro.t_ns
-        innovation = self._filter.correct_bias(device, gyro.rate_rad_s)
+        model = GyroAtStandstill(device=device, sd_rad_s=self._settings.gyro_rate_noise_rad_s)
+        (innovation,) = self._filter.correct(model, (gyro.rate_rad_s,))
         self._is_bias_known |= innovation.accepted
         return [innovation]
 
@@ -126,7 +128,7 @@ class RestFollower:
             return 0.0
         # The body swings after its wheels have stopped.
         swung_ns = nanoseconds(2.0 * self._settings.standstill_s)
-        return self._ground.moved_m(self._odometry.still_since_ns + swung_ns, now_ns)
+        return self._moved_m(self._odometry.still_since_ns + swung_ns, now_ns)
 
     def _doubt(self, rest: Rest, now_ns: int, path_m: float, *, is_commanded: bool) -> None:
         """Widen the estimate by what the rover may have moved during a rest that is contradicted."""

@@ -9,7 +9,7 @@ from controllers.estimation.filter.state_layout import BIAS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GyroAtRest:
+class GyroAtStandstill:
     """Yaw rate of a rover at rest.
 
         r = b

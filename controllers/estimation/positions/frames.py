@@ -2,13 +2,13 @@
 
 import cmath
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.estimation.filter.guarded_filter import GuardedFilter, Innovation
+from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.motion_history import WayBack, displaced, jumped, off
+from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.state_layout import YAW, X, Y
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.positions.jumps import FixJumps
@@ -35,24 +35,20 @@ def _alone_std_m(model: PoseFix) -> float:
     return math.sqrt(alone_std_m**2 + model.way_back.position_m2)
 
 
-class FixFrames:
+class PositionFrames:
     """Corrects a filter by fixes of the pose.
 
     Args:
         pose_filter: With states for the origin of each device.
-        origins: First of these states, by device.
         gate_probability: Share of consistent fixes that pass the gate.
     """
 
-    def __init__(
-        self, pose_filter: GuardedFilter, origins: Mapping[str, int], gate_probability: float
-    ) -> None:
-        self._filter = pose_filter
-        self._origins = origins
+    def __init__(self, pose_filter: PoseFilter, gate_probability: float) -> None:
+        self._poses, self._filter = pose_filter, pose_filter.kalman
+        self._origins = pose_filter.layout.origins
         # The chance of two normal deviates beyond this distance is that of the gate.
         gate_sd = math.sqrt(-2.0 * math.log1p(-gate_probability))
-        self._jumps = {device: FixJumps(gate_sd) for device in origins}
-        self._path_m = 0.0
+        self._jumps = {device: FixJumps(gate_sd) for device in self._origins}
         self._rejections: dict[str, int] = {}
         self._unoriented: dict[str, _Unoriented] = {}
 
@@ -60,10 +56,6 @@ class FixFrames:
     def jumped_m(self) -> dict[str, complex]:
         """By how much the places of each device have jumped, in the local frame; see `FixJumps`."""
         return {device: jumps.offset_m for device, jumps in self._jumps.items() if jumps.offset_m}
-
-    def move(self, path_m: float) -> None:
-        """Take what the wheels have rolled, or may have moved without being measured."""
-        self._path_m += path_m
 
     def correct(self, fix: PoseFixSample, way_back: WayBack) -> tuple[Innovation, ...]:
         """Correct by a fix of the pose; `way_back` leads from the present pose to that at exposure.
@@ -84,14 +76,14 @@ class FixFrames:
             self._assign_origin(origin, fix, way_back)
         model = PoseFix(fix=fix, way_back=way_back, origin_index=origin)
         jumps, std_m, residual_m = self._jumps[fix.device], _alone_std_m(model), self._residual(model)
-        has_jumped = not has_yaw(fix) and jumps.is_off(residual_m, std_m, self._path_m)
+        has_jumped = not has_yaw(fix) and jumps.is_off(residual_m, std_m, self._poses.path_m)
         if has_jumped:
             innovations: tuple[Innovation, ...] = off(fix, residual_m)
         else:
             innovations = self._filter.correct(model, model.measured)
         if innovations[0].accepted:
             self._rejections[fix.device] = 0
-            jumps.agree(self._residual(model), std_m, self._path_m)
+            jumps.agree(self._residual(model), std_m, self._poses.path_m)
             return innovations
         residuals = [innovation.residual for innovation in innovations if innovation.residual is not None]
         if len(residuals) < len(innovations):
@@ -109,7 +101,7 @@ class FixFrames:
             self._filter.widen(index, variance)
         report = displaced(fix, math.sqrt(distance_m2), abs(turned_rad))
         corrected = self._filter.correct(model, model.measured)
-        jumps.agree(self._residual(model), std_m, self._path_m)
+        jumps.agree(self._residual(model), std_m, self._poses.path_m)
         return (*corrected, *report[: len(innovations) - 1])
 
     def _take_jump(self, model: PoseFix) -> tuple[Innovation, ...]:
@@ -121,7 +113,7 @@ class FixFrames:
             self._filter.assign(index, state[index] + part_m)
             self._filter.widen(index, std_m**2)
         corrected = self._filter.correct(model, model.measured)
-        jumps.agree(self._residual(model), std_m, self._path_m)
+        jumps.agree(self._residual(model), std_m, self._poses.path_m)
         return (*corrected, jumped(fix, abs(residual_m)))
 
     def _residual(self, model: PoseFix) -> complex:

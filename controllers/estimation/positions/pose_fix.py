@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controllers.estimation.filter.measurement_model import Array, Expected, Measured
-from controllers.estimation.filter.motion_history import WayBack
+from controllers.estimation.filter.motion_history import WayBack, pose_then
 from controllers.estimation.filter.state_layout import BIAS, YAW, X, Y
 from drivers.samples import UNKNOWN_YAW_STD_RAD, PoseFixSample
 
@@ -14,13 +14,6 @@ from drivers.samples import UNKNOWN_YAW_STD_RAD, PoseFixSample
 def has_yaw(fix: PoseFixSample) -> bool:
     """Return whether a fix measures the yaw."""
     return not fix.yaw_std_rad >= UNKNOWN_YAW_STD_RAD
-
-
-def pose_then(state: Array, way_back: WayBack) -> tuple[complex, float]:
-    """Return place and yaw of the rover in the local frame at exposure."""
-    yaw_rad = state.item(YAW)
-    arm_m = complex(way_back.x_m, way_back.y_m) * cmath.rect(1.0, yaw_rad)
-    return complex(state.item(X), state.item(Y)) + arm_m, yaw_rad - way_back.turned_rad
 
 
 def place_then(state: Array, fix: PoseFixSample, way_back: WayBack) -> tuple[complex, float]:
