@@ -226,7 +226,7 @@ class ControlLoop:
         self._travel_rad_s = tuple(map(operator.sub, speed_rad_s, self._swing_rad_s))
         odometry = self._estimator.odometry
         is_fresh = self._is_motion_fresh(now_ns)
-        ground, suspicion = self._estimator.ground.report(now_ns), self._estimator.suspicion
+        ground, fault = self._estimator.ground.report(now_ns), self._estimator.fault
         return StepOutput(
             t_ns=now_ns,
             mode=self._mode(),
@@ -251,7 +251,7 @@ class ControlLoop:
             ground=ground,
             suspicion=self._announcement
             or (self._supervisor.suspicion if self._check is None else self._check.doubt)
-            or ("" if suspicion is None else suspicion.text),
+            or ("" if fault is None else fault.text),
             dead_reckoned=self._estimator.dead_reckoned(),
             findings=None if self._check is None else self._check.findings or None,
             waits_for_operator=self._supervisor.waits_for_operator,
@@ -259,7 +259,7 @@ class ControlLoop:
 
     def _judge(self, check: DriveCheck, cycle: Cycle) -> bool:
         """Look for what is wrong with a drive that somebody else controls; return whether it widens."""
-        check.update(cycle, self._estimator.suspicion)
+        check.update(cycle, self._estimator.fault)
         for doubt in check.doubts:
             self._estimator.doubt(*doubt)
         if check.is_open:

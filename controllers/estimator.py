@@ -24,13 +24,13 @@ from controllers.estimation.pose_report import PoseReport
 from controllers.estimation.positions.frames import PositionFrames
 from controllers.estimation.sample_intake import SampleIntake
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.suspicion import Suspicion
 from controllers.estimation.wheels.bounds import WheelReach
 from controllers.estimation.wheels.contradiction import WheelContradiction
 from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.estimation.wheels.stuck_encoder_doubts import StuckEncoderDoubts
 from controllers.estimation.wheels.turn_evidence import TurnEvidence
 from controllers.estimation.wheels.unobserved_motion import UnseenMotion
+from controllers.fault import Fault
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.steering import SteeringAngles
 from controllers.roles import DeviceRoles
@@ -143,9 +143,9 @@ class Estimator:
         return self._turns.evidence
 
     @property
-    def suspicion(self) -> Suspicion | None:
+    def fault(self) -> Fault | None:
         """Why the wheels may not measure the motion of the rover; None without a contradiction."""
-        return self.rest.suspicion or self._stuck.suspicion
+        return self.rest.fault or self._stuck.fault
 
     def take(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`; samples of other devices and kinds have no effect."""
@@ -168,7 +168,7 @@ class Estimator:
         self._steer(now_ns, set_steering_rad)
         increment = self.odometry.take(self.steering.angles_rad)
         self._turns.evidence = None
-        self._stuck.suspicion = None
+        self._stuck.fault = None
         self._is_commanded = bool(set_speed_rad_s)
         set_speed_rad_s = set_speed_rad_s or (0.0,) * len(self._reach.effects)
         if any(set_speed_rad_s):

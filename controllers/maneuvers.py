@@ -4,6 +4,7 @@ import cmath
 import math
 from collections import deque
 
+from controllers.fault import Cause
 from controllers.motion.missions.mission import Guidance, Mobility
 from controllers.motion.planar import Pose, wrap_angle
 from controllers.safety.entrapment import PROGRESS_CAUSES
@@ -50,7 +51,7 @@ class BackOut:
             return ""
         return f"rover: backs out along the last {self._greatest_m:g} m of its path"
 
-    def stop(self, cause: str) -> None:
+    def stop(self, cause: Cause | None) -> None:
         """Take the cause of a stop: where the rover does not get on it backs out when it may move again."""
         if self._targets:
             self._targets, self._is_over = [], True

@@ -22,9 +22,10 @@ from rich.progress import track
 from benchmarks.cluster_option import add_cluster_option
 from benchmarks.safety.healthy_missions import equipped
 from benchmarks.safety.missions import drive, ground_camera, robotino
+from controllers.fault import Fault, Severity
 from controllers.safety import settings as safety_settings
 from controllers.safety.entrapment import EntrapmentSettings, ProgressOverGround
-from controllers.safety.reasons import Cycle, Severity, StopReason
+from controllers.safety.reasons import Cycle
 from controllers.safety.stall_monitor import StallMonitor, StallSettings
 from rover_hil.parallel.executor import open_executor
 from tests.nature.omni_contact import Floor, OmniContact
@@ -40,7 +41,7 @@ class _Excused(StallMonitor):
         super().__init__(settings, wheel_count)
         self._ground = ProgressOverGround(EntrapmentSettings().entrapment_ground_m)
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         for pair in cycle.ground_pairs:
             self._ground.take(pair)
         if self._ground.lost_m:
@@ -72,7 +73,7 @@ def first_stops(is_shipped: bool, seed: int) -> tuple[str, dict[str, str]]:
     stops: dict[str, str] = {}
 
     class Watching(StallMonitor):
-        def check(self, cycle: Cycle) -> Iterator[StopReason]:
+        def check(self, cycle: Cycle) -> Iterator[Fault]:
             for name, monitor in monitors.items():
                 for reason in monitor.check(cycle):
                     if reason.severity is Severity.STOP:

@@ -4,10 +4,10 @@ import math
 from collections.abc import Iterator
 from enum import Enum, auto
 
-from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.fault import Cause, ClearedBy, Fault, Severity
+from controllers.safety.reasons import Cycle, StopRule
 from drivers.safety_event import WHEN_GONE, Outcome, SafetyEvent
 
-CAUSE = "area"
 AT_START = (
     "rover: its region reaches over the border of safety.area before it has moved: enlarge the area, or "
     "start the run farther inside"
@@ -79,13 +79,13 @@ class AreaRule(StopRule):
         self._greatest_m = 0.0
         self._text = ""
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return the reason to stop; while the rover may move back, one that is only shown."""
         over_m = cycle.over_border_m
         self._has_moved |= any(cycle.commanded_rad_s)
         if self._state is _State.INSIDE and over_m > 0.0:
             if not self._has_moved:
-                yield StopReason(CAUSE, AT_START)
+                yield Fault("rover", Cause.AREA, AT_START)
                 return
             self._state, self._text = _State.WAITS, f"{_crossing(cycle)}; {CONFIRM}"
         elif self._state is _State.WAITS and cycle.is_confirmed and math.isfinite(over_m):
@@ -94,11 +94,11 @@ class AreaRule(StopRule):
             self._state = _State.WAITS
         if self._state is _State.WAITS:
             self._greatest_m = max(self._greatest_m, over_m if math.isfinite(over_m) else 0.0)
-            yield StopReason(CAUSE, self._text, waits_for_operator=True)
+            yield Fault("rover", Cause.AREA, self._text, cleared_by=ClearedBy.OPERATOR)
         elif over_m <= 0.0:
             self._state, self._greatest_m = _State.INSIDE, 0.0
         else:
-            yield StopReason(CAUSE, RETURNS, Severity.SUSPICION)
+            yield Fault("rover", Cause.AREA, RETURNS, Severity.WARNING)
 
 
 def _crossing(cycle: Cycle) -> str:

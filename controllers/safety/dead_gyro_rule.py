@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 from statistics import fmean
 
+from controllers.fault import Cause, Fault
 from controllers.roles import DeviceRoles
 from controllers.safety.gyro_turn_rules import AVERAGE_S, GyroTurnSettings
-from controllers.safety.reasons import Cycle, StopReason, StopRule
+from controllers.safety.reasons import Cycle, StopRule
 from controllers.safety.unproven_turn import UnprovenTurn
 from drivers.clock import nanoseconds
 from drivers.safety_event import Outcome, SafetyEvent
@@ -44,7 +45,7 @@ class DeadGyroRule(StopRule):
 
     def __init__(self, settings: GyroTurnSettings, roles: DeviceRoles, unproven: UnprovenTurn) -> None:
         self._least_rad_s = settings.gyro_follow_rad_s
-        self._gyro = roles.gyro
+        self._gyro = str(roles.gyro)
         self._unproven = unproven
         self._readings_rad_s: list[float] = []
         self._began_ns: int | None = None
@@ -54,7 +55,7 @@ class DeadGyroRule(StopRule):
         if isinstance(sample, RateSample) and sample.device == self._gyro:
             self._readings_rad_s.append(sample.rate_z_rad_s)
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason while the gyro is dead."""
         if self._began_ns is None:
             self._began_ns = cycle.now_ns
@@ -68,4 +69,4 @@ class DeadGyroRule(StopRule):
                 f"{self._gyro}: no signal, although the rover turned: wrong axis, or broken; the rover stays "
                 "stopped until the gyro measures a turn"
             )
-            yield StopReason("gyro dead", text)
+            yield Fault(self._gyro, Cause.DEAD_GYRO, text)

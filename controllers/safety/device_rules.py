@@ -4,8 +4,9 @@ import math
 from collections.abc import Iterable, Iterator
 
 from controllers.estimation.filter.motion_history import HISTORY_NS
+from controllers.fault import Cause, Fault, Severity
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.safety.reasons import Cycle, StopRule
 from drivers.clock import nanoseconds
 from drivers.safety_event import AFTER_A_WAIT, RESTART, WHEN_GONE, Outcome, SafetyEvent
 from drivers.samples import (
@@ -53,15 +54,15 @@ class BumperRule(StopRule):
 
     def __init__(self, settings: BumperSettings) -> None:
         self._settings = settings
-        self._pressed: list[StopReason] = []
+        self._pressed: list[Fault] = []
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take a bumper's state."""
         if isinstance(sample, BumperSample) and sample.pressed and self._settings.bumper_stops:
             text = f"{sample.device}: bumper pressed"
-            self._pressed.append(StopReason("bumper", text, Severity.FINAL))
+            self._pressed.append(Fault("bumper", Cause.BUMPER, text, Severity.FINAL))
 
-    def check(self, cycle: Cycle) -> Iterable[StopReason]:
+    def check(self, cycle: Cycle) -> Iterable[Fault]:
         """Return the bumpers that were pressed since the last cycle."""
         pressed, self._pressed = self._pressed, []
         return pressed
@@ -104,8 +105,8 @@ class LinkRule(StopRule):
 
     def __init__(self, roles: DeviceRoles) -> None:
         self._roles = roles
-        self._broken: list[StopReason] = []
-        self._down: dict[str, StopReason] = {}
+        self._broken: list[Fault] = []
+        self._down: dict[str, Fault] = {}
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take a link's state."""
@@ -114,13 +115,11 @@ class LinkRule(StopRule):
         if sample.up:
             self._down.pop(sample.device, None)
         else:
-            reason = StopReason(
-                f"{sample.device}: link down", f"{sample.device}: link down ({sample.reason})"
-            )
+            reason = Fault(sample.device, Cause.LINK_DOWN, f"{sample.device}: link down ({sample.reason})")
             self._down[sample.device] = reason
             self._broken.append(reason)
 
-    def check(self, cycle: Cycle) -> Iterable[StopReason]:
+    def check(self, cycle: Cycle) -> Iterable[Fault]:
         """Return the links that broke since the last cycle or are down."""
         broken, self._broken = self._broken, []
         return (*broken, *self._down.values())
@@ -159,8 +158,8 @@ class FaultRule(StopRule):
 
     def __init__(self, roles: DeviceRoles) -> None:
         self._roles = roles
-        self._reported: list[StopReason] = []
-        self._faults: dict[tuple[str, int | None], StopReason] = {}
+        self._reported: list[Fault] = []
+        self._faults: dict[tuple[str, int | None], Fault] = {}
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take a fault or its end; code 0 without a wheel ends all faults of its device."""
@@ -168,7 +167,7 @@ class FaultRule(StopRule):
             return
         if sample.code:
             where = sample.device if sample.wheel is None else f"{sample.device} wheel {sample.wheel}"
-            reason = StopReason(f"{where}: fault", f"{where}: fault {sample.code} ({sample.text})")
+            reason = Fault(where, Cause.DEVICE_FAULT, f"{where}: fault {sample.code} ({sample.text})")
             self._faults[sample.device, sample.wheel] = reason
             self._reported.append(reason)
         elif sample.wheel is not None:
@@ -176,7 +175,7 @@ class FaultRule(StopRule):
         else:
             self._faults = {key: reason for key, reason in self._faults.items() if key[0] != sample.device}
 
-    def check(self, cycle: Cycle) -> Iterable[StopReason]:
+    def check(self, cycle: Cycle) -> Iterable[Fault]:
         """Return the faults that were reported since the last cycle or still hold."""
         reported, self._reported = self._reported, []
         return (*reported, *self._faults.values())
@@ -304,13 +303,13 @@ class FreshnessRule(StopRule):
             if part in self._limits:
                 self._received_ns[part] = max(t_ns, self._received_ns.get(part, t_ns))
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return what is too old or was never received."""
         for part, (limit_ns, text) in self._limits.items():
             received_ns = self._received_ns.get(part)
             if received_ns is None or cycle.now_ns - received_ns > limit_ns:
                 device, kind, wheel = part
-                yield StopReason(f"{device} not fresh: {kind.__name__} {wheel}", text)
+                yield Fault(f"{device} {kind.__name__} {wheel}", Cause.NOT_FRESH, text)
 
 
 def _freshness_limits(roles: DeviceRoles, wheel_count: int) -> dict[Part, tuple[int, str]]:

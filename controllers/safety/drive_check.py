@@ -1,17 +1,14 @@
 """The stop rules on a drive that somebody else controls: what they find is told, and widens the estimate."""
 
-from controllers.estimation.suspicion import Suspicion
+from controllers.fault import Cause, Fault, Severity
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, Severity, StopReason
+from controllers.safety.reasons import Cycle
 from controllers.safety.rule_set import Doubt, RuleSet
 from controllers.safety.settings import SafetySettings, make_drive_rules
 from drivers.record import record
 from drivers.samples import Sample
 
-SUSPICION = "wheels contradicted"
-"""Cause of a finding of the estimator."""
-
-OF_HEALTHY_ROVERS = (Severity.DOUBT, Severity.RECOVERABLE)
+OF_HEALTHY_ROVERS = (Severity.UNCERTAIN, Severity.RECOVERABLE)
 
 
 @record(frozen=True, slots=True, kw_only=True)
@@ -48,9 +45,8 @@ class DriveCheck:
         self, settings: SafetySettings, roles: DeviceRoles, wheel_count: int, heading_lag_s: float
     ) -> None:
         self._rules = RuleSet(make_drive_rules(settings, roles, wheel_count, heading_lag_s))
-        self._lasting: set[str] = set()
-        self._suspicion: Suspicion | None = None
-        self._suspected: dict[str, bool] = {}
+        self._since_ns: dict[tuple[str, Cause], int] = {}
+        self._is_past: dict[tuple[str, Cause], bool] = {}
         self.findings: tuple[Finding, ...] = ()
         self.doubt = ""
         self.doubts: list[Doubt] = []
@@ -60,37 +56,34 @@ class DriveCheck:
         """Take one sample as of `t_ns`."""
         self._rules.observe(sample, t_ns)
 
-    def update(self, cycle: Cycle, suspicion: Suspicion | None = None) -> None:
+    def update(self, cycle: Cycle, estimated: Fault | None = None) -> None:
         """Ask the rules about a cycle.
 
         Args:
             cycle: What they see.
-            suspicion: Why the wheels may not measure the motion, by the estimator; None for no such reason.
+            estimated: Why the wheels may not measure the motion, by the estimator; None for no such fault.
         """
-        reasons = self._rules.reasons(cycle)
-        confirmed_reasons = [reason for reason in reasons if self._is_found(reason)]
+        faults = self._rules.reasons(cycle)
+        confirmed = [fault for fault in faults if self._is_confirmed(fault)]
+        found = [*confirmed, *([] if estimated is None else [estimated])]
+        lasting = [fault._replace(since_ns=self._since_ns.get(fault.key, cycle.now_ns)) for fault in found]
+        self._since_ns = {fault.key: fault.since_ns for fault in lasting}
         self.findings = tuple(
-            Finding(cause=reason.cause, text=reason.text)
-            for reason in confirmed_reasons
-            if reason.cause not in self._lasting
+            Finding(cause=fault.name, text=fault.text) for fault in lasting if fault.since_ns == cycle.now_ns
         )
-        if suspicion is not None and suspicion != self._suspicion:
-            self.findings += (Finding(cause=SUSPICION, text=suspicion.text),)
-        self._suspicion = suspicion
-        self._lasting = {reason.cause for reason in confirmed_reasons}
-        self.doubts = list(self._rules.doubts(reasons))
-        unfound = (
-            each.text for each in reasons if each.severity is Severity.DOUBT and each not in confirmed_reasons
+        self.doubts = list(self._rules.doubts(faults))
+        unconfirmed = (
+            fault.text for fault in faults if fault.severity is Severity.UNCERTAIN and fault not in confirmed
         )
-        self.doubt = next(unfound, "")
-        self.is_open |= any(reason.leaves_motion_open for reason in confirmed_reasons)
-        recoverable = {reason.cause for reason in reasons if reason.severity in OF_HEALTHY_ROVERS}
-        for cause in recoverable.union(self._suspected):
-            # It is found where it comes again after it had ended.
-            self._suspected[cause] = self._suspected.get(cause, False) or cause not in recoverable
+        self.doubt = next(unconfirmed, "")
+        self.is_open |= any(fault.bound.is_motion_unknown for fault in confirmed)
+        recoverable = {fault.key for fault in faults if fault.severity in OF_HEALTHY_ROVERS}
+        for key in recoverable.union(self._is_past):
+            # It is confirmed where it comes again after it had ended.
+            self._is_past[key] = self._is_past.get(key, False) or key not in recoverable
 
-    def _is_found(self, reason: StopReason) -> bool:
-        """Return whether a reason is a finding; a healthy rover may show some once."""
-        if reason.severity in OF_HEALTHY_ROVERS:
-            return self._suspected.get(reason.cause, False)
-        return reason.severity is not Severity.SIGN
+    def _is_confirmed(self, fault: Fault) -> bool:
+        """Return whether a fault is a finding; a healthy rover may show some once."""
+        if fault.severity in OF_HEALTHY_ROVERS:
+            return self._is_past.get(fault.key, False)
+        return fault.severity is not Severity.SYMPTOM

@@ -11,8 +11,9 @@ from pydantic import Field
 
 from controllers.estimation.filter.motion_history import HISTORY_NS
 from controllers.estimation.ground.travel import GroundPair
+from controllers.fault import Bound, Cause, Fault, Severity
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.safety.reasons import Cycle, StopRule
 from drivers.clock import seconds
 from drivers.safety_event import RESTART, Outcome, SafetyEvent
 from drivers.samples import PoseFixSample, Sample
@@ -50,13 +51,7 @@ class EntrapmentSettings(Settings):
     progress_unknown_m: Annotated[float, Field(ge=0.1, le=1000.0)] = 1.5
 
 
-LOST_RESPONSE, ODD_FORCE, NO_MOTION_SEEN, ENTRAPMENT = (
-    "lost response",
-    "odd force",
-    "no motion seen",
-    "entrapment",
-)
-PROGRESS_CAUSES = (LOST_RESPONSE, ODD_FORCE, NO_MOTION_SEEN, ENTRAPMENT)
+PROGRESS_CAUSES = (Cause.LOST_RESPONSE, Cause.UNUSUAL_FORCE, Cause.NO_MOTION_SEEN, Cause.STUCK)
 """Causes of the stops of a rover that does not get on, or may not."""
 
 DEVIATIONS = 2.0
@@ -348,7 +343,7 @@ class EntrapmentRule(StopRule):
         if isinstance(sample, PoseFixSample) and sample.device in self._fixes and _is_usable(sample):
             self._arrived.append(sample)
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Take the travel and the fixes of a cycle; return a reason when the rover does not get on."""
         is_decided = False
         for pair in cycle.ground_pairs:
@@ -400,7 +395,7 @@ class EntrapmentRule(StopRule):
         self._arrived.clear()
         return is_seen
 
-    def _suspect_slip(self, cycle: Cycle) -> Iterator[StopReason]:
+    def _suspect_slip(self, cycle: Cycle) -> Iterator[Fault]:
         """Add up the travel at a slip near 1. Smaller slip clears; unknown slip does not."""
         settings = self._settings
         if cycle.slip is not None:
@@ -411,22 +406,22 @@ class EntrapmentRule(StopRule):
                 "rover: may be entrapped, by the yaw excitation its wheels travelled "
                 f"{settings.entrapment_m:g} m at a slip of at least {settings.entrapment_slip:g}"
             )
-            yield StopReason("may be entrapped", text, Severity.SUSPICION)
+            yield Fault("rover", Cause.MAY_BE_STUCK, text, Severity.WARNING)
 
-    def _suspicion(self, cycle: Cycle) -> StopReason | None:
+    def _suspicion(self, cycle: Cycle) -> Fault | None:
         """Return what may be wrong with the progress, beside the slip that is read."""
         if cycle.unmoved_m:
             text = (
                 "rover: may be entrapped, the rear camera sees no motion of the ground: it is stuck, or the "
                 "camera is covered, turned, or in the dark"
             )
-            return StopReason(NO_MOTION_SEEN, text, Severity.SUSPICION)
+            return Fault("rover", Cause.NO_MOTION_SEEN, text, Severity.WARNING)
         if cycle.lost_response:
             text = f"rover: may be entrapped, or {self._gyro} has no signal: {cycle.lost_response}"
-            return StopReason(LOST_RESPONSE, text, Severity.SUSPICION)
+            return Fault("rover", Cause.LOST_RESPONSE, text, Severity.WARNING)
         if cycle.odd_force:
             text = f"rover: may be entrapped, or on a slope or another ground: {cycle.odd_force}"
-            return StopReason(ODD_FORCE, text, Severity.SUSPICION)
+            return Fault("rover", Cause.UNUSUAL_FORCE, text, Severity.WARNING)
         return None
 
     def _limit_m(self, cycle: Cycle) -> float:
@@ -435,13 +430,13 @@ class EntrapmentRule(StopRule):
         least_m = settings.entrapment_m if cycle.unmoved_m else math.inf
         return min(settings.progress_unknown_m, least_m)
 
-    def _count(self, cycle: Cycle, suspicion: StopReason | None, *, is_decided: bool) -> None:
+    def _count(self, cycle: Cycle, suspicion: Fault | None, *, is_decided: bool) -> None:
         """Add up what the wheels do while a suspicion stands and nothing decides.
 
         What is over lasts until the wheels are at rest. Then the travel counts anew. An odd force stops once:
         on a slope or another ground it stays as it is.
         """
-        is_asked = suspicion is not None and suspicion.cause == ODD_FORCE and self._is_force_asked
+        is_asked = suspicion is not None and suspicion.cause is Cause.UNUSUAL_FORCE and self._is_force_asked
         is_open = suspicion is not None and not is_decided and not is_asked
         limit_m = self._limit_m(cycle)
         self._since_m = 0.0 if is_decided else self._since_m + cycle.distance_m
@@ -449,7 +444,7 @@ class EntrapmentRule(StopRule):
         self._before_ns = cycle.now_ns
         if self._is_over and cycle.is_still:
             self._since_m = 0.0
-            self._is_force_asked |= suspicion is not None and suspicion.cause == ODD_FORCE
+            self._is_force_asked |= suspicion is not None and suspicion.cause is Cause.UNUSUAL_FORCE
         if not is_open or (self._is_over and cycle.is_still):
             self._unknown_m, self._unknown_rad, self._is_over = 0.0, (), False
         elif not self._is_over:
@@ -467,7 +462,7 @@ class EntrapmentRule(StopRule):
             self._unknown_rad = tuple(map(operator.add, before_rad, turned_rad))
             self._is_over = self._unknown_m >= limit_m
 
-    def _stop(self, suspicion: StopReason) -> StopReason:
+    def _stop(self, suspicion: Fault) -> Fault:
         """Return the stop of a suspicion that nothing has decided for too long."""
         text = (
             f"rover: progress unknown on {self._unknown_m:.2f} m of its wheels, "
@@ -477,13 +472,13 @@ class EntrapmentRule(StopRule):
         seen_m = self._unknown_m - self._before_m
         share = self._unknown_m / seen_m if seen_m > 0.0 else 1.0
         wheel_rad = tuple(share * turned_rad for turned_rad in self._unknown_rad)
-        return suspicion._replace(text=text, severity=Severity.RECOVERABLE, wheel_rad=wheel_rad)
+        return suspicion._replace(text=text, severity=Severity.RECOVERABLE, bound=Bound(wheel_rad=wheel_rad))
 
 
-def _entrapped(lost_m: float, device: str, severity: Severity) -> StopReason:
+def _entrapped(lost_m: float, device: str, severity: Severity) -> Fault:
     remedy = "free it and restart" if severity is Severity.FINAL else "it rests and backs out once"
     text = f"rover: entrapped, its wheels travelled {lost_m:.2f} m and {device} shows no progress: {remedy}"
-    return StopReason(ENTRAPMENT, text, severity)
+    return Fault("rover", Cause.STUCK, text, severity)
 
 
 def _is_usable(fix: PoseFixSample) -> bool:

@@ -7,8 +7,9 @@ from typing import Annotated
 from pydantic import Field
 
 from controllers.estimation.filter.motion_history import DISPLACED, TURNED
+from controllers.fault import Cause, Fault, Severity
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.safety.reasons import Cycle, StopRule
 from drivers.clock import nanoseconds
 from drivers.safety_event import WHEN_GONE, Outcome, SafetyEvent
 from drivers.settings import Settings
@@ -72,7 +73,7 @@ class UnseenMotionRule(StopRule):
         self._position_severity = Severity.STOP if roles.fixes else Severity.FINAL
         self._yaw_severity = Severity.STOP if roles.fixes or roles.headings else Severity.FINAL
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason for position and yaw where they are too uncertain."""
         if cycle.unseen_m > self._settings.unseen_position_m:
             yield _unseen("position", f"{cycle.unseen_m:.2f} m", self._position_severity)
@@ -80,10 +81,10 @@ class UnseenMotionRule(StopRule):
             yield _unseen("yaw", f"{cycle.unseen_rad:.2f} rad", self._yaw_severity)
 
 
-def _unseen(what: str, by: str, severity: Severity) -> StopReason:
+def _unseen(what: str, by: str, severity: Severity) -> Fault:
     needed = "a fix" if severity is Severity.STOP else "a restart at a known pose"
     text = f"pose filter: {what} uncertain by {by}, motion was not measured: needs {needed}"
-    return StopReason(f"unseen {what}", text, severity)
+    return Fault(what, Cause.UNOBSERVED_MOTION, text, severity)
 
 
 class YawDoubtSettings(Settings):
@@ -159,7 +160,7 @@ class YawDoubtRule(StopRule):
         self._accepted_rad = 0.0
         self._rests_since_ns: int | None = None
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason while the yaw is too uncertain."""
         two_sd_rad, limit_rad = TWO_SD * cycle.doubted_rad, self._settings.yaw_doubt_rad
         if not self._can_decide:
@@ -180,9 +181,9 @@ class YawDoubtRule(StopRule):
             yield _doubted(two_sd_rad, "waits for fixes or headings", Severity.RECOVERABLE)
 
 
-def _doubted(two_sd_rad: float, remedy: str, severity: Severity) -> StopReason:
+def _doubted(two_sd_rad: float, remedy: str, severity: Severity) -> Fault:
     text = f"pose filter: yaw uncertain by {two_sd_rad:.2f} rad, gyro and wheels exclude each other: {remedy}"
-    return StopReason("yaw doubt", text, severity)
+    return Fault("pose filter", Cause.UNCERTAIN_YAW, text, severity)
 
 
 class DisplacedFixRule(StopRule):
@@ -216,7 +217,7 @@ class DisplacedFixRule(StopRule):
             TURNED: (settings.unseen_yaw_rad, "rad"),
         }
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason for each fix of this cycle that is displaced by too much."""
         for innovation in cycle.innovations:
             device, quantity = innovation.measured
@@ -224,7 +225,7 @@ class DisplacedFixRule(StopRule):
             if (innovation.residual or 0.0) > limit:
                 text = f"{device}: fixes {quantity} by {innovation.residual:.2f} {unit} against the estimate"
                 cause = "rover carried, device moved, or wheels slipped more than [filter] expects"
-                yield StopReason(f"{device} displaced", f"{text}: {cause}")
+                yield Fault(device, Cause.DISPLACED_POSITION, f"{text}: {cause}")
 
 
 class FixJumpRule(StopRule):
@@ -257,7 +258,7 @@ class FixJumpRule(StopRule):
     def __init__(self, settings: UnseenSettings) -> None:
         self._limit_m = settings.unseen_position_m
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason for each device that has jumped by too much."""
         for device, offset_m in cycle.jumped_m.items():
             if abs(offset_m) > self._limit_m:
@@ -266,7 +267,7 @@ class FixJumpRule(StopRule):
                     "wrong places, or the rover was carried; waits until they return; "
                     "if they do not, put the rover on a known pose and restart"
                 )
-                yield StopReason(f"{device} jumped", text)
+                yield Fault(device, Cause.JUMPED_POSITION, text)
 
 
 class MotionRule(StopRule):
@@ -305,12 +306,13 @@ class MotionRule(StopRule):
 
     def __init__(self, roles: DeviceRoles) -> None:
         self._limit_ns = nanoseconds(roles.motion_age_s)
+        self._wheels = roles.wheels
         self._text = f"{roles.wheels}: no wheel motion measured for {roles.motion_age_s:g} s"
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason when the motion is unknown for too long."""
         if cycle.motion_ns is None or cycle.now_ns - cycle.motion_ns > self._limit_ns:
-            yield StopReason("no motion", self._text)
+            yield Fault(self._wheels, Cause.NO_MOTION, self._text)
 
 
 class FiniteEstimateRule(StopRule):
@@ -327,7 +329,7 @@ class FiniteEstimateRule(StopRule):
         ),
     )
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason when the estimate is not finite."""
         if not cycle.estimate_is_finite:
-            yield StopReason("not finite", "pose filter: the estimate is not finite")
+            yield Fault("pose filter", Cause.NOT_FINITE, "pose filter: the estimate is not finite")

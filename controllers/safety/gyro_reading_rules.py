@@ -9,8 +9,9 @@ from typing import Annotated
 
 from pydantic import Field
 
+from controllers.fault import Bound, Cause, Fault
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, StopReason, StopRule
+from controllers.safety.reasons import Cycle, StopRule
 from drivers.clock import nanoseconds, seconds
 from drivers.safety_event import AFTER_A_WAIT, WHEN_GONE, Outcome, SafetyEvent
 from drivers.samples import RateSample, Sample
@@ -86,7 +87,7 @@ class StuckGyroRule(StopRule):
 
     def __init__(self, settings: GyroReadingSettings, roles: DeviceRoles) -> None:
         self._settings = settings
-        self._gyro = roles.gyro
+        self._gyro = str(roles.gyro)
         self._reading_rad_s: float | None = None
         self._stuck = _Stuck()
 
@@ -97,7 +98,7 @@ class StuckGyroRule(StopRule):
                 self._stuck = _Stuck()
             self._reading_rad_s = sample.rate_z_rad_s
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Count the time while wheels turned and the reading stayed; return a reason when it is too long."""
         is_dead = self._stuck.duration_s > self._settings.gyro_stuck_s
         if cycle.is_still and not is_dead:
@@ -110,7 +111,7 @@ class StuckGyroRule(StopRule):
                 f"{self._gyro}: yaw rate stuck at {self._reading_rad_s:g} rad/s for "
                 f"{self._settings.gyro_stuck_s:g} s while the wheels turned"
             )
-            yield StopReason("gyro stuck", text, yaw_rad=self._stuck.difference_rad)
+            yield Fault(self._gyro, Cause.GYRO_STUCK, text, bound=Bound(gyro_rad=self._stuck.difference_rad))
 
 
 class GyroJumpRule(StopRule):
@@ -135,7 +136,7 @@ class GyroJumpRule(StopRule):
 
     def __init__(self, settings: GyroReadingSettings, roles: DeviceRoles) -> None:
         self._settings = settings
-        self._gyro = roles.gyro
+        self._gyro = str(roles.gyro)
         self._steady: tuple[int, float] | None = None
         self._sudden: tuple[int, float] | None = None
         self._jump: tuple[int, float] | None = None
@@ -162,7 +163,7 @@ class GyroJumpRule(StopRule):
             self._jump = self._sudden
         self._steady, self._sudden = (t_ns, rate_rad_s), None
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason after a jump, until the wheels are at rest."""
         if cycle.is_still:
             self._jump = None
@@ -178,7 +179,7 @@ class GyroJumpRule(StopRule):
             jump_ns, change_rad_s = self._jump
             turned_rad = abs(change_rad_s) * seconds(cycle.now_ns - jump_ns)
             text = f"{self._gyro}: yaw rate jumped by {change_rad_s:.2f} rad/s within {seconds(JUMP_NS):g} s"
-            yield StopReason("gyro jump", text, yaw_rad=turned_rad)
+            yield Fault(self._gyro, Cause.GYRO_JUMP, text, bound=Bound(gyro_rad=turned_rad))
 
     def _is_of_wheels(self) -> bool:
         """Return whether the wheels' turn rate has changed alike: a wheel has jammed.
@@ -213,7 +214,7 @@ class GreatestRateRule(StopRule):
         self._roles = roles
         self._since_ns: int | None = None
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason when the readings are too great for longer than the gyro's age limit."""
         rate_rad_s = cycle.rejected_rate_rad_s
         if rate_rad_s is None:
@@ -223,7 +224,7 @@ class GreatestRateRule(StopRule):
             self._since_ns = cycle.now_ns
         if cycle.now_ns - self._since_ns >= nanoseconds(self._roles.max_age_s(self._roles.gyro)):
             text = f"{self._roles.gyro}: yaw rate {rate_rad_s:.1f} rad/s: the rover cannot turn that fast"
-            yield StopReason("gyro rate", text)
+            yield Fault(str(self._roles.gyro), Cause.GYRO_RATE, text)
 
 
 class GyroRestRule(StopRule):
@@ -267,7 +268,7 @@ class GyroRestRule(StopRule):
 
     def __init__(self, settings: GyroReadingSettings, roles: DeviceRoles) -> None:
         self._settings = settings
-        self._gyro = roles.gyro
+        self._gyro = str(roles.gyro)
         self._readings_rad_s: list[float] = []
         self._began_ns: int | None = None
         self._left: tuple[int, float] | None = None
@@ -282,7 +283,7 @@ class GyroRestRule(StopRule):
         ):
             self._readings_rad_s.append(sample.rate_z_rad_s)
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Average over the time at rest; return a reason where the average is not the bias."""
         if not cycle.is_still:
             self._drive(cycle)
@@ -307,7 +308,7 @@ class GyroRestRule(StopRule):
         self._began_ns = self._mean_rad_s = None
         self._readings_rad_s.clear()
 
-    def _find_step(self, now_ns: int, mean_rad_s: float, error_rad_s: float) -> Iterator[StopReason]:
+    def _find_step(self, now_ns: int, mean_rad_s: float, error_rad_s: float) -> Iterator[Fault]:
         if self._left is None:
             return
         (left_ns, left_rad_s), self._left = self._left, None
@@ -318,9 +319,9 @@ class GyroRestRule(StopRule):
                 f"{self._gyro}: bias changed by {step_rad_s:.4f} rad/s while driving for {driven_s:.1f} s: "
                 f"the yaw may be {abs(step_rad_s) * driven_s:.2f} rad wrong"
             )
-            yield StopReason("gyro bias", text, yaw_rad=abs(step_rad_s) * driven_s)
+            yield Fault(self._gyro, Cause.GYRO_BIAS, text, bound=Bound(gyro_rad=abs(step_rad_s) * driven_s))
 
-    def _find_offset(self, mean_rad_s: float, bias_rad_s: float) -> Iterator[StopReason]:
+    def _find_offset(self, mean_rad_s: float, bias_rad_s: float) -> Iterator[Fault]:
         if abs(mean_rad_s - bias_rad_s) > self._settings.gyro_rest_rad_s:
             text = f"{self._gyro}: reads {mean_rad_s:.3f} rad/s at rest, its bias was {bias_rad_s:.3f} rad/s"
-            yield StopReason("gyro rest", text)
+            yield Fault(self._gyro, Cause.GYRO_OFFSET, text)

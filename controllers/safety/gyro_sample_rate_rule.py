@@ -6,8 +6,9 @@ from typing import Annotated
 
 from pydantic import Field
 
+from controllers.fault import Cause, Fault
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, StopReason, StopRule
+from controllers.safety.reasons import Cycle, StopRule
 from drivers.clock import nanoseconds
 from drivers.safety_event import WHEN_GONE, Outcome, SafetyEvent
 from drivers.samples import RateSample, Sample
@@ -58,7 +59,7 @@ class GyroSampleRateRule(StopRule):
 
     def __init__(self, settings: GyroSampleRateSettings, roles: DeviceRoles) -> None:
         self._settings = settings
-        self._gyro = roles.gyro
+        self._gyro = str(roles.gyro)
         self._rate_hz = roles.gyro_rate_hz
         self._window_ns = nanoseconds(settings.gyro_rate_s)
         self._silence_ns = nanoseconds(SILENCE_SHARE * settings.gyro_rate_s)
@@ -74,7 +75,7 @@ class GyroSampleRateRule(StopRule):
             self._since_ns = t_ns
         self._counted_ns.append(t_ns)
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason while the rate of the counting time is another one than configured."""
         counted_ns = self._counted_ns
         if not counted_ns or cycle.now_ns - counted_ns[-1] > self._silence_ns:
@@ -88,4 +89,4 @@ class GyroSampleRateRule(StopRule):
                 f"{self._gyro}: sends {rate_hz:.0f} yaw rates per second, configured are {self._rate_hz:g}: "
                 "set the sensor or its rate_hz, and look for lost messages"
             )
-            yield StopReason("gyro sample rate", text)
+            yield Fault(self._gyro, Cause.GYRO_SAMPLE_RATE, text)

@@ -7,8 +7,9 @@ from typing import Annotated
 from pydantic import Field
 
 from controllers.estimation.wheels.turn_evidence import TurnEvidence
+from controllers.fault import Bound, Cause, Fault, Severity
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.safety.reasons import Cycle, StopRule
 from controllers.safety.unproven_turn import UnprovenTurn
 from controllers.safety.yaw_watch import YawWatch
 from drivers.safety_event import AFTER_A_WAIT, RESTART, Outcome, SafetyEvent
@@ -65,11 +66,11 @@ class GyroDifferenceRule(StopRule):
 
     def __init__(self, settings: GyroTurnSettings, roles: DeviceRoles) -> None:
         self._settings = settings
-        self._gyro = roles.gyro
+        self._gyro = str(roles.gyro)
         self._left = _Excess()
         self._right = _Excess()
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Take the evidence of a cycle; return a reason where the gyro cannot be right."""
         if cycle.is_still:
             self._left, self._right = _Excess(), _Excess()
@@ -85,8 +86,11 @@ class GyroDifferenceRule(StopRule):
                     f"{self._gyro}: yaw rate contradicts the wheels: {excess.difference_rad:.2f} rad more to "
                     f"the {side}, {limit_rad:g} rad more than slip can explain"
                 )
-                yield StopReason(
-                    "gyro difference", text, yaw_rad=excess.difference_rad, leaves_motion_open=True
+                yield Fault(
+                    self._gyro,
+                    Cause.GYRO_BEYOND_WHEELS,
+                    text,
+                    bound=Bound(gyro_rad=excess.difference_rad, is_motion_unknown=True),
                 )
 
 
@@ -192,7 +196,7 @@ class GyroFollowsRule(StopRule):
 
     def __init__(self, settings: GyroTurnSettings, roles: DeviceRoles, unproven: UnprovenTurn) -> None:
         self._settings = settings
-        self._gyro = roles.gyro
+        self._gyro = str(roles.gyro)
         self._watch = YawWatch(roles)
         self._unproven = unproven
         self._begin_anew()
@@ -201,7 +205,7 @@ class GyroFollowsRule(StopRule):
         self._moments, self._noise = _Moments(), _WheelNoise()
         self._lost_s = self._against_s = self._wheels_rad = 0.0
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Take the evidence of a cycle; return a reason while the gyro does not follow."""
         if cycle.is_still:
             self._begin_anew()
@@ -220,13 +224,13 @@ class GyroFollowsRule(StopRule):
             text += self._watch.consequence(severity)
             self._unproven.is_dead |= severity is Severity.STOP
             is_final = severity is Severity.FINAL
-            path_m = self._unproven.path_m
-            yield StopReason("gyro follows", text, severity, (), yaw_rad, path_m, leaves_motion_open=is_final)
+            bound = Bound(gyro_rad=yaw_rad, path_m=self._unproven.path_m, is_motion_unknown=is_final)
+            yield Fault(self._gyro, Cause.GYRO_DOES_NOT_FOLLOW, text, severity, bound)
 
     def _severity(self, now_ns: int) -> Severity:
         follow_s = self._settings.gyro_follow_s
         if self._lost_s < follow_s:
-            return Severity.SIGN
+            return Severity.SYMPTOM
         return Severity.FINAL if self._against_s >= follow_s else self._watch.severity(now_ns)
 
     def _take(self, evidence: TurnEvidence) -> None:

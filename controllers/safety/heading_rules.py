@@ -11,8 +11,9 @@ from pydantic import Field
 
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.parameters import ESTIMATION
+from controllers.fault import Bound, Cause, Fault
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, StopReason, StopRule
+from controllers.safety.reasons import Cycle, StopRule
 from drivers.clock import nanoseconds, seconds
 from drivers.safety_event import AFTER_A_WAIT, Outcome, SafetyEvent
 from drivers.samples import HeadingSample, RateSample, Sample
@@ -116,7 +117,7 @@ class HeadingTurnRule(StopRule):
         self._headings: dict[str, deque[_Heading]] = {}
         self._noise_rad2: dict[str, float] = {}
         self._rejections = Counter[str]()
-        self._found: dict[str, tuple[tuple[int, int], StopReason | None]] = {}
+        self._found: dict[str, tuple[tuple[int, int], Fault | None]] = {}
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take a reading of the gyro or a heading; `check` uses it when the filter has judged it."""
@@ -127,7 +128,7 @@ class HeadingTurnRule(StopRule):
         ):
             self._arrived.append((sample, t_ns))
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Compare the turns; return a reason for every heading device that contradicts the gyro."""
         self._take_arrived(cycle)
         greatest_age_ns = nanoseconds(self._roles.max_age_s(self._roles.gyro))
@@ -193,7 +194,7 @@ class HeadingTurnRule(StopRule):
         headings.append(heading._replace(heading_rad=before.heading_rad + step_rad))
         _keep(headings, self._settings.heading_turn_s + AVERAGE_S)
 
-    def _compare(self, name: str, headings: deque[_Heading]) -> StopReason | None:
+    def _compare(self, name: str, headings: deque[_Heading]) -> Fault | None:
         average_ns = nanoseconds(AVERAGE_S)
         first_ns, last_ns = headings[0].t_ns, headings[-1].t_ns
         first = [heading for heading in headings if heading.t_ns <= first_ns + average_ns]
@@ -228,7 +229,9 @@ class HeadingTurnRule(StopRule):
             f"by {name} {turned_rad:.3f} rad: one of them has a wrong sign, axis or bias, or a magnetic "
             "field has turned the heading"
         )
-        return StopReason("gyro heading", text, yaw_rad=abs(difference_rad))
+        return Fault(
+            str(self._roles.gyro), Cause.GYRO_HEADING, text, bound=Bound(gyro_rad=abs(difference_rad))
+        )
 
 
 def _scatter_rad2(angles_rad: Sequence[float]) -> float:

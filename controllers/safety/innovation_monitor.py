@@ -5,7 +5,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.fault import Cause, Fault, Severity
+from controllers.safety.reasons import Cycle, StopRule
 from drivers.clock import nanoseconds
 from drivers.safety_event import WHEN_GONE, Outcome, SafetyEvent
 from drivers.settings import Settings
@@ -49,7 +50,7 @@ class InnovationMonitor(StopRule):
         self._longest_gap_ns = nanoseconds(0.5 * settings.contradiction_s)
         self._rejected: dict[str, tuple[int, int]] = {}
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Take the innovations of a cycle; return a reason for every measurement that was rejected last."""
         for innovation in cycle.innovations:
             if innovation.accepted:
@@ -61,4 +62,9 @@ class InnovationMonitor(StopRule):
         for name, (_, rejected_ns) in self._rejected.items():
             text = f"{name}: contradicts the estimate, rejected for {self._settings.contradiction_s:g} s"
             is_contradiction = rejected_ns >= 2 * self._longest_gap_ns
-            yield StopReason(name, text, Severity.STOP if is_contradiction else Severity.SIGN)
+            yield Fault(
+                name,
+                Cause.CONTRADICTED_ESTIMATE,
+                text,
+                Severity.STOP if is_contradiction else Severity.SYMPTOM,
+            )

@@ -4,9 +4,10 @@ import operator
 from collections.abc import Iterator
 
 from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
+from controllers.fault import Bound, Cause, Fault, Severity
 from controllers.roles import DeviceRoles
 from controllers.safety.gyro_turn_rules import AGAINST, AVERAGE_S, WHY_NO_TURN, GyroTurnSettings
-from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.safety.reasons import Cycle, StopRule
 from controllers.safety.unproven_turn import UnprovenTurn
 from controllers.safety.yaw_watch import YawWatch
 from drivers.safety_event import RESTART, Outcome, SafetyEvent
@@ -63,12 +64,12 @@ class MissedTurnRule(StopRule):
 
     def __init__(self, settings: GyroTurnSettings, roles: DeviceRoles, unproven: UnprovenTurn) -> None:
         self._settings = settings
-        self._gyro = roles.gyro
+        self._gyro = str(roles.gyro)
         self._watch = YawWatch(roles)
         self._part = self._turn = NO_TURN
         self._unproven = unproven
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Take the evidence of a cycle; return a reason when a turn is missing."""
         self._watch.take(cycle)
         if cycle.evidence is None:
@@ -93,8 +94,8 @@ class MissedTurnRule(StopRule):
             self._unproven.is_dead |= severity is Severity.STOP
             yaw_rad = self._unproven.error_rad((1.0 - share) * abs(turn_rad))
             is_final = severity is Severity.FINAL
-            path_m = self._unproven.path_m
-            yield StopReason("missed turn", text, severity, (), yaw_rad, path_m, leaves_motion_open=is_final)
+            bound = Bound(gyro_rad=yaw_rad, path_m=self._unproven.path_m, is_motion_unknown=is_final)
+            yield Fault(self._gyro, Cause.MISSED_TURN, text, severity, bound)
         else:
             self._unproven.prove()
 

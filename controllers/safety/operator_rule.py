@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator
 
-from controllers.safety.reasons import Cycle, StopReason, StopRule
+from controllers.fault import Cause, Fault
+from controllers.safety.reasons import Cycle, StopRule
 from drivers.safety_event import Outcome, SafetyEvent
 
 
@@ -27,7 +28,8 @@ class OperatorRule(StopRule):
         ),
     )
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return the reason that the operator's side gives."""
         if cycle.operator_reason:
-            yield StopReason(cycle.operator_reason, cycle.operator_reason)
+            side, _, _ = cycle.operator_reason.partition(":")
+            yield Fault(side, Cause.OPERATOR, cycle.operator_reason)

@@ -3,60 +3,15 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
-from enum import StrEnum
 from types import MappingProxyType
 from typing import ClassVar, NamedTuple
 
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.ground.travel import GroundPair
 from controllers.estimation.wheels.turn_evidence import TurnEvidence
+from controllers.fault import Fault
 from drivers.safety_event import SafetyEvent
 from drivers.samples import Sample
-
-
-class Severity(StrEnum):
-    """What a reason requires.
-
-    SIGN: nothing yet, but distance driven meanwhile is no evidence that the cause is gone.
-    SUSPICION: nothing but to be shown: it does not decide whether something is wrong.
-    DOUBT: stops nothing. It is shown, and the estimate becomes as uncertain as the reason says: a healthy
-        rover may show it, too, and nothing decides.
-    STOP: stop; motion resumes when the reason is gone.
-    RECOVERABLE: stop, also a healthy rover may show this. Motion resumes after a rest, with a wider pose, but
-        only once: see `SafetySupervisor`.
-    FINAL: stop until restart.
-    """
-
-    SIGN = "sign"
-    SUSPICION = "suspicion"
-    DOUBT = "doubt"
-    STOP = "stop"
-    RECOVERABLE = "recoverable"
-    FINAL = "final"
-
-
-class StopReason(NamedTuple):
-    """Why the rover must stop, or may soon have to.
-
-    Attributes:
-        cause: What keeps its name when the same stop happens again.
-        text: The reason for the user: what happened, where, with the numbers.
-        severity: What the reason requires.
-        wheel_rad: By how much the angle of each wheel may have been measured wrongly; empty for not at all.
-        yaw_rad: By how much the yaw may be wrong.
-        path_m: Distance driven before, on which the yaw may have become wrong.
-        leaves_motion_open: Whether a sensor of the motion itself may be wrong, all the time.
-        waits_for_operator: Whether it ends only when an operator confirms.
-    """
-
-    cause: str
-    text: str
-    severity: Severity = Severity.STOP
-    wheel_rad: tuple[float, ...] = ()
-    yaw_rad: float = 0.0
-    path_m: float = 0.0
-    leaves_motion_open: bool = False
-    waits_for_operator: bool = False
 
 
 class Cycle(NamedTuple):
@@ -159,5 +114,5 @@ class StopRule(ABC):
         """Take one sample as of `t_ns`."""
 
     @abstractmethod
-    def check(self, cycle: Cycle) -> Iterable[StopReason]:
+    def check(self, cycle: Cycle) -> Iterable[Fault]:
         """Return every reason of this rule that holds in this cycle."""

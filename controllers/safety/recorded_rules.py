@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator
 
+from controllers.fault import Bound, Cause, Fault
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, StopReason, StopRule
+from controllers.safety.reasons import Cycle, StopRule
 from drivers.safety_event import Outcome, SafetyEvent
 from drivers.samples import RateSample, Sample
 
@@ -43,7 +44,7 @@ class ZeroReadingsRule(StopRule):
     )
 
     def __init__(self, roles: DeviceRoles) -> None:
-        self._gyro = roles.gyro
+        self._gyro = str(roles.gyro)
         self._before: list[float] = []
         self._zeros = self._readings = 0
 
@@ -60,14 +61,14 @@ class ZeroReadingsRule(StopRule):
         self._readings += 1
         self._zeros += middle == 0.0
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason while there are too many zeros."""
         if self._zeros >= max(ZEROS, ZEROS_SHARE * self._readings):
             text = (
                 f"{self._gyro}: {self._zeros} of {self._readings} readings between others of a turn are "
                 "exactly 0: messages without a reading; the turn is measured too small"
             )
-            yield StopReason("gyro zeros", text, leaves_motion_open=True)
+            yield Fault(self._gyro, Cause.GYRO_ZEROS, text, bound=Bound(is_motion_unknown=True))
 
 
 class StandingWheelsRule(StopRule):
@@ -90,7 +91,7 @@ class StandingWheelsRule(StopRule):
     def __init__(self) -> None:
         self._since_ns: int | None = None
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason while some wheels stand and others turn."""
         speeds = list(enumerate(cycle.measured_rad_s))
         standing = [str(wheel) for wheel, speed in speeds if abs(speed) < STANDS_RAD_S]
@@ -105,4 +106,4 @@ class StandingWheelsRule(StopRule):
                 f"wheel {', '.join(standing)} stands while wheel {', '.join(turning)} turns: wheels in the "
                 "air or without grip, or encoders that are dead"
             )
-            yield StopReason("standing wheels", text, leaves_motion_open=True)
+            yield Fault("wheels", Cause.STANDING_WHEELS, text, bound=Bound(is_motion_unknown=True))

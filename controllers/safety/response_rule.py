@@ -7,8 +7,9 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
+from controllers.fault import Cause, Fault, Severity
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.safety.reasons import Cycle, StopRule
 from controllers.safety.stall_monitor import StallSettings
 from drivers.clock import nanoseconds, seconds
 from drivers.safety_event import Outcome, SafetyEvent
@@ -153,7 +154,7 @@ class ResponseRule(StopRule):
         self._checked_ns: int | None = None
         self._has_stopped = False
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason for every wheel that turns more slowly than commanded."""
         checked_ns = cycle.now_ns if self._checked_ns is None else self._checked_ns
         elapsed_s = seconds(max(0, min(cycle.now_ns - checked_ns, self._longest_cycle_ns)))
@@ -188,7 +189,7 @@ class ResponseRule(StopRule):
         if wheel.open_s > settings.stall_s:
             wheel.forget_open()
 
-    def _judge(self, index: int, wheel: _Wheel) -> Iterator[StopReason]:
+    def _judge(self, index: int, wheel: _Wheel) -> Iterator[Fault]:
         settings = self._settings
         ratio = wheel.response(settings.stall_set_point_rad_s)
         if ratio is None:
@@ -200,6 +201,6 @@ class ResponseRule(StopRule):
         )
         if wheel.is_full and settings.response_ratio is not None and ratio < settings.response_ratio:
             self._has_stopped = True
-            yield StopReason("response", text, Severity.RECOVERABLE)
+            yield Fault("wheels", Cause.WHEEL_RESPONSE, text, Severity.RECOVERABLE)
         elif ratio < WARNING_RATIO:
-            yield StopReason("response", text, Severity.SUSPICION)
+            yield Fault("wheels", Cause.WHEEL_RESPONSE, text, Severity.WARNING)

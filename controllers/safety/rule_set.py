@@ -4,7 +4,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.fault import Cause, Fault, Severity
+from controllers.safety.reasons import Cycle, StopRule
 from drivers.samples import Sample
 
 
@@ -34,7 +35,7 @@ class RuleSet:
     def __init__(self, rules: Sequence[StopRule]) -> None:
         self._rules = rules
         self._observers: dict[type[Sample], list[StopRule]] = {}
-        self._doubted_rad: dict[str, float] = {}
+        self._doubted_rad: dict[tuple[str, Cause], float] = {}
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`."""
@@ -50,30 +51,30 @@ class RuleSet:
         for rule in self._observers[kind]:
             rule.observe(sample, t_ns)
 
-    def reasons(self, cycle: Cycle) -> list[StopReason]:
+    def reasons(self, cycle: Cycle) -> list[Fault]:
         """Return the reasons of this cycle."""
         return [reason for rule in self._rules for reason in rule.check(cycle)]
 
-    def doubts(self, reasons: Sequence[StopReason]) -> Iterator[Doubt]:
+    def doubts(self, reasons: Sequence[Fault]) -> Iterator[Doubt]:
         """Yield the doubt of each reason when it begins, and what is added to the yaw's while it lasts.
 
         Signs and suspicions are no doubt.
         """
         before, self._doubted_rad = self._doubted_rad, {}
         for stop in reasons:
-            if stop.severity in (Severity.SIGN, Severity.SUSPICION):
+            if not stop.adds_uncertainty:
                 continue
             known = {**before, **self._doubted_rad}
-            before_rad = known.get(stop.cause, 0.0)
-            self._doubted_rad[stop.cause] = max(before_rad, stop.yaw_rad)
+            before_rad = known.get(stop.key, 0.0)
+            self._doubted_rad[stop.key] = max(before_rad, stop.bound.gyro_rad)
             # Variances add up.
-            added_rad = math.sqrt(max(0.0, stop.yaw_rad**2 - before_rad**2))
-            wheel_rad, path_m = ((), 0.0) if stop.cause in known else (stop.wheel_rad, stop.path_m)
-            is_unseen = stop.severity not in (Severity.DOUBT, Severity.RECOVERABLE)
+            added_rad = math.sqrt(max(0.0, stop.bound.gyro_rad**2 - before_rad**2))
+            wheel_rad, path_m = ((), 0.0) if stop.key in known else (stop.bound.wheel_rad, stop.bound.path_m)
+            is_unseen = stop.severity not in (Severity.UNCERTAIN, Severity.RECOVERABLE)
             yield Doubt(wheel_rad, added_rad, is_unseen, path_m)
 
 
-def stops_of(reasons: Sequence[StopReason]) -> list[StopReason]:
+def stops_of(reasons: Sequence[Fault]) -> list[Fault]:
     """Return the reasons that stop a mission."""
-    stops_nothing = (Severity.SIGN, Severity.SUSPICION, Severity.DOUBT)
+    stops_nothing = (Severity.SYMPTOM, Severity.WARNING, Severity.UNCERTAIN)
     return [reason for reason in reasons if reason.severity not in stops_nothing]

@@ -7,7 +7,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.fault import Bound, Cause, Fault, Severity
+from controllers.safety.reasons import Cycle, StopRule
 from drivers.clock import nanoseconds, seconds
 from drivers.safety_event import AFTER_A_WAIT, Outcome, SafetyEvent
 from drivers.settings import Settings
@@ -132,7 +133,7 @@ class StallMonitor(StopRule):
         self._wheels = [_Wheel() for _ in range(wheel_count)]
         self._checked_ns: int | None = None
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason for every wheel that does not follow the set-points of the cycle before."""
         checked_ns = cycle.now_ns if self._checked_ns is None else self._checked_ns
         # After a pause of the loop the set-points have expired: the pause is no stall. In a damaged log, time
@@ -171,23 +172,27 @@ class StallMonitor(StopRule):
             # Only the size of the sum counts, so that -= is as good.
             wheel.creep_rad += commanded * seconds(elapsed_ns)  # pragma: no mutate
 
-    def _judge(self, index: int, commanded: float, measured: float) -> Iterator[StopReason]:
+    def _judge(self, index: int, commanded: float, measured: float) -> Iterator[Fault]:
         wheel, settings = self._wheels[index], self._settings
         speeds = f"commanded {commanded:.2f} rad/s, measured {measured:.2f} rad/s"
         if wheel.reversed_ns >= self._reverse_ns:
             text = f"wheel {index}: turns against its set-point for {settings.reverse_s:g} s: {speeds}"
-            yield self._reason("reversed", f"{text}; encoder or motor reversed")
+            yield self._reason(Cause.WHEEL_REVERSED, f"{text}; encoder or motor reversed")
         elif wheel.stalled_ns >= 2 * self._longest_cycle_ns:
             text = f"wheel {index}: has not followed its set-point for {settings.stall_s:g} s: {speeds}"
-            yield self._reason("stall", text)
+            yield self._reason(Cause.WHEEL_STALL, text)
         elif abs(wheel.creep_rad) >= settings.creep_rad:
             text = (
                 f"wheel {index}: has not turned although its set-points add up to {settings.creep_rad:g} rad"
             )
-            yield self._reason("stall", f"{text}: {speeds}")
+            yield self._reason(Cause.WHEEL_STALL, f"{text}: {speeds}")
         elif wheel.stalled_ns:
-            yield StopReason("stall", f"wheel {index}: does not follow its set-point", Severity.SIGN)
+            yield Fault(
+                "wheels", Cause.WHEEL_STALL, f"wheel {index}: does not follow its set-point", Severity.SYMPTOM
+            )
 
-    def _reason(self, cause: str, text: str) -> StopReason:
+    def _reason(self, cause: Cause, text: str) -> Fault:
         """Return a reason to stop; the other wheels may have the same fault."""
-        return StopReason(cause, text, wheel_rad=tuple(wheel.missing_rad for wheel in self._wheels))
+        return Fault(
+            "wheels", cause, text, bound=Bound(wheel_rad=tuple(wheel.missing_rad for wheel in self._wheels))
+        )

@@ -6,8 +6,9 @@ from typing import Annotated
 
 from pydantic import Field
 
+from controllers.fault import Cause, Fault
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, StopReason, StopRule
+from controllers.safety.reasons import Cycle, StopRule
 from drivers.clock import nanoseconds
 from drivers.safety_event import AFTER_A_WAIT, WHEN_GONE, Outcome, SafetyEvent
 from drivers.settings import Settings
@@ -55,7 +56,7 @@ class SteeringMonitor(StopRule):
         self._limit_rad = math.radians(settings.steering_error_deg)
         self._started: dict[int, tuple[int, float]] = {}
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason for every wheel that does not steer."""
         pairs = zip(cycle.set_steering_rad, cycle.steering_rad, strict=False)  # pragma: no mutate
         for wheel, (target, angle) in enumerate(pairs):
@@ -68,8 +69,9 @@ class SteeringMonitor(StopRule):
                 self._started[wheel] = (cycle.now_ns, angle)
             elif cycle.now_ns - since_ns >= nanoseconds(self._settings.steering_s):
                 angles = f"commanded {math.degrees(target):.0f} deg, measured {math.degrees(angle):.0f} deg"
-                yield StopReason(
-                    "steering",
+                yield Fault(
+                    "wheels",
+                    Cause.STEERING,
                     f"wheel {wheel}: has not steered for {self._settings.steering_s:g} s: {angles}; the "
                     "steering is jammed, not powered, or its sign is wrong",
                 )
@@ -98,9 +100,9 @@ class SteeringReportRule(StopRule):
     def __init__(self, roles: DeviceRoles) -> None:
         self._limit_s = roles.max_age_s(roles.wheels)
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason for every wheel whose newest angle is older than the wheels' `max_age_s`."""
         for wheel, t_ns in sorted(cycle.steering_ns.items()):
             if cycle.now_ns - t_ns > nanoseconds(self._limit_s):
                 text = f"wheel {wheel}: reports no steering angle for {self._limit_s:g} s"
-                yield StopReason(f"wheel {wheel}: steering angle", text)
+                yield Fault(f"wheel {wheel}", Cause.STEERING_ANGLE, text)

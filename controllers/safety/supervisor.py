@@ -5,8 +5,9 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from controllers.fault import Cause, ClearedBy, Fault, Severity
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, Severity, StopReason
+from controllers.safety.reasons import Cycle
 from controllers.safety.rule_set import Doubt, RuleSet, stops_of
 from controllers.safety.settings import SafetySettings, make_rules
 from drivers.clock import nanoseconds
@@ -106,7 +107,7 @@ class _Suspicions:
     """Suspicions of a mission, whatever their causes, and the distance driven since without a sign of one."""
 
     count: int = 0
-    causes: set[str] = field(default_factory=set)
+    causes: set[tuple[str, Cause]] = field(default_factory=set)
     healthy_m: float = math.inf
 
 
@@ -130,7 +131,7 @@ class SafetySupervisor:
         mode: The mode after the last `update`.
         reason: Why the rover is stopped; empty while nothing is wrong.
         suspicion: What may be wrong although it stops nothing; empty for nothing.
-        stop_cause: Cause of the newest stop; empty before the first.
+        stop_cause: Cause of the newest stop; None before the first.
         is_gyro_doubted: Whether gyro and wheels exclude each other, and nothing decides.
         unjudged_rad: By how much the yaw may be wrong while a sign is too young to be a reason.
         doubts: What the stops of this cycle add to the doubt in the estimate.
@@ -142,12 +143,13 @@ class SafetySupervisor:
     ) -> None:
         self._settings = settings
         self._rules = RuleSet(make_rules(settings, roles, wheel_count, heading_lag_s))
-        self._stops: dict[str, _Stops] = {}
+        self._stops: dict[tuple[str, Cause], _Stops] = {}
         self._suspicions = _Suspicions()
         self._is_suspected = False
         self._healthy_since_ns: int | None = None
         self.mode = Mode.SETTLING
-        self.reason = self.suspicion = self.stop_cause = ""
+        self.reason = self.suspicion = ""
+        self.stop_cause: Cause | None = None
         self.is_gyro_doubted = False
         self.unjudged_rad = 0.0
         self.doubts: list[Doubt] = []
@@ -161,21 +163,21 @@ class SafetySupervisor:
         """Decide the mode of this cycle."""
         reasons = self._rules.reasons(cycle)
         stops = stops_of(reasons)
-        shown = (Severity.SUSPICION, Severity.DOUBT)
+        shown = (Severity.WARNING, Severity.UNCERTAIN)
         self.suspicion = next((each.text for each in reasons if each.severity in shown), "")
-        signs_rad = [each.yaw_rad for each in reasons if each.severity is Severity.SIGN]
+        signs_rad = [each.bound.gyro_rad for each in reasons if each.severity is Severity.SYMPTOM]
         self.unjudged_rad = max(signs_rad, default=0.0)
-        self.is_gyro_doubted = any(each.severity is Severity.DOUBT for each in reasons)
+        self.is_gyro_doubted = any(each.severity is Severity.UNCERTAIN for each in reasons)
         self.doubts = list(self._rules.doubts(reasons))
         self.waits_for_operator = False
         if self.mode is Mode.EMERGENCY_STOP:
             return
         if self.mode is Mode.RUNNING:
-            self._forget_stops(cycle.distance_m, {reason.cause for reason in reasons})
+            self._forget_stops(cycle.distance_m, {reason.key for reason in reasons})
         if stops:
             stop = self._count(_most_severe(stops))
             self._stop(stop)
-            waiting = any(each.waits_for_operator for each in stops)
+            waiting = any(each.cleared_by is ClearedBy.OPERATOR for each in stops)
             self.waits_for_operator = waiting and stop.severity is not Severity.FINAL
         else:
             self._resume(cycle)
@@ -184,7 +186,7 @@ class SafetySupervisor:
         """End the mission."""
         self.mode = Mode.FINISHED
 
-    def _stop(self, stop: StopReason) -> None:
+    def _stop(self, stop: Fault) -> None:
         self._healthy_since_ns = None
         self.reason, self.stop_cause = stop.text, stop.cause
         if stop.severity is Severity.FINAL:
@@ -209,7 +211,7 @@ class SafetySupervisor:
             return settings.settle_s
         return max(settings.recover_s, settings.suspicion_rest_s if self._is_suspected else 0.0)
 
-    def _forget_stops(self, distance_m: float, signs: Collection[str]) -> None:
+    def _forget_stops(self, distance_m: float, signs: Collection[tuple[str, Cause]]) -> None:
         """Forget the stops of every cause that has shown no sign for long enough."""
         if self._suspicions.causes.isdisjoint(signs):
             self._suspicions.healthy_m += distance_m
@@ -219,20 +221,22 @@ class SafetySupervisor:
             if stops.healthy_m >= self._settings.forget_stops_m:
                 del self._stops[cause]
 
-    def _count(self, stop: StopReason) -> StopReason:
+    def _count(self, stop: Fault) -> Fault:
         """Count a stop; return it, final where it is one too many."""
         if stop.severity is Severity.RECOVERABLE:
             return self._suspect(stop)
-        if self.mode is not Mode.RUNNING or stop.waits_for_operator:  # it cannot repeat by itself
+        if (
+            self.mode is not Mode.RUNNING or stop.cleared_by is ClearedBy.OPERATOR
+        ):  # it cannot repeat by itself
             return stop
-        stops = self._stops.setdefault(stop.cause, _Stops())
+        stops = self._stops.setdefault(stop.key, _Stops())
         stops.count += 1
         stops.healthy_m = 0.0
         if stops.count < self._settings.identical_stops or stop.severity is Severity.FINAL:
             return stop
         return _last(stop, f"stopped {stops.count} times for this")
 
-    def _suspect(self, stop: StopReason) -> StopReason:
+    def _suspect(self, stop: Fault) -> Fault:
         """Count a suspicion, once while the rover is stopped; return it, final where it is one too many.
 
         It may arise after another reason has stopped the rover, while it brakes.
@@ -242,7 +246,7 @@ class SafetySupervisor:
         suspicions = self._suspicions
         is_early = suspicions.healthy_m < self._settings.forget_stops_m
         suspicions.count += 1
-        suspicions.causes.add(stop.cause)
+        suspicions.causes.add(stop.key)
         suspicions.healthy_m = 0.0
         self._is_suspected = True
         if not is_early and suspicions.count < MOST_SUSPICIONS:
@@ -250,12 +254,12 @@ class SafetySupervisor:
         return _last(stop, f"stopped {suspicions.count} times on suspicion")
 
 
-def _most_severe(stops: Sequence[StopReason]) -> StopReason:
+def _most_severe(stops: Sequence[Fault]) -> Fault:
     """Return the most severe stop; its text begins with that of the first, which is the likelier cause."""
     stop = max(stops, key=lambda stop: SEVERITIES.index(stop.severity))
     return stop if stop is stops[0] else stop._replace(text=f"{stops[0].text}; {stop.text}")
 
 
-def _last(stop: StopReason, why: str) -> StopReason:
+def _last(stop: Fault, why: str) -> Fault:
     """Return the stop as a final one."""
     return stop._replace(text=f"{stop.text}; {why}, stays stopped until restart", severity=Severity.FINAL)

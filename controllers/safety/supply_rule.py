@@ -7,8 +7,9 @@ from typing import Annotated
 
 from pydantic import Field
 
+from controllers.fault import Cause, Fault, Severity
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.safety.reasons import Cycle, StopRule
 from drivers.clock import nanoseconds
 from drivers.safety_event import RESTART, WHEN_GONE, Outcome, SafetyEvent
 from drivers.samples import PowerSample, Sample
@@ -120,7 +121,7 @@ class SupplyRule(StopRule):
             now.near_ns = t_ns if before is None or before.near_ns is None else before.near_ns
         self._supplies[sample.device] = now
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason for every supply that is too low or unknown."""
         least_v = self._settings.least_supply_v
         if least_v is None:
@@ -128,21 +129,21 @@ class SupplyRule(StopRule):
         self._has_moved |= any(cycle.commanded_rad_s)
         for device in self._expected:
             if device not in self._supplies:
-                yield StopReason(f"{device}: supply unknown", f"{device}: no supply voltage yet")
+                yield Fault(device, Cause.UNKNOWN_SUPPLY, f"{device}: no supply voltage yet")
         for device, supply in self._supplies.items():
             # A single reading is no evidence of more time than half of `supply_s`.
             until_ns = min(cycle.now_ns, supply.t_ns + self._longest_gap_ns)
             reads = f"{device}: supply voltage {supply.voltage_v:.1f} V"
             if cycle.now_ns - supply.t_ns > nanoseconds(OLDEST_READING_S):
                 text = f"{device}: no supply voltage within {OLDEST_READING_S:g} s"
-                yield StopReason(f"{device}: supply unknown", text)
+                yield Fault(device, Cause.UNKNOWN_SUPPLY, text)
             elif supply.low_ns is not None and until_ns - supply.low_ns >= self._stop_ns:
                 text = (
                     f"{reads}, below safety.least_supply_v ({least_v:g} V) for "
                     f"{self._settings.supply_s:g} s; charge or replace the battery"
                 )
                 severity = Severity.FINAL if self._has_moved else Severity.STOP
-                yield StopReason(f"{device}: supply", text, severity)
+                yield Fault(device, Cause.LOW_SUPPLY, text, severity)
             elif supply.near_ns is not None and until_ns - supply.near_ns >= self._warning_ns:
                 text = f"{reads}, the rover stops below {least_v:g} V; charge the battery"
-                yield StopReason(f"{device}: supply", text, Severity.SUSPICION)
+                yield Fault(device, Cause.LOW_SUPPLY, text, Severity.WARNING)

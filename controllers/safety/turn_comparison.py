@@ -5,8 +5,9 @@ from collections.abc import Iterator
 from operator import add
 
 from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
+from controllers.fault import Bound, Cause, Fault
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, StopReason, StopRule
+from controllers.safety.reasons import Cycle, StopRule
 from drivers.safety_event import Outcome, SafetyEvent
 
 LEAST_TURN_RAD = 0.5
@@ -60,7 +61,7 @@ class TurnComparison(StopRule):
     )
 
     def __init__(self, roles: DeviceRoles) -> None:
-        self._gyro = roles.gyro
+        self._gyro = str(roles.gyro)
         self._begin()
 
     def _begin(self) -> None:
@@ -68,7 +69,7 @@ class TurnComparison(StopRule):
         self._wheels = WheelTurn()
         self._parts_rad: tuple[float, ...] = ()
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Take the evidence of a cycle; return a reason at the end of a turn that cannot be."""
         evidence = cycle.evidence
         if evidence is not None:
@@ -82,7 +83,7 @@ class TurnComparison(StopRule):
             )
             self._begin()
             if why:
-                yield StopReason("turn", text, leaves_motion_open=True)
+                yield Fault(self._gyro, Cause.TURN, text, bound=Bound(is_motion_unknown=True))
 
     def _take(self, evidence: TurnEvidence) -> None:
         """Add up a turn; what lies straight before and behind it is no part of it."""

@@ -2,8 +2,9 @@
 
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.measurement_model import Measured
+from controllers.fault import Severity
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, Severity
+from controllers.safety.reasons import Cycle
 from drivers.clock import nanoseconds
 
 WATCHED_S = 3.0
@@ -54,14 +55,14 @@ class YawWatch:
     def severity(self, now_ns: int) -> Severity:
         """Return that of a gyro which measures no turn: a stop where it is known to be wrong."""
         if self._said_ns is None or now_ns - self._said_ns > nanoseconds(WATCHED_S):
-            return Severity.DOUBT
-        return Severity.SUSPICION if self._agrees else Severity.STOP
+            return Severity.UNCERTAIN
+        return Severity.WARNING if self._agrees else Severity.STOP
 
     def consequence(self, severity: Severity) -> str:
         """Return the end of a text: what the severity of a gyro that measures no turn means."""
         if severity is Severity.STOP:
             return "; the rover turns otherwise than the gyro measures"
-        if severity is not Severity.DOUBT:
+        if severity is not Severity.UNCERTAIN:
             return ""
         return "; the yaw is uncertain by both" + ("" if self._is_watchable else ", yaw unwatched")
 

@@ -4,7 +4,8 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from controllers.safety.drive_check import SUSPICION, Finding
+from controllers.fault import WHEELS_CONTRADICTED
+from controllers.safety.drive_check import Finding
 
 MOST_FINDINGS = 20
 DOUBT = "doubt"
@@ -47,7 +48,7 @@ class FindingList:
         for finding in findings:
             self._add(self.found, t_s, finding)
         text = _NUMBER.sub("", suspicion)
-        if text not in ("", self._doubt) and (SUSPICION, text) not in self._known:
+        if text not in ("", self._doubt) and (WHEELS_CONTRADICTED, text) not in self._known:
             self._add(self.doubts, t_s, Finding(cause=DOUBT, text=suspicion))
         self._doubt = text
 

@@ -10,9 +10,9 @@ from controllers.estimation.gyro.integrator import GyroIntegrator
 from controllers.estimation.gyro.standstill import Rest, RestWatch, Witness
 from controllers.estimation.gyro.standstill_reading import GyroAtStandstill
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.suspicion import Contradiction, Suspicion
 from controllers.estimation.wheels.bounds import WheelReach
 from controllers.estimation.wheels.odometry import WheelOdometry
+from controllers.fault import Cause, Fault, Severity
 from drivers.clock import nanoseconds
 
 LINEAR_RAD = 0.5
@@ -37,7 +37,7 @@ class RestFollower:
     Attributes:
         is_still: Whether the wheels have been at rest for a while, as commanded, in the last cycle.
         is_resting: Whether the rover is taken to be at rest.
-        suspicion: Why the wheels may not measure the motion; None without a contradiction.
+        fault: Why the wheels may not measure the motion; None without a contradiction.
     """
 
     def __init__(
@@ -58,14 +58,14 @@ class RestFollower:
         self._bias_seen_ns: int | None = None
         self._driven_ns: int | None = None
         self.is_still = self.is_resting = False
-        self.suspicion: Suspicion | None = None
+        self.fault: Fault | None = None
 
     def note_drive(self, now_ns: int) -> None:
         """Take that the wheels are commanded to turn."""
         self._driven_ns = now_ns
 
     def follow(self, now_ns: int, path_m: float, *, reports_speed: bool, is_commanded: bool) -> None:
-        """Update `is_still`, `is_resting` and `suspicion`.
+        """Update `is_still`, `is_resting` and `fault`.
 
         Args:
             now_ns: Time of the cycle.
@@ -87,7 +87,7 @@ class RestFollower:
             is_commanded=is_commanded,
             sees_motion=self._seen_m(now_ns) > 0.0,
         )
-        self.suspicion = None
+        self.fault = None
         if rest.is_contradicted:
             self._doubt(rest, now_ns, path_m, is_commanded=is_commanded)
         else:
@@ -132,7 +132,9 @@ class RestFollower:
 
     def _doubt(self, rest: Rest, now_ns: int, path_m: float, *, is_commanded: bool) -> None:
         """Widen the estimate by what the rover may have moved during a rest that is contradicted."""
-        self.suspicion = Suspicion(Contradiction.MOTION_AT_REST, rest.moving)
+        moving = " and ".join(rest.moving)
+        text = f"the wheels are at rest, but motion is reported by {moving}; the estimate is wider"
+        self.fault = Fault(moving, Cause.MOTION_AT_STANDSTILL, text, Severity.UNCERTAIN)
         is_by_gyro = rest.moving == (Witness.GYRO,)
         if is_by_gyro and not (self._has_doubted_bias or self._is_bias_known or is_commanded):
             # A gyro that has never been seen at rest may have an offset.

@@ -5,11 +5,11 @@ import math
 from controllers.estimation.filter.error_budget import added
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.suspicion import Contradiction, Suspicion
 from controllers.estimation.wheels.bounds import WheelReach
 from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.estimation.wheels.stuck_encoder import StuckEncoders
 from controllers.estimation.wheels.turn_evidence import TurnEvidence
+from controllers.fault import Cause, Fault, Severity
 
 
 class StuckEncoderDoubts:
@@ -21,7 +21,7 @@ class StuckEncoderDoubts:
         reach: How far the wheels can have moved the body.
 
     Attributes:
-        suspicion: Why the wheels may not measure the motion; None without a contradiction in this cycle.
+        fault: Why the wheels may not measure the motion; None without a contradiction in this cycle.
     """
 
     def __init__(self, settings: FilterSettings, pose_filter: PoseFilter, reach: WheelReach) -> None:
@@ -29,7 +29,7 @@ class StuckEncoderDoubts:
         self._stuck = StuckEncoders(settings, count)
         self._filter, self._reach = pose_filter, reach
         self._doubted_rad = (0.0,) * count
-        self.suspicion: Suspicion | None = None
+        self.fault: Fault | None = None
 
     def follow(self, increment: BodyIncrement, evidence: TurnEvidence | None) -> None:
         """Take an increment, and the turn by gyro and wheels in its time; None where one is unknown."""
@@ -55,4 +55,9 @@ class StuckEncoderDoubts:
             self._filter.widen(*self._reach.beside_gyro(added_rad))
         stuck = tuple(str(wheel) for wheel, unknown in enumerate(unknown_rad) if unknown)
         if stuck:
-            self.suspicion = Suspicion(Contradiction.STUCK_ENCODER, stuck)
+            wheels = ", ".join(stuck)
+            text = (
+                f"wheel {wheels} does not turn, but the gyro contradicts the turn by the others; "
+                "the estimate is wider"
+            )
+            self.fault = Fault(wheels, Cause.STUCK_ENCODER, text, Severity.UNCERTAIN)
