@@ -216,10 +216,10 @@ class ControlLoop:
         self._border.measure(estimate)
         cycle = self._cycle(now_ns, estimate, innovations, driven_from)
         if self._check is not None:
-            is_wider = self._judge(self._check, cycle)
-            estimate = self._estimator.estimate(now_ns) if is_wider else estimate
+            is_inflated = self._judge(self._check, cycle)
+            estimate = self._estimator.estimate(now_ns) if is_inflated else estimate
         guidance = self._guide(now_ns, estimate, cycle)
-        estimate = _with_unjudged_yaw(estimate, self._supervisor.unjudged_rad)
+        estimate = self._estimator.budget.with_symptoms(estimate)
         speed_rad_s, limit = self._set_points(now_ns, guidance)
         self._commanded_rad_s = speed_rad_s
         # A wheel at rest that swings is always behind its set-point: only the travel says whether it stalls.
@@ -250,7 +250,7 @@ class ControlLoop:
             crab=None if guidance is None or self._crab is None else self._crab.report,
             ground=ground,
             suspicion=self._announcement
-            or (self._supervisor.suspicion if self._check is None else self._check.doubt)
+            or (self._supervisor.suspicion if self._check is None else self._check.unconfirmed)
             or ("" if fault is None else fault.text),
             dead_reckoned=self._estimator.dead_reckoned(),
             findings=None if self._check is None else self._check.findings or None,
@@ -258,13 +258,12 @@ class ControlLoop:
         )
 
     def _judge(self, check: DriveCheck, cycle: Cycle) -> bool:
-        """Look for what is wrong with a drive that somebody else controls; return whether it widens."""
+        """Look for faults of a drive that somebody else controls; return whether they add uncertainty."""
         check.update(cycle, self._estimator.fault)
-        for doubt in check.doubts:
-            self._estimator.doubt(*doubt)
+        self._estimator.take_faults(check.faults)
         if check.is_open:
             self._estimator.leave_open()
-        return check.is_open or bool(check.doubts)
+        return check.is_open or bool(check.faults)
 
     @property
     def _announcement(self) -> str:
@@ -310,9 +309,9 @@ class ControlLoop:
             evidence=self._estimator.evidence,
             gyro_bias_rad_s=estimate.gyro_bias_rad_s,
             rejected_rate_rad_s=self._estimator.gyro.rejected_rad_s,
-            unseen_m=self._estimator.unseen.position_m,
-            unseen_rad=self._estimator.unseen.yaw_rad,
-            doubted_rad=self._estimator.doubted_rad,
+            unseen_m=self._estimator.budget.unobserved_m,
+            unseen_rad=self._estimator.budget.unobserved_rad,
+            doubted_rad=self._estimator.undecided_rad,
             jumped_m=self._estimator.positions.jumped_m,
             ground_pairs=self._estimator.ground.pairs,
             slip=self._valid_slip(),
@@ -339,8 +338,7 @@ class ControlLoop:
         was_running = supervisor.mode is Mode.RUNNING
         supervisor.update(cycle)
         self._is_confirmed = self._is_led_out = False
-        for doubt in supervisor.doubts:
-            self._estimator.doubt(*doubt)
+        self._estimator.take_faults(supervisor.faults)
         if was_running and supervisor.mode is Mode.SAFE_STOP:
             maneuvers.back_out.stop(supervisor.stop_cause)
         if supervisor.mode is not Mode.RUNNING or self._is_paused:
@@ -372,7 +370,7 @@ class ControlLoop:
             return None
         if guidance.finished:
             supervisor.finish()
-        return maneuvers.turn.guide(now_ns, guidance, is_doubted=supervisor.is_gyro_doubted)
+        return maneuvers.turn.guide(now_ns, guidance, is_undecided=supervisor.is_gyro_undecided)
 
     def _set_points(self, now_ns: int, guidance: Guidance | None) -> tuple[tuple[float, ...], Limit]:
         self._swing_rad_s = (0.0,) * self._kinematics.wheel_count
@@ -414,14 +412,6 @@ class ControlLoop:
         if swing_rad_s:
             self._swing_rad_s = self._kinematics.wheel_speeds(0.0, 0.0, swing_rad_s)
         return limited_rad_s, limit
-
-
-def _with_unjudged_yaw(estimate: PoseEstimate, unjudged_rad: float) -> PoseEstimate:
-    """Return the estimate with a yaw as uncertain as a sign of a wrong gyro makes it, until it is judged."""
-    if not unjudged_rad:
-        return estimate
-    xx, xy, x_yaw, yy, y_yaw, yaw_rad2 = estimate.covariance
-    return replace(estimate, covariance=(xx, xy, x_yaw, yy, y_yaw, yaw_rad2 + unjudged_rad**2 / 3.0))
 
 
 def _measured_slip(report: SlipReport | None, ground: GroundReport | None) -> SlipReport | None:

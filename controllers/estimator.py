@@ -1,11 +1,12 @@
 """Estimate of the pose from samples."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from controllers.estimation.body_velocity import BodyVelocity
 from controllers.estimation.dead_reckoning import DeadReckoned, DeadReckoning
-from controllers.estimation.filter.error_budget import Doubts
+from controllers.estimation.filter.error_budget import Category, ErrorBudget
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.motion_history import Step, late
 from controllers.estimation.filter.pose_filter import PoseFilter
@@ -24,13 +25,13 @@ from controllers.estimation.pose_report import PoseReport
 from controllers.estimation.positions.frames import PositionFrames
 from controllers.estimation.sample_intake import SampleIntake
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.wheels.bounds import WheelReach
+from controllers.estimation.wheels.bounds import WheelBounds
 from controllers.estimation.wheels.contradiction import WheelContradiction
 from controllers.estimation.wheels.odometry import BodyIncrement
-from controllers.estimation.wheels.stuck_encoder_doubts import StuckEncoderDoubts
+from controllers.estimation.wheels.stuck_encoder import StuckEncoders
 from controllers.estimation.wheels.turn_evidence import TurnEvidence
-from controllers.estimation.wheels.unobserved_motion import UnseenMotion
-from controllers.fault import Fault
+from controllers.estimation.wheels.unobserved_motion import UnobservedMotion
+from controllers.fault import Bound, Cause, Fault
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.steering import SteeringAngles
 from controllers.roles import DeviceRoles
@@ -61,12 +62,12 @@ class Estimator:
         contradiction: How far the wheels contradict each other.
         pose_filter: The filter that it feeds.
         positions: Frames of the devices that measure positions.
-        unseen: Standard deviations from motion that was not measured.
+        budget: The account of added uncertainty.
         ground: Motion over the ground that a camera measures.
         rest: Whether the rover rests.
         motion_ns: Time of the wheel positions that the pose is based on; None before the first motion.
-        doubted_rad: Standard deviation of the yaw by doubts that are no unseen motion, before the corrections
-            of the last cycle.
+        undecided_rad: Standard deviation of the yaw while gyro and wheels exclude each other, before the
+            corrections of the last cycle.
     """
 
     def __init__(
@@ -81,7 +82,7 @@ class Estimator:
         self._slip, self._settings, self._roles = slip, settings, roles
         self._speed_limit_rad_s = wheel_speed_limit_rad_s
         self.steering = SteeringAngles(kinematics.steering_rates_rad_s)
-        self._reach = WheelReach(
+        self._reach = WheelBounds(
             kinematics, self.steering.angles_rad, wheel_speed_limit_rad_s, has_gyro=roles.gyro is not None
         )
         self.contradiction = WheelContradiction(kinematics)
@@ -111,20 +112,23 @@ class Estimator:
         )
         self.positions = PositionFrames(self.pose_filter, settings.gate_probability)
         self._turns = TurnSource(self.gyro, kinematics.wheel_count)
-        self.ground = GroundFollower(ground, roles.camera, self.pose_filter, self._fixes, self._turns)
-        self.unseen = UnseenMotion(self._reach.effects)
-        self._doubts = Doubts(self.pose_filter, self.unseen, slip)
+        self.budget = ErrorBudget(self.pose_filter, self._reach, slip)
+        self.ground = GroundFollower(
+            ground, roles.camera, self.pose_filter, self.budget, self._fixes, self._turns
+        )
+        self._unobserved = UnobservedMotion(self._reach.effects)
         self.rest = RestFollower(
             settings,
             watch,
             self.pose_filter,
-            self._doubts,
+            self.budget,
             self.odometry,
             self.gyro,
             self.ground.moved_m,
             self._reach,
         )
-        self._stuck = StuckEncoderDoubts(settings, self.pose_filter, self._reach)
+        self._stuck = StuckEncoders(settings, kinematics.wheel_count)
+        self._stuck_fault: Fault | None = None
         self._velocity = BodyVelocity(
             self.odometry, self.gyro, self._turns, self.pose_filter, slip, self.ground
         )
@@ -134,7 +138,7 @@ class Estimator:
         self._dead_reckoning = DeadReckoning() if roles.fixes else None
         self._path_m = self._rolled_m = 0.0
         self._is_commanded = False
-        self.doubted_rad = 0.0
+        self.undecided_rad = 0.0
         self.motion_ns: int | None = None
 
     @property
@@ -145,7 +149,7 @@ class Estimator:
     @property
     def fault(self) -> Fault | None:
         """Why the wheels may not measure the motion of the rover; None without a contradiction."""
-        return self.rest.fault or self._stuck.fault
+        return self.rest.fault or self._stuck_fault
 
     def take(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`; samples of other devices and kinds have no effect."""
@@ -164,11 +168,11 @@ class Estimator:
             set_speed_rad_s: Set-points of the wheels since the last cycle; empty for none.
             set_steering_rad: Steering set-points since the last cycle; empty for none.
         """
-        self.doubted_rad = self._doubts.undecided_rad
+        self.undecided_rad = self.budget.undecided_rad
         self._steer(now_ns, set_steering_rad)
         increment = self.odometry.take(self.steering.angles_rad)
         self._turns.evidence = None
-        self._stuck.fault = None
+        self._stuck_fault = None
         self._is_commanded = bool(set_speed_rad_s)
         set_speed_rad_s = set_speed_rad_s or (0.0,) * len(self._reach.effects)
         if any(set_speed_rad_s):
@@ -178,7 +182,7 @@ class Estimator:
             increment = self._compare_wheels(self._compensate(increment, now_ns, set_speed_rad_s))
             errors_rad = self._intake.take_speed_errors_rad()
             if errors_rad is not None:
-                self.pose_filter.widen(*self._reach.beside_gyro(errors_rad))
+                self.budget.add(self._reach.beside_gyro(errors_rad))
         self.rest.follow(
             now_ns, self._path_m, reports_speed=self._intake.reports_speed, is_commanded=self._is_commanded
         )
@@ -190,36 +194,20 @@ class Estimator:
         for fix, way_back in self._fixes.take():
             innovations += (late(fix),) if way_back is None else self.positions.correct(fix, way_back)
         innovations += self.rest.correct_bias(self._roles.gyro)
-        if self.unseen.position_m or self.unseen.yaw_rad or self.doubted_rad:
-            self._doubts.limit()
+        self.budget.limit()
         return tuple(innovations)
 
-    def doubt(
-        self, wheel_rad: tuple[float, ...], yaw_rad: float, is_unseen: bool = True, path_m: float = 0.0
-    ) -> None:
-        """Widen the estimate by motion that was measured wrongly, see `Doubts.add`.
-
-        Args:
-            wheel_rad: Greatest error of the angle of each wheel, signed; empty for none.
-            yaw_rad: Greatest error of the yaw.
-            is_unseen: Whether the doubt counts as motion that was not measured, which may keep the rover
-                stopped; else the estimate only becomes as uncertain as it is.
-            path_m: Distance driven before, on which the yaw may have become wrong: its end may be off by the
-                chord of that path turned by the yaw.
-        """
-        x_m, y_m, by_wheels_rad = self._reach.beside_gyro(wheel_rad or (0.0,) * len(self._reach.effects))
-        self._doubts.add(
-            complex(x_m, y_m),
-            yaw_rad,
-            by_wheels_rad,
-            is_unseen=is_unseen,
-            driven_m=self._path_m,
-            path_m=path_m,
-        )
+    def take_faults(self, faults: Sequence[Fault]) -> None:
+        """Inflate the covariance by what the stop rules have found in this cycle, see `ErrorBudget.take`."""
+        self.budget.take(faults, self._path_m)
 
     def leave_open(self) -> None:
-        """Widen the estimate to all that is left where a sensor of the motion may be wrong all the time."""
-        self._doubts.leave_open(self._rolled_m)
+        """Inflate the covariance where a sensor of the motion may be wrong all the time.
+
+        The yaw may be any, and the rover anywhere within what its wheels have rolled.
+        """
+        bound = Bound(position_m=self._rolled_m, yaw_rad=math.pi, is_motion_unknown=True)
+        self.budget.raise_to(Cause.UNKNOWN_MOTION, bound)
 
     def estimate(self, now_ns: int) -> PoseEstimate:
         """Return the estimate; before the first motion of the wheels is known it is the start, `now_ns`."""
@@ -237,7 +225,7 @@ class Estimator:
     def _steer(self, now_ns: int, set_steering_rad: tuple[float, ...]) -> None:
         self.steering.follow(now_ns, set_steering_rad)
         if self._reach.steer(self.steering.angles_rad):
-            self.unseen.turn_wheels(self._reach.effects)
+            self._unobserved.turn_wheels(self._reach.effects)
 
     def _account_for_lost_motion(self, set_speed_rad_s: tuple[float, ...]) -> None:
         """Widen the estimate when the wheels have a new base: what they did since the last one is unknown."""
@@ -249,13 +237,16 @@ class Estimator:
                 turn_unknown_s = 0.0  # the readings to come reach back
             # Where the set-points are not known, the rover may have driven in any part of its turn.
             turned_rad = 0.0 if self._is_commanded else self.gyro.turn.angle_rad
-            self._doubts.widen(
-                self.unseen.greatest_motion(odometry.lost_s + odometry.frozen_s, turn_unknown_s, turned_rad)
+            self.budget.add(
+                self._unobserved.greatest_motion(
+                    odometry.lost_s + odometry.frozen_s, turn_unknown_s, turned_rad
+                ),
+                Category.UNOBSERVED,
             )
         is_measured = odometry.t_ns is not None
         if not self._is_commanded:  # the set-points of another controller are not known
             set_speed_rad_s = (self._speed_limit_rad_s,) * len(self._reach.effects)
-        self.unseen.note_speeds(odometry.wheel_speed_rad_s, set_speed_rad_s, is_measured=is_measured)
+        self._unobserved.note_speeds(odometry.wheel_speed_rad_s, set_speed_rad_s, is_measured=is_measured)
 
     def _compensate(
         self, rolled: BodyIncrement, now_ns: int, set_speed_rad_s: tuple[float, ...]
@@ -272,7 +263,7 @@ class Estimator:
             )
         if self.ground.is_measured:
             increment = replace(rolled, is_measured=True)
-        self._doubts.note_compensation(
+        self.budget.note_compensation(
             rolled.duration_s, rolled.x_m - increment.x_m, rolled.y_m - increment.y_m
         )
         return increment
@@ -294,21 +285,33 @@ class Estimator:
         if self._dead_reckoning is not None:
             self._dead_reckoning.add(step, math.sqrt(self.pose_filter.gyro_bias_rad2_s2))
         self._path_m += math.hypot(increment.x_m, increment.y_m)
-        self._stuck.follow(increment, self.evidence)
+        self._find_stuck_encoders(increment)
+
+    def _find_stuck_encoders(self, increment: BodyIncrement) -> None:
+        self._stuck.note(increment.turned_rad)
+        if self.evidence is None:
+            return
+        fault = self._stuck_fault = self._stuck.find(
+            increment, self.evidence, self._reach.effects, self.pose_filter.gyro_bias_rad2_s2
+        )
+        if fault is None:
+            self.budget.clear(Cause.STUCK_ENCODER)
+        else:
+            self.budget.raise_to(fault.cause, fault.bound)
 
     def _move(self, increment: BodyIncrement, turn: Turn) -> Step:
         """Move the estimate; after a gap of the samples the path between is unknown."""
         step = self.pose_filter.predict(increment, turn)
         if self._slip is not None:
             if self._slip.states is not None:  # they remove their share in the prediction
-                self._doubts.note_compensation(0.0, increment.x_m - step.x_m, increment.y_m - step.y_m)
+                self.budget.note_compensation(0.0, increment.x_m - step.x_m, increment.y_m - step.y_m)
             self._slip.correct(self.pose_filter)
         if turn.source is YawSource.GYRO and turn.by_wheels_rad is not None:
-            self.unseen.add(0.0, step.yaw_rad2)
-            self._doubts.widen((0.0, 0.0, turn.gap_error_rad))
+            self.budget.count(0.0, step.yaw_rad2)
+            self.budget.add((0.0, 0.0, turn.gap_error_rad), Category.UNOBSERVED)
         if increment.duration_s > self._roles.max_age_s(self._roles.wheels):
             aside_m = 0.5 * math.hypot(increment.x_m, increment.y_m) * min(abs(step.turn_rad), 1.0)
-            self._doubts.widen((aside_m, aside_m, 0.0))
+            self.budget.add((aside_m, aside_m, 0.0), Category.UNOBSERVED)
         return step
 
     def _correct_by_samples(self) -> list[Innovation]:

@@ -65,6 +65,7 @@ class Cause(StrEnum):
     STUCK_ENCODER = "stuck encoder"
     TURN = "turn"
     UNCERTAIN_YAW = "yaw doubt"
+    UNKNOWN_MOTION = "unknown motion"
     UNKNOWN_SUPPLY = "{}: supply unknown"
     UNOBSERVED_MOTION = "unseen {}"
     UNUSUAL_FORCE = "odd force"

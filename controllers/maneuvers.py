@@ -138,18 +138,18 @@ class TurnToFindOut:
             return ""
         return "rover: turns by up to 10 deg to and fro to find out whether the gyro or the wheels are wrong"
 
-    def guide(self, now_ns: int, guidance: Guidance, *, is_doubted: bool) -> Guidance:
+    def guide(self, now_ns: int, guidance: Guidance, *, is_undecided: bool) -> Guidance:
         """Return the turn instead of the guidance of the mission while it lasts.
 
         Args:
             now_ns: Time of the cycle.
             guidance: Of the mission.
-            is_doubted: Whether gyro and wheels exclude each other, and nothing decides.
+            is_undecided: Whether gyro and wheels exclude each other, and nothing decides.
         """
         if not self._is_wanted or guidance.finished:
             return guidance
         if self._turn is None:
-            if not is_doubted or self._has_turned:
+            if not is_undecided or self._has_turned:
                 return guidance
             self._turn, self._has_turned = GyroInPlace(self._rim_arm_m), True
             self._begin_s = seconds(now_ns) + REST_S

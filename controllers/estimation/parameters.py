@@ -29,7 +29,7 @@ class PoseParameters:
     gap_turn_error: float = 0.3
     least_spacing_s: float = 0.005  # two readings of the gyro that arrive closer were not measured so close
     curvature_memory_s: float = 1.0  # memory of the second derivative of the yaw rate
-    doubted_slip_s: float = 2.0  # memory of the slip that a wrong gyro has misled
+    misled_slip_s: float = 2.0  # memory of the slip that a wrong gyro has misled
     pause_cycles: float = 3.0  # a pause is longer than this many of the usual cycles
     usual_cycle_growth: float = 1.5  # the usual cycle grows by this factor in a cycle at most
     pause_ages: float = 2.0  # a pause, or a silence, is longer than this many age limits of the device

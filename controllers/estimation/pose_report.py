@@ -9,7 +9,7 @@ from controllers.estimation.gyro.turn_source import TurnSource
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
 from controllers.estimation.positions.frames import PositionFrames
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.wheels.bounds import WheelReach
+from controllers.estimation.wheels.bounds import WheelBounds
 from controllers.motion.planar import wrap_angle
 from controllers.roles import DeviceRoles
 from drivers.clock import seconds
@@ -40,7 +40,7 @@ class PoseReport:
         positions: PositionFrames,
         turns: TurnSource,
         velocity: BodyVelocity,
-        reach: WheelReach,
+        reach: WheelBounds,
         slip: SlipCompensator[object] | None,
     ) -> None:
         self._gyro_delay_sd_s = settings.gyro_delay_sd_s

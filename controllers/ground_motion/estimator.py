@@ -159,8 +159,8 @@ class GroundMotionEstimator:
             )
             sd_m = float(np.hypot(motion.forward_sd_m, motion.left_sd_m))
             self._watch.update(length_m, complex(along, across), sd_m)
-        if self._watch.contradiction:
-            return self._invalid(before_ns, t_ns, self._watch.contradiction)
+        if self._watch.fault is not None:
+            return self._invalid(before_ns, t_ns, self._watch.fault.text)
         return self._valid(before_ns, t_ns, motion)
 
     def _expect(self, prior: MotionPrior) -> None:
@@ -365,7 +365,7 @@ class GroundMotionEstimator:
             left_sd_m=0.0,
             turn_sd_rad=0.0,
             scale_sd=self._scale_sd,
-            doubted_m=self._watch.doubted_m,
+            rig_fault=self._watch.fault,
             invalid_because=reason,
         )
 

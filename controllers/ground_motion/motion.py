@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from controllers.fault import Fault
+
 Rates = tuple[float, float, float]
 
 
@@ -25,8 +27,8 @@ class GroundMotion:
         left_sd_m: Standard deviation of `left_m`, the part of this pair.
         turn_sd_rad: Standard deviation of `turn_rad`.
         scale_sd: Standard deviation of the shared factor of the travel, 1.
-        doubted_m: By how much the travel of all earlier pairs may be wrong, while the camera contradicts
-            its rig; 0 otherwise.
+        rig_fault: What contradicts the rig, and by how much the travel of all earlier pairs may be wrong by
+            it; None for nothing.
         invalid_because: Why the pair measures nothing; "" where it is valid. The motion is then 0.
     """
 
@@ -40,7 +42,7 @@ class GroundMotion:
     left_sd_m: float
     turn_sd_rad: float
     scale_sd: float
-    doubted_m: float = 0.0
+    rig_fault: Fault | None = None
     invalid_because: str = ""
 
     @property

@@ -2,6 +2,7 @@
 
 import math
 
+from controllers.fault import Bound, Cause, Fault, Severity
 from controllers.ground_motion.parameters import RigWatchParameters
 
 
@@ -17,9 +18,8 @@ class RigWatch:
         parameters: Tuned numbers.
 
     Attributes:
-        contradiction: What contradicts the rig after the newest pair; "" where nothing does.
-        doubted_m: By how much the travel of the pairs before may be wrong then; it grows while the
-            contradiction becomes clear. 0 without one.
+        fault: What contradicts the rig after the newest pair, and by how much the travel of the pairs before
+            may be wrong then; that grows while the contradiction becomes clear. None where nothing does.
     """
 
     def __init__(self, scale_sd: float, parameters: RigWatchParameters) -> None:
@@ -28,7 +28,7 @@ class RigWatch:
         self._wheel_m, self._ground_m = 0.0, 0j
         self._confirmed_m = 0.0
         self._used_m = self._apart_m = 0.0
-        self.contradiction, self.doubted_m = "", 0.0
+        self.fault: Fault | None = None
 
     def update(self, wheel_m: float, ground_m: complex, sd_m: float) -> None:
         """Take a pair.
@@ -44,26 +44,27 @@ class RigWatch:
         self._ground_m = kept * self._ground_m + ground_m
         slack_m = numbers.deviations * sd_m
         is_confirmed = self._confirmed_m >= numbers.confirmed_travel_m
-        self.contradiction = "" if is_confirmed else self._wrong_course(slack_m)
-        self._doubt(self._apart_m if self.contradiction else 0.0)
-        if not self.contradiction and self._outruns(slack_m, is_confirmed=is_confirmed):
+        before_m = 0.0 if self.fault is None else self.fault.bound.position_m
+        text = "" if is_confirmed else self._wrong_course(slack_m)
+        wrong_m = self._apart_m
+        if not text and self._outruns(slack_m, is_confirmed=is_confirmed):
             ratio = self._ground_m.real / self._wheel_m
-            self._doubt((1.0 - 1.0 / ratio) * self._used_m)
-            self.contradiction = (
+            wrong_m = (1.0 - 1.0 / ratio) * self._used_m
+            text = (
                 f"ground moves {ratio:.2f} times as far as the wheels: check focal length, height and pitch "
                 "of the rig, and the wheels' radius"
             )
-        if self.contradiction:
+        if text:
+            bound = Bound(position_m=max(before_m, wrong_m))
+            self.fault = Fault("rig", Cause.RIG, text, Severity.UNCERTAIN, bound)
             return
-        if self.doubted_m:
-            self.doubted_m = self._used_m = self._apart_m = 0.0
+        self.fault = None
+        if before_m:
+            self._used_m = self._apart_m = 0.0
         self._used_m += abs(ground_m)
         self._apart_m += abs(ground_m - wheel_m)
         if not is_confirmed and ground_m.real > numbers.backwards * wheel_m:
             self._confirmed_m += wheel_m
-
-    def _doubt(self, doubted_m: float) -> None:
-        self.doubted_m = max(self.doubted_m, doubted_m)
 
     def _wrong_course(self, slack_m: float) -> str:
         """Return which direction of the ground contradicts the mounting of the camera; "" for none."""

@@ -3,7 +3,7 @@
 from controllers.fault import Cause, Fault, Severity
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle
-from controllers.safety.rule_set import Doubt, RuleSet
+from controllers.safety.rule_set import RuleSet
 from controllers.safety.settings import SafetySettings, make_drive_rules
 from drivers.record import record
 from drivers.samples import Sample
@@ -35,8 +35,8 @@ class DriveCheck:
 
     Attributes:
         findings: That begin in this cycle.
-        doubt: What widens the estimate in this cycle although it is no finding; empty for nothing.
-        doubts: What the findings of this cycle add to the doubt in the estimate.
+        unconfirmed: What inflates the covariance in this cycle although it is no finding; empty for nothing.
+        faults: What inflates the covariance in this cycle.
         is_open: Whether a rule has found that the motion itself may have been measured wrongly. Nothing of
             the drive before or after is then known but how far the wheels have turned.
     """
@@ -48,8 +48,8 @@ class DriveCheck:
         self._since_ns: dict[tuple[str, Cause], int] = {}
         self._is_past: dict[tuple[str, Cause], bool] = {}
         self.findings: tuple[Finding, ...] = ()
-        self.doubt = ""
-        self.doubts: list[Doubt] = []
+        self.unconfirmed = ""
+        self.faults: list[Fault] = []
         self.is_open = False
 
     def observe(self, sample: Sample, t_ns: int) -> None:
@@ -63,7 +63,7 @@ class DriveCheck:
             cycle: What they see.
             estimated: Why the wheels may not measure the motion, by the estimator; None for no such fault.
         """
-        faults = self._rules.reasons(cycle)
+        faults = self._rules.faults(cycle)
         confirmed = [fault for fault in faults if self._is_confirmed(fault)]
         found = [*confirmed, *([] if estimated is None else [estimated])]
         lasting = [fault._replace(since_ns=self._since_ns.get(fault.key, cycle.now_ns)) for fault in found]
@@ -71,11 +71,11 @@ class DriveCheck:
         self.findings = tuple(
             Finding(cause=fault.name, text=fault.text) for fault in lasting if fault.since_ns == cycle.now_ns
         )
-        self.doubts = list(self._rules.doubts(faults))
+        self.faults = [fault for fault in faults if fault.adds_uncertainty]
         unconfirmed = (
             fault.text for fault in faults if fault.severity is Severity.UNCERTAIN and fault not in confirmed
         )
-        self.doubt = next(unconfirmed, "")
+        self.unconfirmed = next(unconfirmed, "")
         self.is_open |= any(fault.bound.is_motion_unknown for fault in confirmed)
         recoverable = {fault.key for fault in faults if fault.severity in OF_HEALTHY_ROVERS}
         for key in recoverable.union(self._is_past):

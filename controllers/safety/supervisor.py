@@ -8,7 +8,7 @@ from enum import StrEnum
 from controllers.fault import Cause, ClearedBy, Fault, Severity
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle
-from controllers.safety.rule_set import Doubt, RuleSet, stops_of
+from controllers.safety.rule_set import RuleSet, stops_of
 from controllers.safety.settings import SafetySettings, make_rules
 from drivers.clock import nanoseconds
 from drivers.safety_event import RESTART, WHEN_GONE, Outcome, SafetyEvent
@@ -132,9 +132,8 @@ class SafetySupervisor:
         reason: Why the rover is stopped; empty while nothing is wrong.
         suspicion: What may be wrong although it stops nothing; empty for nothing.
         stop_cause: Cause of the newest stop; None before the first.
-        is_gyro_doubted: Whether gyro and wheels exclude each other, and nothing decides.
-        unjudged_rad: By how much the yaw may be wrong while a sign is too young to be a reason.
-        doubts: What the stops of this cycle add to the doubt in the estimate.
+        is_gyro_undecided: Whether gyro and wheels exclude each other, and nothing decides.
+        faults: What the rules have found in this cycle.
         waits_for_operator: Whether the rover stays stopped until an operator confirms that it may move.
     """
 
@@ -150,9 +149,8 @@ class SafetySupervisor:
         self.mode = Mode.SETTLING
         self.reason = self.suspicion = ""
         self.stop_cause: Cause | None = None
-        self.is_gyro_doubted = False
-        self.unjudged_rad = 0.0
-        self.doubts: list[Doubt] = []
+        self.is_gyro_undecided = False
+        self.faults: list[Fault] = []
         self.waits_for_operator = False
 
     def observe(self, sample: Sample, t_ns: int) -> None:
@@ -161,19 +159,16 @@ class SafetySupervisor:
 
     def update(self, cycle: Cycle) -> None:
         """Decide the mode of this cycle."""
-        reasons = self._rules.reasons(cycle)
-        stops = stops_of(reasons)
+        faults = self.faults = self._rules.faults(cycle)
+        stops = stops_of(faults)
         shown = (Severity.WARNING, Severity.UNCERTAIN)
-        self.suspicion = next((each.text for each in reasons if each.severity in shown), "")
-        signs_rad = [each.bound.gyro_rad for each in reasons if each.severity is Severity.SYMPTOM]
-        self.unjudged_rad = max(signs_rad, default=0.0)
-        self.is_gyro_doubted = any(each.severity is Severity.UNCERTAIN for each in reasons)
-        self.doubts = list(self._rules.doubts(reasons))
+        self.suspicion = next((each.text for each in faults if each.severity in shown), "")
+        self.is_gyro_undecided = any(each.severity is Severity.UNCERTAIN for each in faults)
         self.waits_for_operator = False
         if self.mode is Mode.EMERGENCY_STOP:
             return
         if self.mode is Mode.RUNNING:
-            self._forget_stops(cycle.distance_m, {reason.key for reason in reasons})
+            self._forget_stops(cycle.distance_m, {fault.key for fault in faults})
         if stops:
             stop = self._count(_most_severe(stops))
             self._stop(stop)

@@ -52,7 +52,7 @@ class HalfOfTheWay:
         kept = 1.0 - self._share
         return replace(increment, x_m=kept * increment.x_m, y_m=kept * increment.y_m)
 
-    def doubt_gyro(self) -> None:
+    def forget_gyro(self) -> None:
         """Forget nothing."""
 
     def correct(self, estimate: SlipEstimate) -> None:
@@ -146,7 +146,7 @@ def test_until_the_rover_has_stopped_the_trace_is_read_without_a_gyro_that_was_w
     bench = Bench(finder)
     bench.run(1.0, rim_m_s=0.0)
     bench.run(5.0)
-    bench.told.doubt_gyro()
+    bench.told.forget_gyro()
     # The gyro tells a turn that the wheels do not make: with it a trace straight behind is a slip angle.
     bench.run(1.0, yaw_rate_rad_s=0.3)
     angle_rad = bench.told.wheel_slip_angle_rad

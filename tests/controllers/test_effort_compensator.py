@@ -536,7 +536,7 @@ def test_the_learned_curve_carries_the_slip_while_the_excitation_rests() -> None
 def test_a_gyro_that_was_wrong_takes_its_slip_and_the_learned_curve_with_it() -> None:
     bench = excited_bench(learn=True)
     excite(bench, 0.4, 3.5)
-    bench.slip.doubt_gyro()
+    bench.slip.forget_gyro()
     first = excite(bench, 0.4, 0.02)
     assert rover_slip(first).slip == 0.0
     assert (rover_slip(first).source, rover_slip(first).reason) == ("encoders", "the gyro was wrong")
@@ -550,7 +550,7 @@ def test_a_gyro_that_was_wrong_takes_what_was_learned_between_fixes_with_it() ->
     for second in range(6):
         bench.drive(18.0, 1.0, direction_rad=0.0)
         bench.fix(0.2 * (second + 1) * (1.0 - 0.3))
-    bench.slip.doubt_gyro()
+    bench.slip.forget_gyro()
     report = bench.drive(18.0, 0.6, direction_rad=0.0)
     assert rover_slip(report).source != "learned"
     assert rover_slip(report).reason != ""

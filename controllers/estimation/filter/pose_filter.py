@@ -117,7 +117,7 @@ class PoseFilter:
         self.path_m += abs(moved.step.rolled_m)
         return moved.step
 
-    def widen(self, x_m: float, y_m: float, yaw_rad: float) -> None:
+    def inflate(self, x_m: float, y_m: float, yaw_rad: float) -> None:
         """Add the uncertainty of motion that was not measured.
 
         Any value from zero to the greatest is equally likely, hence the variance of a third of its square.
@@ -141,7 +141,7 @@ class PoseFilter:
         """Its variance."""
         return self.kalman.covariance[BIAS][BIAS]
 
-    def doubt_bias(self, error_rad_s: float) -> float:
+    def inflate_with_bias(self, error_rad_s: float) -> float:
         """Make the bias uncertain by an error that it may have, and all that depends on it.
 
         The covariance becomes what it would be had the bias been as uncertain before: every state follows the
@@ -168,7 +168,7 @@ class PoseFilter:
         """Increase the variance of one state of the slip compensator."""
         self.kalman.widen(self.layout.block.start + index, variance)
 
-    def doubt_slip(self) -> None:
+    def reset_slip_variances(self) -> None:
         """Make the states of slip as uncertain as at the start: what has taught them was wrong."""
         variances = () if self._slip is None else self._slip.start_variances
         covariance = self.kalman.covariance

@@ -47,7 +47,7 @@ class SlipCompensator(Protocol[ReportT]):
         """
         ...
 
-    def doubt_gyro(self) -> None:
+    def forget_gyro(self) -> None:
         """Forget what the gyro has taught: it was wrong."""
         ...
 

@@ -1,6 +1,6 @@
 """The pose filter follows the motion over the ground that a camera measures."""
 
-from controllers.estimation.filter.error_budget import added
+from controllers.estimation.filter.error_budget import ErrorBudget
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.motion_history import FixQueue
 from controllers.estimation.filter.pose_filter import PoseFilter
@@ -8,15 +8,17 @@ from controllers.estimation.ground.frame_pose import FramePose
 from controllers.estimation.ground.travel import GroundPair, GroundReport, GroundTravel, contradicting
 from controllers.estimation.gyro.turn_source import TurnSource
 from controllers.estimation.pose_estimate import YawSource
+from controllers.fault import Bound, Cause
 
 
 class GroundFollower:
-    """Corrects the pose filter by the motion between frames, and widens it where wheels contradict it.
+    """Corrects the pose filter by the motion between frames; inflates it where wheels contradict that.
 
     Args:
         travel: Measures the motion; None without a camera: nothing is then corrected.
         camera: Device that sends the frames.
-        pose_filter: Is corrected and widened.
+        pose_filter: Is corrected.
+        budget: Inflates the covariance.
         fixes: Remember the way back to the time of a frame.
         turns: Where the turn of the rover comes from.
 
@@ -30,13 +32,13 @@ class GroundFollower:
         travel: GroundTravel | None,
         camera: str | None,
         pose_filter: PoseFilter,
+        budget: ErrorBudget,
         fixes: FixQueue,
         turns: TurnSource,
     ) -> None:
         self._travel, self._camera = travel, camera or ""
-        self._filter, self._fixes, self._turns = pose_filter, fixes, turns
+        self._budget, self._fixes, self._turns = budget, fixes, turns
         self._frame = FramePose(pose_filter)
-        self._lost_m = self._doubted_rig_m = 0.0
         self.pairs: tuple[GroundPair, ...] = ()
         self.is_measured = False
 
@@ -46,20 +48,21 @@ class GroundFollower:
             return []
         innovations: list[Innovation] = []
         pairs: list[GroundPair] = []
-        for way_back, pair, is_begin, doubted_m in self._travel.take(
+        for way_back, pair, is_begin, rig_fault in self._travel.take(
             self._fixes.known_ns, self._fixes.way_back
         ):
-            added_m, self._doubted_rig_m = added(doubted_m, self._doubted_rig_m), doubted_m
-            if added_m:
-                self._filter.widen(added_m, added_m, 0.0)
-            if pair is not None and pair.contradiction:
+            if rig_fault is None:
+                self._budget.clear(Cause.RIG)
+            else:
+                self._budget.raise_to(Cause.RIG, rig_fault.bound)
+            fault = None if pair is None else pair.fault
+            if pair is not None and fault is not None:
                 innovations.append(contradicting(self._camera, pair))
                 # One after the other they err in one direction: the errors add up, not their variances.
-                before_m, self._lost_m = self._lost_m, self._lost_m + abs(pair.ground_m - pair.rolled_m)
-                added_m = added(self._lost_m, before_m)
-                self._filter.widen(added_m, added_m, 0.0)
+                sum_m = self._budget.greatest(fault.cause).position_m + fault.bound.position_m
+                self._budget.raise_to(fault.cause, Bound(position_m=sum_m))
             elif pair is not None:
-                self._lost_m = 0.0
+                self._budget.clear(Cause.GROUND_AGAINST_WHEELS)
                 corrects_yaw = self._turns.yaw_source is not YawSource.GYRO
                 innovations += self._frame.correct(
                     self._camera, pair.motion, way_back, corrects_yaw=corrects_yaw

@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.measurement_model import Measured
 from controllers.estimation.filter.motion_history import WayBack
+from controllers.fault import Bound, Cause, Fault, Severity
 from controllers.ground_motion.motion import GroundMotion, Rates, WheelPrior
 from controllers.ground_motion.settings import GroundMotionSettings
 from drivers.clock import nanoseconds, seconds
@@ -77,22 +78,22 @@ class GroundPair(NamedTuple):
     motion: GroundMotion
 
     @property
-    def contradiction(self) -> str:
-        """Why the motion cannot be that of the ground under these wheels; empty where it can.
+    def fault(self) -> Fault | None:
+        """Why the motion cannot be that of the ground under these wheels; None where it can.
 
         Wheels may slip wholly, skid, slide aside, and the rover may roll back at half their speed. Beyond
         that a camera is the likelier cause: turned round, or with another focal length than its rig says.
         """
-        if (
-            abs(self.ground_m - self.rolled_m)
-            <= GREATEST_SLIP * abs(self.rolled_m) + SLACK_M + 3.0 * self.sd_m
-        ):
-            return ""
-        return (
+        apart_m = abs(self.ground_m - self.rolled_m)
+        if apart_m <= GREATEST_SLIP * abs(self.rolled_m) + SLACK_M + 3.0 * self.sd_m:
+            return None
+        text = (
             f"the rover moves over the ground {1e3 * self.ground_m.real:.0f} mm ahead and "
             f"{1e3 * self.ground_m.imag:.0f} mm to the left where its wheels roll "
             f"{1e3 * self.rolled_m.real:.0f} and {1e3 * self.rolled_m.imag:.0f} mm"
         )
+        bound = Bound(position_m=apart_m)
+        return Fault("camera", Cause.GROUND_AGAINST_WHEELS, text, Severity.UNCERTAIN, bound)
 
     @property
     def sd_m(self) -> float:
@@ -108,13 +109,13 @@ class SeenFrame(NamedTuple):
         pair: Motion since the pair's first frame; None where it is not valid, or began before the recorded
             motion of the wheels. One that contradicts the wheels is not to be used.
         is_begin: Whether the next pair begins here.
-        doubted_m: By how much all earlier pairs may have moved the rover wrongly, see `GroundMotion`.
+        rig_fault: By how much all earlier pairs may have moved the rover wrongly; None for not at all.
     """
 
     way_back: WayBack
     pair: GroundPair | None
     is_begin: bool
-    doubted_m: float
+    rig_fault: Fault | None
 
 
 @record(frozen=True, slots=True, kw_only=True)
@@ -191,8 +192,8 @@ class GroundTravel:
             prior = WheelPrior(point_m.real, point_m.imag, turn_rad, self._rates_rad_s)
             motion = self._meter.measure(frame, t_ns, prior)
             pair = None if motion is None else self._pair(motion, now, way_back(motion.from_ns))
-            doubted_m = 0.0 if motion is None else motion.doubted_m
-            yield SeenFrame(now, pair, self._meter.from_ns == t_ns, doubted_m)
+            rig_fault = None if motion is None else motion.rig_fault
+            yield SeenFrame(now, pair, self._meter.from_ns == t_ns, rig_fault)
 
     def _swing_m(self, turn_rad: float) -> complex:
         """Return by how much the measured point moves, in the later axes, while the origin only turns."""
@@ -206,8 +207,9 @@ class GroundTravel:
         rolled_m, turn_rad = _between(before, now)
         ground_m = complex(motion.forward_m, motion.left_m) - self._swing_m(turn_rad)
         pair = GroundPair(rolled_m, ground_m, turn_rad, motion)
-        self._reason = pair.contradiction
-        if self._reason:
+        fault = pair.fault
+        self._reason = "" if fault is None else fault.text
+        if fault is not None:
             return pair
         self._valid = pair
         self._recent.append(pair)

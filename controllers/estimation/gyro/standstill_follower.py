@@ -3,16 +3,16 @@
 import math
 from collections.abc import Callable
 
-from controllers.estimation.filter.error_budget import Doubts, added
+from controllers.estimation.filter.error_budget import Category, ErrorBudget
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.gyro.integrator import GyroIntegrator
 from controllers.estimation.gyro.standstill import Rest, RestWatch, Witness
 from controllers.estimation.gyro.standstill_reading import GyroAtStandstill
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.wheels.bounds import WheelReach
+from controllers.estimation.wheels.bounds import WheelBounds
 from controllers.estimation.wheels.odometry import WheelOdometry
-from controllers.fault import Cause, Fault, Severity
+from controllers.fault import Bound, Cause, Fault, Severity
 from drivers.clock import nanoseconds
 
 LINEAR_RAD = 0.5
@@ -28,7 +28,7 @@ class RestFollower:
         settings: Noise and times.
         watch: Judges a rest by gyro, accelerometer and the others.
         pose_filter: Holds the bias of the gyro.
-        doubts: Widens the estimate.
+        budget: Inflates the covariance.
         odometry: Tells when the wheels stopped.
         gyro: Its newest reading.
         moved_m: Motion over the ground in a time that a camera has seen.
@@ -45,16 +45,15 @@ class RestFollower:
         settings: FilterSettings,
         watch: RestWatch,
         pose_filter: PoseFilter,
-        doubts: Doubts,
+        budget: ErrorBudget,
         odometry: WheelOdometry,
         gyro: GyroIntegrator,
         moved_m: Callable[[int, int], float],
-        reach: WheelReach,
+        reach: WheelBounds,
     ) -> None:
-        self._settings, self._watch, self._filter, self._doubts = settings, watch, pose_filter, doubts
+        self._settings, self._watch, self._filter, self._budget = settings, watch, pose_filter, budget
         self._odometry, self._gyro, self._moved_m, self._reach = odometry, gyro, moved_m, reach
-        self._doubted = (0.0, 0.0)
-        self._is_bias_known = self._has_doubted_bias = False
+        self._is_bias_known = self._has_inflated_bias = False
         self._bias_seen_ns: int | None = None
         self._driven_ns: int | None = None
         self.is_still = self.is_resting = False
@@ -89,9 +88,10 @@ class RestFollower:
         )
         self.fault = None
         if rest.is_contradicted:
-            self._doubt(rest, now_ns, path_m, is_commanded=is_commanded)
+            self._take_contradiction(rest, now_ns, path_m, is_commanded=is_commanded)
         else:
-            self._doubted, self._has_doubted_bias = (0.0, 0.0), False
+            self._budget.clear(Cause.MOTION_AT_STANDSTILL)
+            self._has_inflated_bias = False
         # The gyro alone does not contradict a command.
         is_offset = rest.is_offset and not self._is_bias_known
         self.is_resting = self.is_still and (
@@ -130,27 +130,24 @@ class RestFollower:
         swung_ns = nanoseconds(2.0 * self._settings.standstill_s)
         return self._moved_m(self._odometry.still_since_ns + swung_ns, now_ns)
 
-    def _doubt(self, rest: Rest, now_ns: int, path_m: float, *, is_commanded: bool) -> None:
+    def _take_contradiction(self, rest: Rest, now_ns: int, path_m: float, *, is_commanded: bool) -> None:
         """Widen the estimate by what the rover may have moved during a rest that is contradicted."""
         moving = " and ".join(rest.moving)
         text = f"the wheels are at rest, but motion is reported by {moving}; the estimate is wider"
-        self.fault = Fault(moving, Cause.MOTION_AT_STANDSTILL, text, Severity.UNCERTAIN)
         is_by_gyro = rest.moving == (Witness.GYRO,)
-        if is_by_gyro and not (self._has_doubted_bias or self._is_bias_known or is_commanded):
+        if is_by_gyro and not (self._has_inflated_bias or self._is_bias_known or is_commanded):
             # A gyro that has never been seen at rest may have an offset.
-            self._has_doubted_bias = True
-            yaw_rad = self._filter.doubt_bias(self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s)
+            self._has_inflated_bias = True
+            yaw_rad = self._filter.inflate_with_bias(self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s)
             if yaw_rad > LINEAR_RAD:
                 # The covariance does not hold the chord of the path turned by so much.
                 chord_m = 2.0 * path_m * math.sin(0.5 * min(yaw_rad, math.pi))
-                self._filter.widen(chord_m, chord_m, 0.0)
+                self._budget.add((chord_m, chord_m, 0.0))
         reach_m = math.hypot(*self._reach.greatest(self._reach.at_limit_rad(rest.unknown_s))[:2])
         if is_commanded and is_by_gyro:  # a nudge, or a wrong gyro
             reach_m = 0.0
         if rest.moving == (Witness.CAMERA,):  # the motion is measured
-            reach_m = max(self._doubted[0], self._seen_m(now_ns))
-        before_m, before_rad = self._doubted
-        self._doubted = max(before_m, reach_m), max(before_rad, abs(rest.turned_rad))
-        added_m, added_rad = map(added, self._doubted, (before_m, before_rad))
-        if added_m or added_rad:
-            self._doubts.widen((added_m, added_m, added_rad))
+            reach_m = self._seen_m(now_ns)
+        bound = Bound(position_m=reach_m, yaw_rad=abs(rest.turned_rad))
+        self.fault = Fault(moving, Cause.MOTION_AT_STANDSTILL, text, Severity.UNCERTAIN, bound)
+        self._budget.raise_to(self.fault.cause, bound, Category.UNOBSERVED)

@@ -6,7 +6,7 @@ from controllers.motion.body_motion import BodyMotion
 from controllers.motion.kinematics import Kinematics, greatest_motion, wheel_effects
 
 
-class WheelReach:
+class WheelBounds:
     """The effects of the wheels on the body, as they are steered now.
 
     Args:

@@ -7,7 +7,9 @@ from statistics import NormalDist
 
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.estimation.wheels.turn_evidence import TurnEvidence
+from controllers.fault import Bound, Cause, Fault, Severity
 from controllers.motion.body_motion import BodyMotion
 
 
@@ -56,17 +58,37 @@ class StuckEncoders:
             stay.turned_rad += turned
             stay.others_rad += max(abs(other) for other in turned_rad)
 
-    def unknown_rad(
-        self, evidence: TurnEvidence, distance_m: float, effects: Sequence[BodyMotion], bias_rad2_s2: float
-    ) -> tuple[float, ...]:
-        """Return by how much the angle of each wheel is unknown, signed, since it stays; 0 where it is known.
+    def find(
+        self,
+        increment: BodyIncrement,
+        evidence: TurnEvidence,
+        effects: Sequence[BodyMotion],
+        bias_rad2_s2: float,
+    ) -> Fault | None:
+        """Return the fault of the wheels that stay: by how much their angles are unknown since then.
 
         Args:
+            increment: Motion of the wheels.
             evidence: Turn of the same interval by gyro and wheels.
-            distance_m: Distance of that interval by the wheels.
             effects: Motion of the body per radian of each wheel.
             bias_rad2_s2: Variance of the gyro's bias.
         """
+        unknown_rad = self._unknown_rad(
+            evidence, math.hypot(increment.x_m, increment.y_m), effects, bias_rad2_s2
+        )
+        stuck = ", ".join(str(wheel) for wheel, unknown in enumerate(unknown_rad) if unknown)
+        if not stuck:
+            return None
+        text = (
+            f"wheel {stuck} does not turn, but the gyro contradicts the turn by the others; "
+            "the estimate is wider"
+        )
+        return Fault(stuck, Cause.STUCK_ENCODER, text, Severity.UNCERTAIN, Bound(wheel_rad=unknown_rad))
+
+    def _unknown_rad(
+        self, evidence: TurnEvidence, distance_m: float, effects: Sequence[BodyMotion], bias_rad2_s2: float
+    ) -> tuple[float, ...]:
+        """Return by how much each angle is unknown, signed, since the wheel stays; 0 where it is known."""
         settings, wheels = self._settings, evidence.wheels
         noise_rad2 = (
             settings.wheel_yaw_noise_rad_sqrt_rad**2 * abs(wheels.turn_rad)

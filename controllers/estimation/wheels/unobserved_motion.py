@@ -1,14 +1,13 @@
-"""Motion that no device measured: how far the rover can have moved, and what of it is still unknown."""
+"""Motion that no device measured: how far the rover can have moved."""
 
-import math
 from collections.abc import Sequence
 
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.kinematics import greatest_motion
 
 
-class UnseenMotion:
-    """Bounds of the motion while the wheels were not measured, and the uncertainty that it left.
+class UnobservedMotion:
+    """Bounds of the motion while the wheels were not measured.
 
     A wheel that is not measured may go on at its last speed or at the last set-point that it was sent,
     whichever is faster, or stop at once.
@@ -20,22 +19,10 @@ class UnseenMotion:
     def __init__(self, effects: Sequence[BodyMotion]) -> None:
         self._effects = effects
         self._speeds_rad_s: tuple[Sequence[float], ...] = ([0.0] * len(effects),)
-        self._position_m2 = 0.0
-        self._yaw_rad2 = 0.0
 
     def turn_wheels(self, effects: Sequence[BodyMotion]) -> None:
         """Take the effects of wheels that have steered."""
         self._effects = effects
-
-    @property
-    def position_m(self) -> float:
-        """Standard deviation of the position that unmeasured motion left."""
-        return math.sqrt(self._position_m2)
-
-    @property
-    def yaw_rad(self) -> float:
-        """Standard deviation of the yaw that unmeasured motion left."""
-        return math.sqrt(self._yaw_rad2)
 
     def note_speeds(self, *speeds_rad_s: Sequence[float], is_measured: bool) -> None:
         """Take measured speeds and set-points; while the wheels are not measured the fastest ones hold."""
@@ -54,16 +41,6 @@ class UnseenMotion:
         x_m, y_m, _ = self._reach(duration_s)
         yaw_rad = self._reach(turn_unknown_s)[2]
         return x_m, y_m + 0.5 * x_m * min(yaw_rad + abs(turned_rad), 1.0), yaw_rad
-
-    def add(self, position_m2: float, yaw_rad2: float) -> None:
-        """Add variances that unmeasured motion has left."""
-        self._position_m2 += position_m2
-        self._yaw_rad2 += yaw_rad2
-
-    def limit(self, position_m2: float, yaw_rad2: float) -> None:
-        """Take the variances of the estimate: what a measurement has removed is known again."""
-        self._position_m2 = min(self._position_m2, position_m2)
-        self._yaw_rad2 = min(self._yaw_rad2, yaw_rad2)
 
     def _fastest_rad_s(self) -> list[float]:
         return [max(speeds, key=abs) for speeds in zip(*self._speeds_rad_s, strict=True)]

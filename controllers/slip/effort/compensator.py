@@ -136,12 +136,12 @@ class EffortCompensator:
         """Whether the torques of all wheels are known."""
         return self._efforts.are_torques_known
 
-    def doubt_gyro(self) -> None:
+    def forget_gyro(self) -> None:
         """Forget the slip by the excitation, and what was learned from it or between fixes."""
-        self._surface.ground.doubt_gyro()
-        self._labels.doubt_gyro()
+        self._surface.ground.forget_gyro()
+        self._labels.forget_gyro()
         if self.excited is not None:
-            self.excited.doubt_gyro()
+            self.excited.forget_gyro()
             self._window_slip = same_slip(len(self._slips), 0.0, self.excited.slip.reason)
 
     def correct(self, estimate: SlipEstimate) -> None:

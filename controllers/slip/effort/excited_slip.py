@@ -140,7 +140,7 @@ class ExcitedSlip:
     def _unsure(self) -> str:
         return UNKNOWN_GYRO if self._gyro is None else self._not_learned
 
-    def doubt_gyro(self) -> None:
+    def forget_gyro(self) -> None:
         """Return to the encoders' slip: that in use was read from a gyro that was wrong.
 
         The open window gives no slip either, but still shows whether the body answers.

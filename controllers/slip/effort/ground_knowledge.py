@@ -79,7 +79,7 @@ class GroundKnowledge:
         if self._curve is not None:
             self._curve.move(distance_m)
 
-    def doubt_gyro(self) -> None:
+    def forget_gyro(self) -> None:
         """Forget the learned curve: the excitation that taught it is read from the gyro."""
         if self._curve is not None:
             self._curve.forget()

@@ -26,7 +26,7 @@ class SlipByGround:
 
     def take(self, pair: GroundPair) -> SlipAtForce | None:
         """Take a pair; return the slip since the begin, None where the travel is too short."""
-        is_valid = not (pair.contradiction or pair.motion.invalid_because)
+        is_valid = pair.fault is None and pair.motion.is_valid
         if self._from_ns is None or pair.motion.from_ns != self._to_ns or not is_valid:
             self._begin_anew()
         if not is_valid:

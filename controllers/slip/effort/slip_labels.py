@@ -77,6 +77,6 @@ class SlipLabels:
             return False
         return seconds(self._efforts.positions_ns - self._fix_ns) < EFFORT.fixes.absent_s
 
-    def doubt_gyro(self) -> None:
+    def forget_gyro(self) -> None:
         """Forget the travel since the last fixes: its turns are those of the gyro."""
         self._by_fixes = SlipByFixes()

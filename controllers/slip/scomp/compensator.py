@@ -196,7 +196,7 @@ class ScompCompensator:
         """0: no later increment corrects the travel."""
         return 0j
 
-    def doubt_gyro(self) -> None:
+    def forget_gyro(self) -> None:
         """Do without the gyro until the rover has stopped; the pose filter doubts the states."""
         self._is_gyro_doubted = True
 
