@@ -1,9 +1,7 @@
 """One cycle of the controller: samples in, wheel set-points out. Pure: time is an argument."""
 
-import cmath
 import operator
 from collections.abc import Sequence
-from dataclasses import replace
 
 from controllers.estimation.dead_reckoning import DeadReckoned
 from controllers.estimation.filter.guarded_filter import Innovation
@@ -12,27 +10,27 @@ from controllers.estimation.headings.motor_field import MotorFieldCorrection
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pauses import PauseWatch
 from controllers.estimation.pose_estimate import PoseEstimate
+from controllers.estimation.slip_compensator import NO_SLIP_EVIDENCE
 from controllers.estimation.wheels.contradiction import ContradictionReport
+from controllers.estimation.wheels.evidence import WheelSetpoints
 from controllers.estimator import Estimator
 from controllers.maneuvers import Maneuvers
 from controllers.motion.crab import CrabDrift, CrabReport
-from controllers.motion.kinematics import Kinematics, make_kinematics
+from controllers.motion.kinematics import make_kinematics
 from controllers.motion.limits import Limit, WheelLimiter
 from controllers.motion.missions.by_hand import ByHand
 from controllers.motion.missions.mission import Guidance
 from controllers.motion.planar import Pose
-from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.operator import OperatorInput, check_gains, gain_ranges
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
 from controllers.safety.border import Border
 from controllers.safety.drive_check import DriveCheck, Finding
-from controllers.safety.reasons import Cycle
+from controllers.safety.reasons import Cycle, Operation
 from controllers.settings import ControlSettings, find_area_conflicts
-from controllers.slip.effort.compensator import EffortCompensator, SlipReport
-from controllers.slip.effort.excited_slip import RoverSlip
-from controllers.slip.effort.ground_knowledge import SlipSource
-from controllers.slip.scomp.compensator import ScompCompensator, ScompReport, TraceFinder
+from controllers.slip.effort.compensator import SlipReport
+from controllers.slip.scomp.compensator import ScompReport, TraceFinder
+from controllers.slip_estimators import make_slip_estimator
 from drivers.clock import nanoseconds, seconds
 from drivers.errors import ConfigError
 from drivers.record import record
@@ -125,20 +123,18 @@ class ControlLoop:
         self._kinematics = kinematics
         self._expiry_ns = nanoseconds(settings.safety.expiry_s)
         self._motion_age_ns = nanoseconds(roles.motion_age_s)
-        self._effort = _make_effort(settings, kinematics, roles)
-        self._excites_beside = settings.slip is not None and settings.slip.excite_beside_ground
         scomp = settings.scomp
         self._steers_against_drift = scomp is not None and scomp.steer_against_drift
         is_crabbing = mission is not None and mission.heading == "crab"
         self._crab = CrabDrift() if is_crabbing else None
-        self._scomp = None if scomp is None else ScompCompensator(scomp, roles, kinematics, finder)
+        self._slip = make_slip_estimator(settings, kinematics, roles, finder)
         ground = settings.ground_motion
         self._estimator = Estimator(
             kinematics,
             settings.filter,
             settings.limits.wheel_speed_rad_s,
             roles,
-            self._effort or self._scomp,
+            self._slip,
             None if meter is None or ground is None else GroundTravel(ground, meter),
         )
         watched = (settings.safety, roles, kinematics.wheel_count, settings.filter.heading_lag_s)
@@ -153,7 +149,6 @@ class ControlLoop:
         self._limiter = WheelLimiter(settings.limits, settings.safety.expiry_s)
         shortest_age_s = min(roles.max_age_s(roles.wheels), roles.max_age_s(roles.gyro))
         self._pauses = PauseWatch(ESTIMATION.pose.pause_ages * shortest_age_s)
-        self._odometry = Pose()
         self._commanded_rad_s = (0.0,) * kinematics.wheel_count
         self._travel_rad_s = self._swing_rad_s = self._commanded_rad_s
         self._steering_rad: tuple[float, ...] = ()
@@ -208,13 +203,12 @@ class ControlLoop:
         # Without a mission somebody else drives: zero is then no command.
         commanded_rad_s = () if self._follower is None else self._commanded_rad_s
         innovations = self._estimator.advance(now_ns, commanded_rad_s, self._steering_rad)
-        if self._effort is not None:
+        if self._slip is not None:
             for pair in self._estimator.ground.pairs:
-                self._effort.take_ground(pair)
+                self._slip.take_ground(pair)
         estimate = self._estimator.estimate(now_ns)
-        driven_from, self._odometry = self._odometry, self._estimator.odometry.pose
         self._border.measure(estimate)
-        cycle = self._cycle(now_ns, estimate, innovations, driven_from)
+        cycle = self._cycle(now_ns, estimate, innovations)
         if self._check is not None:
             is_inflated = self._judge(self._check, cycle)
             estimate = self._estimator.estimate(now_ns) if is_inflated else estimate
@@ -227,6 +221,7 @@ class ControlLoop:
         odometry = self._estimator.odometry
         is_fresh = self._is_motion_fresh(now_ns)
         ground, fault = self._estimator.ground.report(now_ns), self._estimator.fault
+        report = self._slip.report(ground) if self._slip is not None and is_fresh else None
         return StepOutput(
             t_ns=now_ns,
             mode=self._mode(),
@@ -243,8 +238,8 @@ class ControlLoop:
             ),
             limit=limit,
             cross_track_m=None if guidance is None else guidance.cross_track_m,
-            slip=_measured_slip(self._effort.report(), ground) if self._effort and is_fresh else None,
-            scomp=_measured_scomp(self._scomp.report(), ground) if self._scomp and is_fresh else None,
+            slip=report if isinstance(report, SlipReport) else None,
+            scomp=report if isinstance(report, ScompReport) else None,
             contradiction=self._estimator.contradiction.report if is_fresh else None,
             steering_rad=self._estimator.steering.angles_rad or None,
             crab=None if guidance is None or self._crab is None else self._crab.report,
@@ -280,55 +275,21 @@ class ControlLoop:
         motion_ns = self._estimator.motion_ns
         return motion_ns is not None and now_ns - motion_ns <= self._motion_age_ns
 
-    def _valid_slip(self) -> float | None:
-        excited = None if self._effort is None else self._effort.excited
-        return None if excited is None or excited.slip.reason else excited.slip.slip
-
-    def _cycle(
-        self,
-        now_ns: int,
-        estimate: PoseEstimate,
-        innovations: tuple[Innovation, ...],
-        driven_from: Pose,
-    ) -> Cycle:
-        """Return what the rules see of this cycle; `driven_from` is the odometry of the one before."""
-        odometry, contradiction = self._estimator.odometry, self._estimator.contradiction.report
-        excited = None if self._effort is None else self._effort.excited
-        driven_m = complex(odometry.pose.x_m - driven_from.x_m, odometry.pose.y_m - driven_from.y_m)
+    def _cycle(self, now_ns: int, estimate: PoseEstimate, innovations: tuple[Innovation, ...]) -> Cycle:
+        """Return what the stop rules see of this cycle."""
+        estimator = self._estimator
+        wheels = estimator.wheel_evidence(estimate)
         return Cycle(
             now_ns=now_ns,
-            estimate_is_finite=estimate.is_finite,
-            motion_ns=self._estimator.motion_ns,
-            innovations=innovations,
-            commanded_rad_s=self._travel_rad_s,
-            measured_rad_s=odometry.wheel_speed_rad_s,
-            distance_m=abs(driven_m),
-            travel_m=driven_m * cmath.rect(1.0, estimate.yaw_rad - odometry.pose.yaw_rad),
-            yaw_rad=estimate.yaw_rad,
-            is_still=self._estimator.rest.is_still,
-            evidence=self._estimator.evidence,
-            gyro_bias_rad_s=estimate.gyro_bias_rad_s,
-            rejected_rate_rad_s=self._estimator.gyro.rejected_rad_s,
-            unseen_m=self._estimator.budget.unobserved_m,
-            unseen_rad=self._estimator.budget.unobserved_rad,
-            doubted_rad=self._estimator.undecided_rad,
-            jumped_m=self._estimator.positions.jumped_m,
-            ground_pairs=self._estimator.ground.pairs,
-            slip=self._valid_slip(),
-            lost_response="" if excited is None else excited.lost_response,
-            unanswered_m=0.0 if excited is None else excited.unanswered_m,
-            odd_force="" if self._effort is None else self._effort.free_force.reason,
-            odd_force_m=0.0 if self._effort is None else self._effort.free_force.far_m,
-            unmoved_m=0.0 if self._scomp is None else self._scomp.unmoved_m,
-            set_steering_rad=self._steering_rad,
-            steering_rad=self._estimator.steering.angles_rad,
-            steering_ns=self._estimator.steering.reported_ns,
-            operator_reason=self._operator_reason,
-            contradiction=None if contradiction is None else contradiction.scaled,
-            position_m=complex(estimate.x_m, estimate.y_m),
-            over_border_m=self._border.over_m,
-            is_led_out=self._is_led_out,
-            is_confirmed=self._is_confirmed,
+            estimate=estimate,
+            wheels=wheels._replace(set=WheelSetpoints(self._travel_rad_s, self._steering_rad)),
+            gyro=estimator.gyro_evidence,
+            measurements=estimator.measurement_evidence(innovations),
+            uncertainty=estimator.budget.evidence,
+            slip=NO_SLIP_EVIDENCE if self._slip is None else self._slip.evidence,
+            operation=Operation(
+                self._operator_reason, self._border.over_m, self._is_led_out, self._is_confirmed
+            ),
         )
 
     def _guide(self, now_ns: int, estimate: PoseEstimate, cycle: Cycle) -> Guidance | None:
@@ -343,7 +304,7 @@ class ControlLoop:
             maneuvers.back_out.stop(supervisor.stop_cause)
         if supervisor.mode is not Mode.RUNNING or self._is_paused:
             return None
-        guidance = self._lead(now_ns, estimate, cycle.distance_m, maneuvers)
+        guidance = self._lead(now_ns, estimate, cycle.wheels.distance_m, maneuvers)
         if guidance is None or not self._border.is_crossed_by(guidance):
             return guidance
         self._is_led_out = not isinstance(self._follower, ByHand)
@@ -361,10 +322,10 @@ class ControlLoop:
         if way_back is not None:
             return way_back
         drift_rad = 0.0
-        if self._scomp is not None and self._steers_against_drift:
-            drift_rad = self._scomp.wheel_slip_angle_rad
+        if self._slip is not None and self._steers_against_drift:
+            drift_rad = self._slip.drift_rad
             if self._crab is not None:
-                drift_rad = self._crab.take(now_ns, drift_rad, self._scomp.source)
+                drift_rad = self._crab.take(now_ns, drift_rad, self._slip.drift_source)
         guidance = self._follower.guide(pose, now_ns, drift_rad)
         if guidance is None:
             return None
@@ -380,30 +341,18 @@ class ControlLoop:
             self._steering_rad = self._kinematics.set_points(0.0, 0.0, 0.0, held_rad).steering_rad
             return (0.0,) * self._kinematics.wheel_count, Limit.NONE
         self._estimator.steering.release()
-        yaw_rate_rad_s = guidance.yaw_rate_rad_s
-        velocity_x_m_s, velocity_y_m_s = guidance.velocity_x_m_s, guidance.velocity_y_m_s
-        excited = None if self._effort is None else self._effort.excited
-        swing_rad_s = 0.0
-        is_turning = self._maneuvers is not None and bool(self._maneuvers.turn.announcement)
-        if excited is not None and (
-            is_turning or (self._estimator.ground.is_measured and not self._excites_beside)
-        ):
-            excited.leave_out(seconds(now_ns))
-        elif excited is not None:
-            now_s = seconds(now_ns)
-            in_place = excited.in_place
-            turn_rad_s = None if in_place is None else in_place.yaw_rate_rad_s(now_s, yaw_rate_rad_s)
-            if turn_rad_s is None:
-                swing_rad_s = excited.yaw_rate_rad_s(now_s)
-                yaw_rate_rad_s = excited.swing.without_swing(now_s, yaw_rate_rad_s) + swing_rad_s
-            else:
-                velocity_x_m_s = velocity_y_m_s = 0.0
-                yaw_rate_rad_s = swing_rad_s = turn_rad_s
-        twist = (velocity_x_m_s, velocity_y_m_s, yaw_rate_rad_s)
+        twist = guidance.velocity_x_m_s, guidance.velocity_y_m_s, guidance.yaw_rate_rad_s
+        swing_rad_s, changes_rad_s = 0.0, None
+        if self._slip is not None:
+            is_turning = self._maneuvers is not None and bool(self._maneuvers.turn.announcement)
+            is_measured = self._estimator.ground.is_measured
+            twist, swing_rad_s = self._slip.excite(
+                seconds(now_ns), twist, is_turning=is_turning, is_measured=is_measured
+            )
+            changes_rad_s = self._slip.set_point_changes(twist)
         wanted_rad_s, self._steering_rad = self._kinematics.set_points(
             *twist, self._estimator.steering.angles_rad
         )
-        changes_rad_s = None if self._effort is None else self._effort.set_point_changes(twist)
         if changes_rad_s is not None:
             wanted_rad_s = tuple(map(operator.add, wanted_rad_s, changes_rad_s))
         limited_rad_s, limit = self._limiter.limit(
@@ -412,28 +361,3 @@ class ControlLoop:
         if swing_rad_s:
             self._swing_rad_s = self._kinematics.wheel_speeds(0.0, 0.0, swing_rad_s)
         return limited_rad_s, limit
-
-
-def _measured_slip(report: SlipReport | None, ground: GroundReport | None) -> SlipReport | None:
-    """Return the report with the slip of the rover that a camera measured in place of an inferred one."""
-    if report is None or ground is None or ground.slip is None or ground.slip_sd is None:
-        return report
-    measured = RoverSlip(slip=ground.slip, sd=ground.slip_sd, source=SlipSource.GROUND, reason="")
-    return replace(report, rover=measured)
-
-
-def _measured_scomp(report: ScompReport | None, ground: GroundReport | None) -> ScompReport | None:
-    """Return the report with the slip that a camera measured in place of that of the slip law."""
-    if report is None or ground is None or ground.slip is None:
-        return report
-    return replace(report, slip=ground.slip)
-
-
-def _make_effort(
-    settings: ControlSettings, kinematics: Kinematics, roles: DeviceRoles
-) -> EffortCompensator | None:
-    slip, rover = settings.slip, settings.rover
-    if slip is None or not isinstance(rover, OmniRoverSettings):
-        return None
-    travel_m_s = None if settings.mission is None else settings.mission.speed_m_s
-    return EffortCompensator(slip, rover, kinematics, roles, travel_m_s)

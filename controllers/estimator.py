@@ -11,25 +11,26 @@ from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.motion_history import Step, late
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.reader import Situation
-from controllers.estimation.filter.slip_compensator import SlipCompensator
 from controllers.estimation.filter.transition import Turn
 from controllers.estimation.ground.follower import GroundFollower
 from controllers.estimation.ground.travel import GroundTravel
 from controllers.estimation.gyro.integrator import GyroIntegrator
 from controllers.estimation.gyro.standstill import RestWatch
 from controllers.estimation.gyro.standstill_follower import RestFollower
-from controllers.estimation.gyro.turn_source import TurnSource
+from controllers.estimation.gyro.turn_source import GyroEvidence, TurnSource
+from controllers.estimation.measurement_evidence import MeasurementEvidence
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
 from controllers.estimation.pose_report import PoseReport
 from controllers.estimation.positions.frames import PositionFrames
 from controllers.estimation.sample_intake import SampleIntake
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.slip_compensator import SlipCompensator
 from controllers.estimation.wheels.bounds import WheelBounds
 from controllers.estimation.wheels.contradiction import WheelContradiction
+from controllers.estimation.wheels.evidence import WheelEvidence, wheel_evidence
 from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.estimation.wheels.stuck_encoder import StuckEncoders
-from controllers.estimation.wheels.turn_evidence import TurnEvidence
 from controllers.estimation.wheels.unobserved_motion import UnobservedMotion
 from controllers.fault import Bound, Cause, Fault
 from controllers.motion.kinematics import Kinematics
@@ -66,8 +67,6 @@ class Estimator:
         ground: Motion over the ground that a camera measures.
         rest: Whether the rover rests.
         motion_ns: Time of the wheel positions that the pose is based on; None before the first motion.
-        undecided_rad: Standard deviation of the yaw while gyro and wheels exclude each other, before the
-            corrections of the last cycle.
     """
 
     def __init__(
@@ -112,7 +111,7 @@ class Estimator:
         )
         self.positions = PositionFrames(self.pose_filter, settings.gate_probability)
         self._turns = TurnSource(self.gyro, kinematics.wheel_count)
-        self.budget = ErrorBudget(self.pose_filter, self._reach, slip)
+        self.budget = ErrorBudget(self.pose_filter, self._reach, None if slip is None else slip.forget_gyro)
         self.ground = GroundFollower(
             ground, roles.camera, self.pose_filter, self.budget, self._fixes, self._turns
         )
@@ -138,13 +137,24 @@ class Estimator:
         self._dead_reckoning = DeadReckoning() if roles.fixes else None
         self._path_m = self._rolled_m = 0.0
         self._is_commanded = False
-        self.undecided_rad = 0.0
+        self._driven_from = self.odometry.pose
         self.motion_ns: int | None = None
 
+    def wheel_evidence(self, estimate: PoseEstimate) -> WheelEvidence:
+        """Return what the stop rules see of the wheels in this cycle."""
+        evidence = wheel_evidence(
+            self.odometry, self._driven_from, estimate, self.contradiction, self.steering
+        )
+        return evidence._replace(motion_ns=self.motion_ns, is_still=self.rest.is_still)
+
     @property
-    def evidence(self) -> TurnEvidence | None:
-        """Turn of the last cycle by gyro and by wheels; None where one of them did not measure it."""
+    def gyro_evidence(self) -> GyroEvidence:
+        """What the stop rules see of the gyro in this cycle."""
         return self._turns.evidence
+
+    def measurement_evidence(self, innovations: tuple[Innovation, ...]) -> MeasurementEvidence:
+        """Return what the stop rules see of the measurements in this cycle."""
+        return MeasurementEvidence(innovations, self.positions.jumped_m, self.ground.pairs)
 
     @property
     def fault(self) -> Fault | None:
@@ -168,10 +178,11 @@ class Estimator:
             set_speed_rad_s: Set-points of the wheels since the last cycle; empty for none.
             set_steering_rad: Steering set-points since the last cycle; empty for none.
         """
-        self.undecided_rad = self.budget.undecided_rad
+        self.budget.begin_cycle()
+        self._driven_from = self.odometry.pose
         self._steer(now_ns, set_steering_rad)
         increment = self.odometry.take(self.steering.angles_rad)
-        self._turns.evidence = None
+        self._turns.turn = None
         self._stuck_fault = None
         self._is_commanded = bool(set_speed_rad_s)
         set_speed_rad_s = set_speed_rad_s or (0.0,) * len(self._reach.effects)
@@ -289,10 +300,11 @@ class Estimator:
 
     def _find_stuck_encoders(self, increment: BodyIncrement) -> None:
         self._stuck.note(increment.turned_rad)
-        if self.evidence is None:
+        turn = self._turns.turn
+        if turn is None:
             return
         fault = self._stuck_fault = self._stuck.find(
-            increment, self.evidence, self._reach.effects, self.pose_filter.gyro_bias_rad2_s2
+            increment, turn, self._reach.effects, self.pose_filter.gyro_bias_rad2_s2
         )
         if fault is None:
             self.budget.clear(Cause.STUCK_ENCODER)

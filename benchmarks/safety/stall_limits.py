@@ -48,7 +48,7 @@ class _Excused(StallMonitor):
             return super().check(cycle)
         pairs = zip(cycle.commanded_rad_s, cycle.measured_rad_s, strict=True)
         follows = tuple(set_to if abs(set_to) < CREEPING_RAD_S else turns for set_to, turns in pairs)
-        return super().check(cycle._replace(measured_rad_s=follows))
+        return super().check(cycle._replace(wheels=cycle.wheels._replace(measured_rad_s=follows)))
 
 
 RULES = {

@@ -1,11 +1,11 @@
 """Velocity of the body, by the wheels and what corrects them."""
 
 from controllers.estimation.filter.pose_filter import PoseFilter
-from controllers.estimation.filter.slip_compensator import SlipCompensator
 from controllers.estimation.ground.follower import GroundFollower
 from controllers.estimation.gyro.integrator import GyroIntegrator
 from controllers.estimation.gyro.turn_source import TurnSource
 from controllers.estimation.pose_estimate import YawSource
+from controllers.estimation.slip_compensator import SlipCompensator
 from controllers.estimation.wheels.odometry import WheelOdometry
 from controllers.motion.body_motion import BodyMotion
 

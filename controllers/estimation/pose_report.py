@@ -4,11 +4,11 @@ import cmath
 
 from controllers.estimation.body_velocity import BodyVelocity
 from controllers.estimation.filter.pose_filter import PoseFilter
-from controllers.estimation.filter.slip_compensator import SlipCompensator
 from controllers.estimation.gyro.turn_source import TurnSource
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
 from controllers.estimation.positions.frames import PositionFrames
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.slip_compensator import SlipCompensator
 from controllers.estimation.wheels.bounds import WheelBounds
 from controllers.motion.planar import wrap_angle
 from controllers.roles import DeviceRoles

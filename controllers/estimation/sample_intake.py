@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 from controllers.estimation.filter.motion_history import FixQueue
-from controllers.estimation.filter.slip_compensator import SlipCompensator
 from controllers.estimation.filter.waiting_samples import WaitingSamples
 from controllers.estimation.ground.travel import GroundTravel
 from controllers.estimation.gyro.integrator import GyroIntegrator
@@ -11,6 +10,7 @@ from controllers.estimation.gyro.standstill import InertialReadings
 from controllers.estimation.listed import LISTED
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pauses import SilenceWatch
+from controllers.estimation.slip_compensator import SlipCompensator
 from controllers.estimation.wheels.angle import WheelAngle
 from controllers.estimation.wheels.odometry import WheelOdometry
 from controllers.motion.kinematics import Kinematics

@@ -81,16 +81,16 @@ class AreaRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return the reason to stop; while the rover may move back, one that is only shown."""
-        over_m = cycle.over_border_m
-        self._has_moved |= any(cycle.commanded_rad_s)
+        over_m = cycle.operation.over_border_m
+        self._has_moved |= any(cycle.wheels.set.speed_rad_s)
         if self._state is _State.INSIDE and over_m > 0.0:
             if not self._has_moved:
                 yield Fault("rover", Cause.AREA, AT_START)
                 return
             self._state, self._text = _State.WAITS, f"{_crossing(cycle)}; {CONFIRM}"
-        elif self._state is _State.WAITS and cycle.is_confirmed and math.isfinite(over_m):
+        elif self._state is _State.WAITS and cycle.operation.is_confirmed and math.isfinite(over_m):
             self._state = _State.RETURNS
-        if self._state is _State.RETURNS and (over_m > self._greatest_m or cycle.is_led_out):
+        if self._state is _State.RETURNS and (over_m > self._greatest_m or cycle.operation.is_led_out):
             self._state = _State.WAITS
         if self._state is _State.WAITS:
             self._greatest_m = max(self._greatest_m, over_m if math.isfinite(over_m) else 0.0)
@@ -102,7 +102,7 @@ class AreaRule(StopRule):
 
 
 def _crossing(cycle: Cycle) -> str:
-    if not math.isfinite(cycle.over_border_m):
+    if not math.isfinite(cycle.operation.over_border_m):
         return UNKNOWN
-    x_m, y_m = cycle.position_m.real, cycle.position_m.imag
+    x_m, y_m = cycle.estimate.x_m, cycle.estimate.y_m
     return f"rover: its region crossed the border of safety.area, estimated position {x_m:.2f}, {y_m:.2f} m"

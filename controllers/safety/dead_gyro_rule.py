@@ -62,7 +62,10 @@ class DeadGyroRule(StopRule):
         if cycle.now_ns - self._began_ns >= nanoseconds(AVERAGE_S):
             readings_rad_s, self._readings_rad_s = self._readings_rad_s, []
             self._began_ns = cycle.now_ns
-            if readings_rad_s and abs(fmean(readings_rad_s) - cycle.gyro_bias_rad_s) >= self._least_rad_s:
+            if (
+                readings_rad_s
+                and abs(fmean(readings_rad_s) - cycle.estimate.gyro_bias_rad_s) >= self._least_rad_s
+            ):
                 self._unproven.prove()
         if self._unproven.is_dead:
             text = (

@@ -346,7 +346,7 @@ class EntrapmentRule(StopRule):
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Take the travel and the fixes of a cycle; return a reason when the rover does not get on."""
         is_decided = False
-        for pair in cycle.ground_pairs:
+        for pair in cycle.measurements.ground_pairs:
             self._ground.take(pair)
             is_decided = self._ground.is_seen
         self._travel(cycle)
@@ -357,7 +357,7 @@ class EntrapmentRule(StopRule):
             for device, progress in self._fixes.items()
             if progress.lost_m >= self._settings.entrapment_m
         }
-        if lost and cycle.is_still and self._severity is Severity.RECOVERABLE:
+        if lost and cycle.wheels.is_still and self._severity is Severity.RECOVERABLE:
             self._severity, lost = Severity.FINAL, {}  # now it backs out, and all counts anew
             self._begin_anew()
         for device, lost_m in lost.items():
@@ -370,12 +370,12 @@ class EntrapmentRule(StopRule):
 
     def _travel(self, cycle: Cycle) -> None:
         """Note what the wheels have travelled by the time of their newest motion."""
-        self._wheels_m += cycle.travel_m
-        self._length_m += cycle.distance_m
-        history, t_ns = self._history, cycle.motion_ns
+        self._wheels_m += cycle.wheels.travel_m
+        self._length_m += cycle.wheels.distance_m
+        history, t_ns = self._history, cycle.wheels.motion_ns
         if t_ns is None or (history and t_ns <= history[-1].t_ns):
             return
-        history.append(_Travelled(t_ns, self._wheels_m, cycle.yaw_rad, self._length_m))
+        history.append(_Travelled(t_ns, self._wheels_m, cycle.estimate.yaw_rad, self._length_m))
         while history[0].t_ns < t_ns - HISTORY_NS:
             history.popleft()
 
@@ -398,9 +398,9 @@ class EntrapmentRule(StopRule):
     def _suspect_slip(self, cycle: Cycle) -> Iterator[Fault]:
         """Add up the travel at a slip near 1. Smaller slip clears; unknown slip does not."""
         settings = self._settings
-        if cycle.slip is not None:
-            is_held = cycle.slip >= settings.entrapment_slip
-            self._slipped_m = self._slipped_m + cycle.distance_m if is_held else 0.0
+        if cycle.slip.slip is not None:
+            is_held = cycle.slip.slip >= settings.entrapment_slip
+            self._slipped_m = self._slipped_m + cycle.wheels.distance_m if is_held else 0.0
         if self._slipped_m >= settings.entrapment_m:
             text = (
                 "rover: may be entrapped, by the yaw excitation its wheels travelled "
@@ -410,24 +410,24 @@ class EntrapmentRule(StopRule):
 
     def _suspicion(self, cycle: Cycle) -> Fault | None:
         """Return what may be wrong with the progress, beside the slip that is read."""
-        if cycle.unmoved_m:
+        if cycle.slip.unmoved_m:
             text = (
                 "rover: may be entrapped, the rear camera sees no motion of the ground: it is stuck, or the "
                 "camera is covered, turned, or in the dark"
             )
             return Fault("rover", Cause.NO_MOTION_SEEN, text, Severity.WARNING)
-        if cycle.lost_response:
-            text = f"rover: may be entrapped, or {self._gyro} has no signal: {cycle.lost_response}"
+        if cycle.slip.lost_response:
+            text = f"rover: may be entrapped, or {self._gyro} has no signal: {cycle.slip.lost_response}"
             return Fault("rover", Cause.LOST_RESPONSE, text, Severity.WARNING)
-        if cycle.odd_force:
-            text = f"rover: may be entrapped, or on a slope or another ground: {cycle.odd_force}"
+        if cycle.slip.unusual_force:
+            text = f"rover: may be entrapped, or on a slope or another ground: {cycle.slip.unusual_force}"
             return Fault("rover", Cause.UNUSUAL_FORCE, text, Severity.WARNING)
         return None
 
     def _limit_m(self, cycle: Cycle) -> float:
         """Return the travel on which nothing may decide: a camera that sees no motion nearly does."""
         settings = self._settings
-        least_m = settings.entrapment_m if cycle.unmoved_m else math.inf
+        least_m = settings.entrapment_m if cycle.slip.unmoved_m else math.inf
         return min(settings.progress_unknown_m, least_m)
 
     def _count(self, cycle: Cycle, suspicion: Fault | None, *, is_decided: bool) -> None:
@@ -439,25 +439,27 @@ class EntrapmentRule(StopRule):
         is_asked = suspicion is not None and suspicion.cause is Cause.UNUSUAL_FORCE and self._is_force_asked
         is_open = suspicion is not None and not is_decided and not is_asked
         limit_m = self._limit_m(cycle)
-        self._since_m = 0.0 if is_decided else self._since_m + cycle.distance_m
+        self._since_m = 0.0 if is_decided else self._since_m + cycle.wheels.distance_m
         elapsed_s = 0.0 if self._before_ns is None else seconds(cycle.now_ns - self._before_ns)
         self._before_ns = cycle.now_ns
-        if self._is_over and cycle.is_still:
+        if self._is_over and cycle.wheels.is_still:
             self._since_m = 0.0
             self._is_force_asked |= suspicion is not None and suspicion.cause is Cause.UNUSUAL_FORCE
-        if not is_open or (self._is_over and cycle.is_still):
+        if not is_open or (self._is_over and cycle.wheels.is_still):
             self._unknown_m, self._unknown_rad, self._is_over = 0.0, (), False
         elif not self._is_over:
             if not self._unknown_rad:
                 unsure_m = max(
-                    cycle.unanswered_m if cycle.lost_response else 0.0,
-                    cycle.odd_force_m if cycle.odd_force else 0.0,
+                    cycle.slip.unanswered_m if cycle.slip.lost_response else 0.0,
+                    cycle.slip.unusual_force_m if cycle.slip.unusual_force else 0.0,
                 )
                 before_m = min(unsure_m, BEFORE_SHARE * limit_m)
-                self._before_m = max(before_m, min(cycle.unmoved_m, self._since_m) - cycle.distance_m, 0.0)
+                self._before_m = max(
+                    before_m, min(cycle.slip.unmoved_m, self._since_m) - cycle.wheels.distance_m, 0.0
+                )
                 self._unknown_m = self._before_m
-            self._unknown_m += cycle.distance_m
-            turned_rad = [speed_rad_s * elapsed_s for speed_rad_s in cycle.measured_rad_s]
+            self._unknown_m += cycle.wheels.distance_m
+            turned_rad = [speed_rad_s * elapsed_s for speed_rad_s in cycle.wheels.measured_rad_s]
             before_rad = self._unknown_rad or (0.0,) * len(turned_rad)
             self._unknown_rad = tuple(map(operator.add, before_rad, turned_rad))
             self._is_over = self._unknown_m >= limit_m

@@ -75,10 +75,10 @@ class UnseenMotionRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason for position and yaw where they are too uncertain."""
-        if cycle.unseen_m > self._settings.unseen_position_m:
-            yield _unseen("position", f"{cycle.unseen_m:.2f} m", self._position_severity)
-        if cycle.unseen_rad > self._settings.unseen_yaw_rad:
-            yield _unseen("yaw", f"{cycle.unseen_rad:.2f} rad", self._yaw_severity)
+        if cycle.uncertainty.unobserved_m > self._settings.unseen_position_m:
+            yield _unseen("position", f"{cycle.uncertainty.unobserved_m:.2f} m", self._position_severity)
+        if cycle.uncertainty.unobserved_rad > self._settings.unseen_yaw_rad:
+            yield _unseen("yaw", f"{cycle.uncertainty.unobserved_rad:.2f} rad", self._yaw_severity)
 
 
 def _unseen(what: str, by: str, severity: Severity) -> Fault:
@@ -162,7 +162,7 @@ class YawDoubtRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason while the yaw is too uncertain."""
-        two_sd_rad, limit_rad = TWO_SD * cycle.doubted_rad, self._settings.yaw_doubt_rad
+        two_sd_rad, limit_rad = TWO_SD * cycle.uncertainty.undecided_rad, self._settings.yaw_doubt_rad
         if not self._can_decide:
             limit_rad = self._settings.unwatched_yaw_rad or math.inf
             if two_sd_rad > limit_rad:
@@ -170,7 +170,7 @@ class YawDoubtRule(StopRule):
             return
         self._accepted_rad = min(self._accepted_rad, two_sd_rad)
         is_over = two_sd_rad - self._accepted_rad > limit_rad
-        if not (is_over and cycle.is_still):
+        if not (is_over and cycle.wheels.is_still):
             self._rests_since_ns = None
         elif self._rests_since_ns is None:
             self._rests_since_ns = cycle.now_ns
@@ -219,7 +219,7 @@ class DisplacedFixRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason for each fix of this cycle that is displaced by too much."""
-        for innovation in cycle.innovations:
+        for innovation in cycle.measurements.innovations:
             device, quantity = innovation.measured
             limit, unit = self._limits.get(quantity, (math.inf, ""))
             if (innovation.residual or 0.0) > limit:
@@ -260,7 +260,7 @@ class FixJumpRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason for each device that has jumped by too much."""
-        for device, offset_m in cycle.jumped_m.items():
+        for device, offset_m in cycle.measurements.jumped_m.items():
             if abs(offset_m) > self._limit_m:
                 text = (
                     f"{device}: its places jumped by {abs(offset_m):.2f} m, further than the wheels rolled: "
@@ -311,7 +311,7 @@ class MotionRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason when the motion is unknown for too long."""
-        if cycle.motion_ns is None or cycle.now_ns - cycle.motion_ns > self._limit_ns:
+        if cycle.wheels.motion_ns is None or cycle.now_ns - cycle.wheels.motion_ns > self._limit_ns:
             yield Fault(self._wheels, Cause.NO_MOTION, self._text)
 
 
@@ -331,5 +331,5 @@ class FiniteEstimateRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason when the estimate is not finite."""
-        if not cycle.estimate_is_finite:
+        if not cycle.estimate.is_finite:
             yield Fault("pose filter", Cause.NOT_FINITE, "pose filter: the estimate is not finite")

@@ -101,11 +101,11 @@ class StuckGyroRule(StopRule):
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Count the time while wheels turned and the reading stayed; return a reason when it is too long."""
         is_dead = self._stuck.duration_s > self._settings.gyro_stuck_s
-        if cycle.is_still and not is_dead:
+        if cycle.wheels.is_still and not is_dead:
             self._stuck = _Stuck()
-        elif not cycle.is_still and cycle.evidence is not None and self._reading_rad_s is not None:
-            self._stuck.duration_s += cycle.evidence.wheels.duration_s
-            self._stuck.difference_rad += abs(cycle.evidence.wheels.turn_rad - cycle.evidence.gyro_rad)
+        elif not cycle.wheels.is_still and cycle.gyro.turn is not None and self._reading_rad_s is not None:
+            self._stuck.duration_s += cycle.gyro.turn.wheels.duration_s
+            self._stuck.difference_rad += abs(cycle.gyro.turn.wheels.turn_rad - cycle.gyro.turn.gyro_rad)
         if self._stuck.duration_s > self._settings.gyro_stuck_s:
             text = (
                 f"{self._gyro}: yaw rate stuck at {self._reading_rad_s:g} rad/s for "
@@ -165,12 +165,12 @@ class GyroJumpRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason after a jump, until the wheels are at rest."""
-        if cycle.is_still:
+        if cycle.wheels.is_still:
             self._jump = None
             self._rates_rad_s.clear()
             self._rates_rad_s.append(AT_REST)
-        if cycle.evidence is not None:
-            gyro_rad, wheels = cycle.evidence.gyro_rad, cycle.evidence.wheels
+        if cycle.gyro.turn is not None:
+            gyro_rad, wheels = cycle.gyro.turn.gyro_rad, cycle.gyro.turn.wheels
             self._rates_rad_s.append((gyro_rad / wheels.duration_s, wheels.turn_rad / wheels.duration_s))
             self._cycles = 0 if self._jump is None else self._cycles + 1
             if self._cycles == CYCLES and self._is_of_wheels():
@@ -216,7 +216,7 @@ class GreatestRateRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason when the readings are too great for longer than the gyro's age limit."""
-        rate_rad_s = cycle.rejected_rate_rad_s
+        rate_rad_s = cycle.gyro.rejected_rad_s
         if rate_rad_s is None:
             self._since_ns = None
             return
@@ -285,7 +285,7 @@ class GyroRestRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Average over the time at rest; return a reason where the average is not the bias."""
-        if not cycle.is_still:
+        if not cycle.wheels.is_still:
             self._drive(cycle)
             return
         if self._began_ns is None:
@@ -299,12 +299,12 @@ class GyroRestRule(StopRule):
             self._readings_rad_s.clear()
             yield from self._find_step(cycle.now_ns, mean_rad_s, error_rad_s)
         if self._mean_rad_s is not None:
-            yield from self._find_offset(self._mean_rad_s, cycle.gyro_bias_rad_s)
+            yield from self._find_offset(self._mean_rad_s, cycle.estimate.gyro_bias_rad_s)
 
     def _drive(self, cycle: Cycle) -> None:
         """Remember when the last rest ended, and with which bias."""
         if self._began_ns is not None:
-            self._left = (cycle.now_ns, cycle.gyro_bias_rad_s)
+            self._left = (cycle.now_ns, cycle.estimate.gyro_bias_rad_s)
         self._began_ns = self._mean_rad_s = None
         self._readings_rad_s.clear()
 

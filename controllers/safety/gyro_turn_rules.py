@@ -72,10 +72,10 @@ class GyroDifferenceRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Take the evidence of a cycle; return a reason where the gyro cannot be right."""
-        if cycle.is_still:
+        if cycle.wheels.is_still:
             self._left, self._right = _Excess(), _Excess()
-        if cycle.evidence is not None:
-            gyro_rad, wheels = cycle.evidence.gyro_rad, cycle.evidence.wheels
+        if cycle.gyro.turn is not None:
+            gyro_rad, wheels = cycle.gyro.turn.gyro_rad, cycle.gyro.turn.wheels
             drag = 1.0 + self._settings.gyro_drag_share
             self._left.add(gyro_rad - drag * wheels.left_rad, gyro_rad - wheels.turn_rad)
             self._right.add(-gyro_rad - drag * wheels.right_rad, wheels.turn_rad - gyro_rad)
@@ -207,11 +207,11 @@ class GyroFollowsRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Take the evidence of a cycle; return a reason while the gyro does not follow."""
-        if cycle.is_still:
+        if cycle.wheels.is_still:
             self._begin_anew()
-        if cycle.evidence is not None:
-            self._unproven.add(cycle.evidence.wheels, cycle.distance_m)
-            self._take(cycle.evidence)
+        if cycle.gyro.turn is not None:
+            self._unproven.add(cycle.gyro.turn.wheels, cycle.wheels.distance_m)
+            self._take(cycle.gyro.turn)
         self._watch.take(cycle)
         if self._lost_s:
             share = self._moments.covariance / self._moments.wheel_variance

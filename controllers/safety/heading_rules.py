@@ -135,7 +135,7 @@ class HeadingTurnRule(StopRule):
         if self._rate is None or cycle.now_ns - self._rate[0] > greatest_age_ns:
             self._headings.clear()
         for name, headings in self._headings.items():
-            if cycle.is_still:
+            if cycle.wheels.is_still:
                 _keep(headings, AVERAGE_S)
             span_ns = (headings[0].t_ns, headings[-1].t_ns)
             if name not in self._found or self._found[name][0] != span_ns:  # pragma: no mutate
@@ -146,17 +146,21 @@ class HeadingTurnRule(StopRule):
 
     def _take_arrived(self, cycle: Cycle) -> None:
         """Take what arrived in this cycle, except what the filter rejected."""
-        if cycle.rejected_rate_rad_s is not None:
+        if cycle.gyro.rejected_rad_s is not None:
             # The filter's limit is that of the rover's wheels; what it rejects shows how low it is.
-            self._greatest_rad_s = min(self._greatest_rad_s, abs(cycle.rejected_rate_rad_s))
-        rejected = {innovation.name for innovation in cycle.innovations if not innovation.accepted}
+            self._greatest_rad_s = min(self._greatest_rad_s, abs(cycle.gyro.rejected_rad_s))
+        rejected = {
+            innovation.name for innovation in cycle.measurements.innovations if not innovation.accepted
+        }
         for sample, t_ns in self._arrived:
             if isinstance(sample, RateSample):
                 self._turn(t_ns, sample.rate_z_rad_s)
             elif (name := f"{sample.device} {sample.reference}") not in rejected:
-                self._take(name, _Heading(t_ns, sample.heading_rad, self._late_rad, cycle.gyro_bias_rad_s))
+                self._take(
+                    name, _Heading(t_ns, sample.heading_rad, self._late_rad, cycle.estimate.gyro_bias_rad_s)
+                )
         self._arrived.clear()
-        for innovation in cycle.innovations:
+        for innovation in cycle.measurements.innovations:
             self._judge(innovation)
 
     def _judge(self, innovation: Innovation) -> None:

@@ -52,7 +52,7 @@ class InnovationMonitor(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Take the innovations of a cycle; return a reason for every measurement that was rejected last."""
-        for innovation in cycle.innovations:
+        for innovation in cycle.measurements.innovations:
             if innovation.accepted:
                 self._rejected.pop(innovation.name, None)
             elif innovation.residual is not None:

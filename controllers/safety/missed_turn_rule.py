@@ -72,9 +72,9 @@ class MissedTurnRule(StopRule):
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Take the evidence of a cycle; return a reason when a turn is missing."""
         self._watch.take(cycle)
-        if cycle.evidence is None:
+        if cycle.gyro.turn is None:
             return
-        self._part = _sum(self._part, cycle.evidence)
+        self._part = _sum(self._part, cycle.gyro.turn)
         if self._part.wheels.duration_s < AVERAGE_S:
             return
         part, self._part = self._part, NO_TURN

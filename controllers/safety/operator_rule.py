@@ -30,6 +30,6 @@ class OperatorRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return the reason that the operator's side gives."""
-        if cycle.operator_reason:
-            side, _, _ = cycle.operator_reason.partition(":")
-            yield Fault(side, Cause.OPERATOR, cycle.operator_reason)
+        if cycle.operation.stop_reason:
+            side, _, _ = cycle.operation.stop_reason.partition(":")
+            yield Fault(side, Cause.OPERATOR, cycle.operation.stop_reason)

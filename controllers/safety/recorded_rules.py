@@ -93,10 +93,14 @@ class StandingWheelsRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason while some wheels stand and others turn."""
-        speeds = list(enumerate(cycle.measured_rad_s))
+        speeds = list(enumerate(cycle.wheels.measured_rad_s))
         standing = [str(wheel) for wheel, speed in speeds if abs(speed) < STANDS_RAD_S]
         turning = [str(wheel) for wheel, speed in speeds if abs(speed) > TURNS_RAD_S]
-        if not (standing and turning) or cycle.contradiction is None or cycle.contradiction <= 1.0:
+        if (
+            not (standing and turning)
+            or cycle.wheels.contradiction is None
+            or cycle.wheels.contradiction <= 1.0
+        ):
             self._since_ns = None
             return
         if self._since_ns is None:

@@ -159,7 +159,7 @@ class ResponseRule(StopRule):
         checked_ns = cycle.now_ns if self._checked_ns is None else self._checked_ns
         elapsed_s = seconds(max(0, min(cycle.now_ns - checked_ns, self._longest_cycle_ns)))
         self._checked_ns = cycle.now_ns
-        if not any(cycle.commanded_rad_s):
+        if not any(cycle.wheels.set.speed_rad_s):
             # After a stop for this the wheels must show again how they respond.
             forgets, self._has_stopped = self._has_stopped, False
             for index, wheel in self._wheels.items():
@@ -167,7 +167,9 @@ class ResponseRule(StopRule):
                     self._wheels[index] = _Wheel(self._settings.response_s)
                 elif wheel.open_s:
                     wheel.forget_open()
-        for index, pair in enumerate(zip(cycle.commanded_rad_s, cycle.measured_rad_s, strict=True)):
+        for index, pair in enumerate(
+            zip(cycle.wheels.set.speed_rad_s, cycle.wheels.measured_rad_s, strict=True)
+        ):
             if index in self._wheels:
                 self._count(self._wheels[index], elapsed_s, *pair)
                 yield from self._judge(index, self._wheels[index])

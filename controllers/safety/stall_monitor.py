@@ -141,9 +141,9 @@ class StallMonitor(StopRule):
         elapsed_ns = max(0, min(cycle.now_ns - checked_ns, self._longest_cycle_ns))
         self._checked_ns = cycle.now_ns
         elapsed_s = seconds(elapsed_ns)
-        is_at_rest = not any(cycle.commanded_rad_s)
+        is_at_rest = not any(cycle.wheels.set.speed_rad_s)
         kept = math.exp(-elapsed_s / self._settings.stall_s)
-        pairs = tuple(zip(cycle.commanded_rad_s, cycle.measured_rad_s, strict=True))
+        pairs = tuple(zip(cycle.wheels.set.speed_rad_s, cycle.wheels.measured_rad_s, strict=True))
         for index, (commanded, measured) in enumerate(pairs):
             wheel = self._wheels[index]
             # In the direction of the set-point.

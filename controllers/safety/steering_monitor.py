@@ -58,7 +58,9 @@ class SteeringMonitor(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason for every wheel that does not steer."""
-        pairs = zip(cycle.set_steering_rad, cycle.steering_rad, strict=False)  # pragma: no mutate
+        pairs = zip(
+            cycle.wheels.set.steering_rad, cycle.wheels.steering_rad, strict=False
+        )  # pragma: no mutate
         for wheel, (target, angle) in enumerate(pairs):
             error_rad = target - angle
             if abs(error_rad) < self._limit_rad:
@@ -102,7 +104,7 @@ class SteeringReportRule(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason for every wheel whose newest angle is older than the wheels' `max_age_s`."""
-        for wheel, t_ns in sorted(cycle.steering_ns.items()):
+        for wheel, t_ns in sorted(cycle.wheels.steering_ns.items()):
             if cycle.now_ns - t_ns > nanoseconds(self._limit_s):
                 text = f"wheel {wheel}: reports no steering angle for {self._limit_s:g} s"
                 yield Fault(f"wheel {wheel}", Cause.STEERING_ANGLE, text)

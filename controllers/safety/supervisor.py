@@ -168,7 +168,7 @@ class SafetySupervisor:
         if self.mode is Mode.EMERGENCY_STOP:
             return
         if self.mode is Mode.RUNNING:
-            self._forget_stops(cycle.distance_m, {fault.key for fault in faults})
+            self._forget_stops(cycle.wheels.distance_m, {fault.key for fault in faults})
         if stops:
             stop = self._count(_most_severe(stops))
             self._stop(stop)
@@ -190,7 +190,7 @@ class SafetySupervisor:
             self.mode = Mode.SAFE_STOP
 
     def _resume(self, cycle: Cycle) -> None:
-        if self._healthy_since_ns is None or (self._is_suspected and not cycle.is_still):
+        if self._healthy_since_ns is None or (self._is_suspected and not cycle.wheels.is_still):
             self._healthy_since_ns = cycle.now_ns
         is_waiting = self.mode is Mode.SETTLING or self.mode is Mode.SAFE_STOP
         if is_waiting and cycle.now_ns - self._healthy_since_ns >= nanoseconds(self._wait_s()):

@@ -71,11 +71,11 @@ class TurnComparison(StopRule):
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Take the evidence of a cycle; return a reason at the end of a turn that cannot be."""
-        evidence = cycle.evidence
+        evidence = cycle.gyro.turn
         if evidence is not None:
             self._take(evidence)
         greatest_rad = max(abs(self._gyro_rad), abs(self._wheels.turn_rad))
-        if cycle.is_still or self._straight_s >= STRAIGHT_S or greatest_rad >= GREATEST_TURN_RAD:
+        if cycle.wheels.is_still or self._straight_s >= STRAIGHT_S or greatest_rad >= GREATEST_TURN_RAD:
             why = self._explain() if greatest_rad >= LEAST_TURN_RAD else ""
             text = (
                 f"{self._gyro}: wheels {self._wheels.turn_rad:+.3f} rad, "

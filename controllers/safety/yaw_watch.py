@@ -36,11 +36,11 @@ class YawWatch:
 
     def take(self, cycle: Cycle) -> None:
         """Take the fixes of a cycle; one that says neither ends the watch."""
-        for innovation in cycle.innovations:
+        for innovation in cycle.measurements.innovations:
             if innovation.measured == self._turn:
                 self._take_turn(innovation.accepted, cycle.now_ns)
             elif innovation.measured in self._fixes:
-                said = _said(innovation, cycle.doubted_rad)
+                said = _said(innovation, cycle.uncertainty.undecided_rad)
                 self._agrees, self._said_ns = bool(said), None if said is None else cycle.now_ns
 
     def _take_turn(self, is_accepted: bool, now_ns: int) -> None:

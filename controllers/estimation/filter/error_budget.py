@@ -1,12 +1,12 @@
 """The only account of added uncertainty: what it inflates the covariance by, and for which cause."""
 
 import math
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
 from enum import Enum, auto
+from typing import NamedTuple
 
 from controllers.estimation.filter.pose_filter import PoseFilter
-from controllers.estimation.filter.slip_compensator import SlipCompensator
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pose_estimate import PoseEstimate
 from controllers.estimation.wheels.bounds import WheelBounds
@@ -27,6 +27,21 @@ class Category(Enum):
     OTHER = auto()
 
 
+class UncertaintyEvidence(NamedTuple):
+    """What the account of added uncertainty offers the stop rules as evidence.
+
+    Attributes:
+        unobserved_m: Standard deviation of the position by motion that was not measured.
+        unobserved_rad: The same of the yaw.
+        undecided_rad: Standard deviation of the yaw while gyro and wheels exclude each other and nothing
+            decides, before the corrections of this cycle; these reduce it.
+    """
+
+    unobserved_m: float = 0.0
+    unobserved_rad: float = 0.0
+    undecided_rad: float = 0.0
+
+
 class ErrorBudget:
     """Inflates the covariance by the greatest errors of each cause, and counts what was added.
 
@@ -40,34 +55,30 @@ class ErrorBudget:
     Args:
         pose_filter: Its covariance is inflated.
         bounds: Motion of the body by angles of the wheels.
-        slip: Compensator; None without one.
+        forget_gyro: Lets the slip estimator forget what it has learned from the gyro; None without one.
     """
 
     def __init__(
-        self, pose_filter: PoseFilter, bounds: WheelBounds, slip: SlipCompensator[object] | None
+        self, pose_filter: PoseFilter, bounds: WheelBounds, forget_gyro: Callable[[], None] | None = None
     ) -> None:
-        self._filter, self._bounds, self._slip = pose_filter, bounds, slip
+        self._filter, self._bounds, self._forget_gyro = pose_filter, bounds, forget_gyro
         self._greatest: dict[Hashable, Bound] = {}
         self._by_rules: set[Hashable] = set()
         self._symptom_rad = 0.0
         self._unobserved_m2 = self._unobserved_rad2 = self._undecided_rad2 = 0.0
         self._compensated_m = (0.0, 0.0)
-        self._path_end_m = 0.0
+        self._path_end_m = self._before_rad = 0.0
+
+    def begin_cycle(self) -> None:
+        """Keep what is undecided before the corrections of a cycle."""
+        self._before_rad = math.sqrt(self._undecided_rad2)
 
     @property
-    def unobserved_m(self) -> float:
-        """Standard deviation of the position by motion that was not measured."""
-        return math.sqrt(self._unobserved_m2)
-
-    @property
-    def unobserved_rad(self) -> float:
-        """Standard deviation of the yaw by motion that was not measured."""
-        return math.sqrt(self._unobserved_rad2)
-
-    @property
-    def undecided_rad(self) -> float:
-        """Standard deviation of the yaw while gyro and wheels exclude each other."""
-        return math.sqrt(self._undecided_rad2)
+    def evidence(self) -> UncertaintyEvidence:
+        """What the stop rules see of it in this cycle."""
+        return UncertaintyEvidence(
+            math.sqrt(self._unobserved_m2), math.sqrt(self._unobserved_rad2), self._before_rad
+        )
 
     def greatest(self, cause: Hashable) -> Bound:
         """Return the greatest errors by a cause since it began."""
@@ -196,8 +207,8 @@ class ErrorBudget:
             x_m, y_m = x_m + abs(self._compensated_m[0]), y_m + abs(self._compensated_m[1])
             self._compensated_m = (0.0, 0.0)  # added once
             self._filter.reset_slip_variances()
-            if self._slip is not None:
-                self._slip.forget_gyro()
+            if self._forget_gyro is not None:
+                self._forget_gyro()
         if added.path_m:
             chord_m = min(added.path_m, driven_m - self._path_end_m)  # the path before has been added
             chord_m *= 2.0 * math.sin(0.5 * min(added.gyro_rad, math.pi))

@@ -1,6 +1,7 @@
 """Where the turn of the rover comes from: its gyro or its wheels."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from controllers.estimation.filter.transition import Turn
 from controllers.estimation.gyro.integrator import GyroIntegrator, GyroTurn
@@ -9,6 +10,18 @@ from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
 from controllers.motion.body_motion import BodyMotion
+
+
+class GyroEvidence(NamedTuple):
+    """What the gyro offers the stop rules as evidence.
+
+    Attributes:
+        turn: Turn of the rover by gyro and by wheels in this cycle; None where one did not measure it.
+        rejected_rad_s: Newest reading if the rover cannot turn that fast; else None.
+    """
+
+    turn: TurnEvidence | None = None
+    rejected_rad_s: float | None = None
 
 
 class TurnSource:
@@ -25,7 +38,7 @@ class TurnSource:
 
     Attributes:
         yaw_source: Of the last turn.
-        evidence: Turn of the last cycle by gyro and by wheels; None where one of them did not measure it.
+        turn: Turn of the last cycle by gyro and by wheels; None where one of them did not measure it.
         has_lost_motion: Whether the wheels have lost a part of the turn that waits.
     """
 
@@ -36,7 +49,12 @@ class TurnSource:
         self._parts_rad = (0.0,) * wheel_count
         self.has_lost_motion = False
         self.yaw_source = YawSource.WHEELS
-        self.evidence: TurnEvidence | None = None
+        self.turn: TurnEvidence | None = None
+
+    @property
+    def evidence(self) -> GyroEvidence:
+        """What the stop rules see of the gyro in this cycle."""
+        return GyroEvidence(self.turn, self._gyro.rejected_rad_s)
 
     def add(self, effects: Sequence[BodyMotion], increment: BodyIncrement) -> None:
         """Add the turn of the wheels; `effects` are those of a radian of each on the body."""
@@ -90,7 +108,7 @@ class TurnSource:
             )
         if not has_lost_motion:
             bias_rad = bias_rad_s * covered_s
-            self.evidence = TurnEvidence(gyro_rad=angle_rad - bias_rad, wheels=wheels, by_wheel_rad=parts_rad)
+            self.turn = TurnEvidence(gyro_rad=angle_rad - bias_rad, wheels=wheels, by_wheel_rad=parts_rad)
         return Turn(angle_rad=angle_rad, source=YawSource.GYRO, covered_s=covered_s, unseen_rad2=unseen_rad2)
 
     def _begin(self) -> None:

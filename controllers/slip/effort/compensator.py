@@ -3,11 +3,14 @@
 import cmath
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from controllers.estimation.filter.slip_states import SlipEstimate
-from controllers.estimation.ground.travel import GroundPair
+from controllers.estimation.ground.travel import GroundPair, GroundReport
+from controllers.estimation.slip_compensator import SlipEvidence
 from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.body_motion import BodyMotion
+from controllers.motion.crab import DriftSource
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.roles import DeviceRoles
@@ -80,6 +83,7 @@ class EffortCompensator:
         travel_m_s: float | None = None,
     ) -> None:
         count = kinematics.wheel_count
+        self._excites_beside = settings.excite_beside_ground
         self._map = settings.use
         self._kinematics = kinematics
         self._device, self._gyro = roles.wheels, roles.gyro
@@ -147,9 +151,51 @@ class EffortCompensator:
     def correct(self, estimate: SlipEstimate) -> None:
         """Correct nothing: there are no states in the pose filter."""
 
-    def report(self) -> SlipReport | None:
+    @property
+    def evidence(self) -> SlipEvidence:
+        """What the excitation and the drive force show."""
+        excited, force = self.excited, self.free_force
+        return SlipEvidence(
+            slip=None if excited is None or excited.slip.reason else excited.slip.slip,
+            lost_response="" if excited is None else excited.lost_response,
+            unanswered_m=0.0 if excited is None else excited.unanswered_m,
+            unusual_force=force.reason,
+            unusual_force_m=force.far_m,
+        )
+
+    @property
+    def drift_rad(self) -> float:
+        """0: the drift is compensated, but not known well enough to steer against it."""
+        return 0.0
+
+    @property
+    def drift_source(self) -> DriftSource:
+        """Nothing."""
+        return DriftSource.NONE
+
+    def report(self, ground: GroundReport | None = None) -> SlipReport | None:
         """Return the slip as of the newest increment; None before the first."""
-        return self._report
+        if self._report is None or ground is None or ground.slip is None or ground.slip_sd is None:
+            return self._report
+        measured = RoverSlip(slip=ground.slip, sd=ground.slip_sd, source=SlipSource.GROUND, reason="")
+        return replace(self._report, rover=measured)
+
+    def excite(
+        self, now_s: float, twist: BodyMotion, *, is_turning: bool, is_measured: bool
+    ) -> tuple[BodyMotion, float]:
+        """Return the twist with the yaw excitation, and the yaw rate of that, see `SlipCompensator`."""
+        excited, (x_m_s, y_m_s, yaw_rate_rad_s) = self.excited, twist
+        if excited is None:
+            return twist, 0.0
+        if is_turning or (is_measured and not self._excites_beside):
+            excited.leave_out(now_s)
+            return twist, 0.0
+        in_place = excited.in_place
+        turn_rad_s = None if in_place is None else in_place.yaw_rate_rad_s(now_s, yaw_rate_rad_s)
+        if turn_rad_s is not None:
+            return (0.0, 0.0, turn_rad_s), turn_rad_s
+        added_rad_s = excited.yaw_rate_rad_s(now_s)
+        return (x_m_s, y_m_s, excited.swing.without_swing(now_s, yaw_rate_rad_s) + added_rad_s), added_rad_s
 
     def feed(self, sample: Sample, t_ns: int) -> None:
         """Take the current of one wheel as of `t_ns`, unless it is missing, not finite or not newer."""
@@ -217,7 +263,7 @@ class EffortCompensator:
             is_slip_one_sided=self.excited is not None and self.excited.slip.unsure == UNKNOWN_GYRO,
         )
 
-    def set_point_changes(self, commanded_twist: Sequence[float]) -> tuple[float, ...] | None:
+    def set_point_changes(self, commanded_twist: BodyMotion) -> tuple[float, ...] | None:
         """Return what the torque correction adds to each set-point, rad/s.
 
         Args:

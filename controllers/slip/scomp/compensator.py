@@ -7,7 +7,9 @@ from typing import Protocol
 
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.slip_states import SlipEstimate
+from controllers.estimation.ground.travel import GroundPair, GroundReport
 from controllers.estimation.parameters import ESTIMATION
+from controllers.estimation.slip_compensator import SlipEvidence
 from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.ftrace.reading import Rates, TraceReading
 from controllers.motion.body_motion import BodyMotion
@@ -120,12 +122,17 @@ class ScompCompensator:
         self._pending = _Pending()
 
     @property
-    def wheel_slip_angle_rad(self) -> float:
+    def drift_rad(self) -> float:
         """Angle of the velocity from the direction in which the wheels roll, left positive."""
         return self._wheel_slip_angle_rad
 
     @property
-    def source(self) -> DriftSource:
+    def evidence(self) -> SlipEvidence:
+        """What the frames of the camera show."""
+        return SlipEvidence(unmoved_m=self.unmoved_m)
+
+    @property
+    def drift_source(self) -> DriftSource:
         """What the slip angle comes from."""
         if self._has_trace():
             return DriftSource.TRACE
@@ -159,12 +166,26 @@ class ScompCompensator:
             known = x is not None and y is not None and abs(x) + abs(y) <= greatest_rad_s
             self._rates = (x or 0.0, y or 0.0, sample.rate_z_rad_s) if known else None
 
-    def report(self) -> ScompReport | None:
+    def report(self, ground: GroundReport | None = None) -> ScompReport | None:
         """Return the newest slip; None before the first increment. A frame is reported once."""
         report = self._report
-        if report is not None:
-            self._report = replace(report, trace=None)
-        return report
+        if report is None:
+            return None
+        self._report = replace(report, trace=None)
+        return report if ground is None or ground.slip is None else replace(report, slip=ground.slip)
+
+    def take_ground(self, pair: GroundPair) -> None:
+        """Nothing: the pose filter takes the motion over the ground."""
+
+    def excite(
+        self, now_s: float, twist: BodyMotion, *, is_turning: bool, is_measured: bool
+    ) -> tuple[BodyMotion, float]:
+        """Return the twist: nothing is excited."""
+        return twist, 0.0
+
+    def set_point_changes(self, commanded_twist: BodyMotion) -> None:
+        """Return None: nothing is added to the setpoints."""
+        return
 
     def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:
         """Return the body's motion for wheel speeds or angles, by the newest slip."""
