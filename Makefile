@@ -61,7 +61,7 @@ gates-full: setup
 
 safety-coverage: setup
 	$(BIN)/python -m coverage run -m pytest -q -n 0 tests/controllers/safety tests/controllers/test_limits.py \
-		tests/controllers/test_stuck_wheels.py tests/controllers/test_gyro.py tests/controllers/test_unseen_bounds.py tests/controllers/test_steering.py \
+		tests/controllers/test_stuck_wheels.py tests/controllers/test_gyro.py tests/controllers/test_unseen_bounds.py tests/controllers/test_error_budget.py tests/controllers/test_steering.py \
 		tests/rover_hil/test_watchdog.py tests/rover_hil/test_watchdog_process.py \
 		tests/rover_hil/test_watchdog_program.py tests/rover_hil/test_heartbeat.py \
 		tests/rover_hil/test_operators.py tests/rover_hil/connect/test_commands.py -k "not replays_exactly"

@@ -75,7 +75,7 @@ class Estimator:
         settings: FilterSettings,
         wheel_speed_limit_rad_s: float,
         roles: DeviceRoles,
-        slip: SlipCompensator[object] | None = None,
+        slip: SlipCompensator | None = None,
         ground: GroundTravel | None = None,
     ) -> None:
         self._slip, self._settings, self._roles = slip, settings, roles

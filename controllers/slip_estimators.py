@@ -1,6 +1,6 @@
 """The slip estimator of a configuration."""
 
-from controllers.estimation.slip_compensator import SlipCompensator
+from controllers.estimation.slip_compensator import SlipEstimator
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.roles import DeviceRoles
@@ -11,7 +11,7 @@ from controllers.slip.scomp.compensator import ScompCompensator, ScompReport, Tr
 
 def make_slip_estimator(
     settings: ControlSettings, kinematics: Kinematics, roles: DeviceRoles, finder: TraceFinder | None
-) -> SlipCompensator[SlipReport | ScompReport] | None:
+) -> SlipEstimator[SlipReport | ScompReport] | None:
     """Return the estimator that [slip] or [scomp] configures; None without them.
 
     Args:

@@ -28,7 +28,7 @@ class BodyVelocity:
         gyro: GyroIntegrator,
         turns: TurnSource,
         pose_filter: PoseFilter,
-        slip: SlipCompensator[object] | None,
+        slip: SlipCompensator | None,
         ground: GroundFollower,
     ) -> None:
         self._odometry, self._gyro, self._turns = odometry, gyro, turns

@@ -41,7 +41,7 @@ class PoseReport:
         turns: TurnSource,
         velocity: BodyVelocity,
         reach: WheelBounds,
-        slip: SlipCompensator[object] | None,
+        slip: SlipCompensator | None,
     ) -> None:
         self._gyro_delay_sd_s = settings.gyro_delay_sd_s
         self._wheel_age_s = roles.max_age_s(roles.wheels)

@@ -56,7 +56,7 @@ class SampleIntake:
         steering: SteeringAngles,
         gyro: GyroIntegrator,
         readings: InertialReadings,
-        slip: SlipCompensator[object] | None,
+        slip: SlipCompensator | None,
         ground: GroundTravel | None,
     ) -> None:
         self._roles, self._steering, self._gyro, self._readings = roles, steering, gyro, readings

@@ -1,4 +1,4 @@
-"""What the estimator and the control loop require of a slip compensator."""
+"""What the estimator requires of a slip compensator, and the control loop of a slip estimator."""
 
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol, TypeVar
@@ -37,7 +37,7 @@ class SlipEvidence(NamedTuple):
 NO_SLIP_EVIDENCE = SlipEvidence()
 
 
-class SlipCompensator(Protocol[ReportT]):
+class SlipCompensator(Protocol):
     """Removes wheel slip from the motion that the wheels report.
 
     It does so in `compensate`, or by states of its own in the pose filter. With states `compensate` leaves
@@ -55,21 +55,6 @@ class SlipCompensator(Protocol[ReportT]):
 
         Along the travel, in the body frame, with the left as imaginary part; 0 where nothing is corrected.
         """
-        ...
-
-    @property
-    def evidence(self) -> SlipEvidence:
-        """What the stop rules see of the slip in this cycle."""
-        ...
-
-    @property
-    def drift_rad(self) -> float:
-        """Angle of the velocity from the direction in which the wheels roll, left positive; 0 if unknown."""
-        ...
-
-    @property
-    def drift_source(self) -> DriftSource:
-        """What that angle comes from."""
         ...
 
     def feed(self, sample: Sample, t_ns: int) -> None:
@@ -98,6 +83,25 @@ class SlipCompensator(Protocol[ReportT]):
 
     def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:
         """Return the body's motion for wheel speeds or angles, by the newest slip."""
+        ...
+
+
+class SlipEstimator(SlipCompensator, Protocol[ReportT]):
+    """A slip compensator that reports, offers evidence, and may change what is commanded."""
+
+    @property
+    def evidence(self) -> SlipEvidence:
+        """What the stop rules see of the slip in this cycle."""
+        ...
+
+    @property
+    def drift_rad(self) -> float:
+        """Angle of the velocity from the direction in which the wheels roll, left positive; 0 if unknown."""
+        ...
+
+    @property
+    def drift_source(self) -> DriftSource:
+        """What that angle comes from."""
         ...
 
     def report(self, ground: GroundReport | None = None) -> ReportT | None:

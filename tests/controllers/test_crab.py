@@ -177,7 +177,7 @@ class Bench:
                 self.filter.correct_bias("imu", 0.0)
 
     def source(self) -> str:
-        return self.scomp.source.value
+        return self.scomp.drift_source.value
 
     @property
     def course_rad(self) -> float:
@@ -198,7 +198,7 @@ def test_steered_wheels_roll_in_their_direction() -> None:
 def test_wheels_that_crab_against_the_roll_keep_the_course() -> None:
     straight = Bench(None, 0.0, 0.14)
     straight.run(5.0)
-    drift_rad = straight.scomp.wheel_slip_angle_rad
+    drift_rad = straight.scomp.drift_rad
     assert straight.course_rad == pytest.approx(drift_rad)
     assert drift_rad < -0.05
     crabbing = Bench(None, -drift_rad, 0.14)
@@ -216,7 +216,7 @@ def test_the_trace_is_measured_against_the_body() -> None:
     bench.run(1.0, rim_m_s=0.0)  # the gyro's bias is learnt
     bench.run(10.0)
     assert bench.course_rad == pytest.approx(0.0, abs=0.01)
-    assert bench.scomp.wheel_slip_angle_rad == pytest.approx(-0.15, abs=0.01)
+    assert bench.scomp.drift_rad == pytest.approx(-0.15, abs=0.01)
 
 
 def test_without_a_trace_the_slip_angle_is_that_of_the_tilt_and_without_both_it_fades() -> None:
@@ -225,7 +225,7 @@ def test_without_a_trace_the_slip_angle_is_that_of_the_tilt_and_without_both_it_
     bench.run(1.0, rim_m_s=0.0)
     bench.run(6.0)
     assert bench.source() == "trace"
-    assert bench.scomp.wheel_slip_angle_rad == pytest.approx(-0.25, abs=0.02)
+    assert bench.scomp.drift_rad == pytest.approx(-0.25, abs=0.02)
     finder.theta_rad = None
     bench.run(0.8)
     assert bench.source() == "trace"
@@ -235,13 +235,13 @@ def test_without_a_trace_the_slip_angle_is_that_of_the_tilt_and_without_both_it_
     untaught = Bench(None, 0.0, 0.14)
     untaught.run(5.0)
     assert untaught.source() == "tilt"
-    assert -0.25 < bench.scomp.wheel_slip_angle_rad < untaught.scomp.wheel_slip_angle_rad - 0.01
+    assert -0.25 < bench.scomp.drift_rad < untaught.scomp.drift_rad - 0.01
     level = SeenTrace(-0.25)
     blind = Bench(level, 0.0, None)
     blind.run(1.0, rim_m_s=0.0)
     blind.run(6.0)
-    assert blind.scomp.wheel_slip_angle_rad < -0.15
+    assert blind.scomp.drift_rad < -0.15
     level.theta_rad = None
     blind.run(30.0)
     assert blind.source() == "none"
-    assert blind.scomp.wheel_slip_angle_rad == pytest.approx(0.0, abs=0.01)
+    assert blind.scomp.drift_rad == pytest.approx(0.0, abs=0.01)

@@ -12,6 +12,7 @@ from controllers.estimation.filter.slip_states import SlipEstimate
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.estimator import Estimator
+from controllers.fault import Bound, Cause, Fault, Severity
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.kinematics import SkidSteerKinematics
 from controllers.roles import DeviceRoles
@@ -31,6 +32,12 @@ from tests.controllers.test_scomp_compensator import (
 
 QUIET = FilterSettings(position_noise_m_sqrt_m=1e-4, unsure_position_noise_m_sqrt_m=1e-4)
 SPEED_RAD_S = 2.0
+
+
+def distrust_gyro(estimator: Estimator, gyro_rad: float, severity: Severity = Severity.STOP) -> None:
+    """Let a stop rule begin to find an error of the gyro."""
+    estimator.take_faults([])
+    estimator.take_faults([Fault("imu", Cause.GYRO_JUMP, "", severity, Bound(gyro_rad=gyro_rad))])
 
 
 class HalfOfTheWay:
@@ -87,27 +94,31 @@ def x_sd_m(estimator: Estimator) -> float:
 def test_a_wrong_gyro_makes_the_compensated_way_uncertain_once() -> None:
     estimator, rolled_m = driven(0.5, 0.5)
     assert x_sd_m(estimator) < 0.01 * rolled_m
-    estimator.doubt((), 0.1)
+    distrust_gyro(estimator, 0.1)
     # Any share of what was removed is equally likely; the memory has faded a little.
     sd_m = x_sd_m(estimator)
     assert sd_m == pytest.approx(0.5 * rolled_m / math.sqrt(3.0), rel=0.15)
-    estimator.doubt((), 0.1)
+    distrust_gyro(estimator, 0.1)
     assert x_sd_m(estimator) == pytest.approx(sd_m, rel=1e-6)
 
 
-@pytest.mark.parametrize("is_unseen", [True, False])
-def test_a_suspicion_widens_the_pose_and_does_not_count_as_unseen_motion(is_unseen: bool) -> None:
+@pytest.mark.parametrize("is_unobserved", [True, False])
+def test_an_uncertain_gyro_inflates_the_covariance_and_does_not_count_as_unobserved(
+    is_unobserved: bool,
+) -> None:
     estimator, _ = driven(0.5, 0.5)
     assert estimator.motion_ns is not None
-    estimator.doubt((), 0.6, is_unseen=is_unseen)
+    distrust_gyro(estimator, 0.6, Severity.STOP if is_unobserved else Severity.UNCERTAIN)
     assert estimator.estimate(estimator.motion_ns).covariance[5] == pytest.approx(0.6**2 / 3.0, rel=0.01)
-    assert estimator.unseen.yaw_rad == pytest.approx(0.6 / math.sqrt(3.0) if is_unseen else 0.0, abs=0.01)
+    assert estimator.budget.evidence.unobserved_rad == pytest.approx(
+        0.6 / math.sqrt(3.0) if is_unobserved else 0.0, abs=0.01
+    )
 
 
 @pytest.mark.parametrize(("share", "yaw_rad"), [(0.5, 0.0), (0.0, 0.1)])
 def test_without_a_doubt_of_the_gyro_or_compensation_nothing_is_added(share: float, yaw_rad: float) -> None:
     estimator, rolled_m = driven(share, 0.5)
-    estimator.doubt((), yaw_rad)
+    distrust_gyro(estimator, yaw_rad)
     assert x_sd_m(estimator) < 0.01 * rolled_m
 
 
@@ -134,10 +145,10 @@ def test_a_wrong_gyro_makes_the_slip_that_was_learnt_as_uncertain_as_at_the_star
 
     start_sd_rad = math.sqrt(bench.told.states.start_variances[0])
     assert trace_sd_rad() < 0.5 * start_sd_rad
-    bench.filter.doubt_slip()
+    bench.filter.reset_slip_variances()
     assert trace_sd_rad() == pytest.approx(start_sd_rad, rel=1e-6)
     assert bench.filter.slip_values == pytest.approx(values)
-    bench.filter.doubt_slip()
+    bench.filter.reset_slip_variances()
     assert trace_sd_rad() == pytest.approx(start_sd_rad, rel=1e-6)
 
 
@@ -173,6 +184,6 @@ def test_the_way_that_states_of_slip_removed_is_doubted_with_the_gyro() -> None:
     removed_m = RIM_M_S - estimator.estimate(0).x_m
     assert removed_m > 0.01
     before_m2 = estimator.estimate(0).covariance[0]
-    estimator.doubt((), 0.1)
+    distrust_gyro(estimator, 0.1)
     added_m2 = estimator.estimate(0).covariance[0] - before_m2
     assert math.sqrt(added_m2) == pytest.approx(removed_m / math.sqrt(3.0), rel=0.25)

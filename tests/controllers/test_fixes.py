@@ -94,7 +94,7 @@ def test_the_slopes_are_those_of_the_expected_fix(monkeypatch: pytest.MonkeyPatc
         asked.append((residuals, rows))
         return (Innovation(measured=Measured(""), residual=None, variance=None, nis=None, accepted=True),)
 
-    monkeypatch.setattr(pose_filter._filter, "update_together", note)
+    monkeypatch.setattr(pose_filter.kalman, "update_together", note)
     state, step = pose_filter._filter.state, 1e-6
     fix = on_floor(0.5 + 0.1j, 0.6)
     pose_filter.positions.correct(fix, way_back)

@@ -272,10 +272,10 @@ def test_a_tilt_that_falls_silent_is_unknown_after_a_second() -> None:
     bench.run(2.0)
     bench.run(0.9, has_tilt=False)
     assert bench.reason == ""
-    sources = [bench.told.source]
+    sources = [bench.told.drift_source]
     bench.run(0.3, has_tilt=False)
     assert bench.reason == "no tilt"
-    assert [*sources, bench.told.source] == [DriftSource.TILT, DriftSource.NONE]
+    assert [*sources, bench.told.drift_source] == [DriftSource.TILT, DriftSource.NONE]
     assert not bench.increments[-1].is_sure
     bench.run(0.1)
     assert bench.reason == ""

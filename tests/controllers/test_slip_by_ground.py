@@ -32,7 +32,6 @@ def pairs(
                 turn_rad=0.0,
                 turn_sd_rad=0.01,
                 scale_sd=0.01,
-                doubted_m=0.0,
                 invalid_because="",
             ),
         )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from controllers.estimation.wheels.turn_evidence import WheelTurn
-from controllers.estimation.wheels.unobserved_motion import UnseenMotion
+from controllers.estimation.wheels.unobserved_motion import UnobservedMotion
 from controllers.motion.kinematics import OmniKinematics, greatest_motion, wheel_effects
 from tests.controllers.simulated import OMNI
 
@@ -21,7 +21,7 @@ def test_the_greatest_motion_is_that_of_the_wheels_that_turn_the_same_way() -> N
 
 
 def test_while_the_wheels_are_not_measured_the_fastest_speed_counts() -> None:
-    unseen = UnseenMotion(EFFECTS)
+    unseen = UnobservedMotion(EFFECTS)
     unseen.note_speeds((1.0, 0.0, -1.0), (-2.0, 0.0, 0.5), is_measured=True)
     unseen.note_speeds((0.0, 0.0, 0.0), (0.0, 3.0, 0.0), is_measured=False)
     assert unseen.greatest_motion(0.5, 0.0)[:2] == pytest.approx(
@@ -34,51 +34,20 @@ def test_while_the_wheels_are_not_measured_the_fastest_speed_counts() -> None:
 
 
 def test_wheels_that_have_steered_move_the_rover_another_way() -> None:
-    unseen = UnseenMotion(EFFECTS)
+    unseen = UnobservedMotion(EFFECTS)
     unseen.note_speeds((0.0, 1.0, 0.0), is_measured=True)
     turned = tuple((2.0 * y, 2.0 * x, yaw) for x, y, yaw in EFFECTS)
     unseen.turn_wheels(turned)
     assert unseen.greatest_motion(0.5, 0.0)[:2] == pytest.approx(greatest_motion(turned, (0.0, 0.5, 0.0))[:2])
 
 
-def test_what_a_measurement_has_removed_is_known_again() -> None:
-    unseen = UnseenMotion(EFFECTS)
-    unseen.add(0.09, 0.04)
-    unseen.limit(0.16, 0.01)
-    assert (unseen.position_m, unseen.yaw_rad) == pytest.approx((0.3, 0.1))
-
-
 def test_before_the_first_speeds_nothing_is_unknown() -> None:
-    unseen = UnseenMotion(EFFECTS)
-    assert (unseen.position_m, unseen.yaw_rad) == (0.0, 0.0)
+    unseen = UnobservedMotion(EFFECTS)
     assert unseen.greatest_motion(1.0, 1.0) == (0.0, 0.0, 0.0)
 
 
-def test_variances_of_several_gaps_add_up() -> None:
-    unseen = UnseenMotion(EFFECTS)
-    unseen.add(0.05, 0.01)
-    unseen.add(0.04, 0.03)
-    assert (unseen.position_m, unseen.yaw_rad) == pytest.approx((0.3, 0.2))
-
-
-@pytest.mark.parametrize("turn_unknown_s", [0.25, 6.0])
-def test_an_unknown_turn_leads_to_the_side(turn_unknown_s: float) -> None:
-    unseen = UnseenMotion(EFFECTS)
-    unseen.note_speeds(OmniKinematics(OMNI).wheel_speeds(0.1, 0.0, 0.0), is_measured=True)
-    ahead_m, aside_m, _ = unseen.greatest_motion(6.0, 0.0)
-    x_m, y_m, yaw_rad = unseen.greatest_motion(6.0, turn_unknown_s)
-    assert yaw_rad == pytest.approx(turn_unknown_s * 0.1 * np.cos(np.radians(30.0)) / (3.0 * 0.125))
-    assert x_m == ahead_m
-    # Half of the product of distance and turn; one radian at most.
-    assert y_m == pytest.approx(aside_m + 0.5 * ahead_m * min(yaw_rad, 1.0))
-    # A turn that the gyro has measured leads there, too, whichever its sign.
-    for turned_rad in (0.1, -0.1):
-        _, y_m, _ = unseen.greatest_motion(6.0, turn_unknown_s, turned_rad)
-        assert y_m == pytest.approx(aside_m + 0.5 * ahead_m * min(yaw_rad + 0.1, 1.0))
-
-
 def test_speeds_of_a_wheel_must_not_be_missing() -> None:
-    unseen = UnseenMotion(EFFECTS)
+    unseen = UnobservedMotion(EFFECTS)
     unseen.note_speeds((1.0, 1.0, 1.0), (1.0, 1.0), is_measured=True)
     with pytest.raises(ValueError, match="shorter"):
         unseen.greatest_motion(1.0, 1.0)

@@ -15,7 +15,7 @@ def watch(*stretches: tuple[float, complex]) -> list[str]:
     for wheels_m, ratio in stretches:
         for _ in range(round(wheels_m / WHEEL_M)):
             rig_watch.update(WHEEL_M, ratio * WHEEL_M, SD_M)
-            found.append(rig_watch.contradiction)
+            found.append("" if rig_watch.fault is None else rig_watch.fault.text)
     return found
 
 
@@ -57,7 +57,7 @@ def test_the_share_of_the_travel_that_outran_the_wheels_is_doubted_once() -> Non
     told_m = []
     for ratio in [0.975] * 200 + [1.5] * 500 + [1.0] * 200:
         rig_watch.update(WHEEL_M, complex(ratio * WHEEL_M), SD_M)
-        told_m.append(rig_watch.doubted_m)
+        told_m.append(0.0 if rig_watch.fault is None else rig_watch.fault.bound.position_m)
     assert told_m[199] == 0.0
     # A third of what was measured, and a little that was used before it was told.
     assert told_m[699] == pytest.approx((1.95 + 0.4) / 3.0, rel=0.1)

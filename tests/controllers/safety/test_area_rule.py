@@ -6,16 +6,18 @@ import numpy as np
 import pytest
 
 from controllers.control_loop import ControlLoop, StepOutput
+from controllers.fault import ClearedBy, Fault, Severity
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.settings import ByHandMission, MissionSettings, WaypointsMission
 from controllers.operator import OperatorInput
 from controllers.roles import DeviceRoles
 from controllers.safety.area import Area, CircleArea, PolygonArea
 from controllers.safety.area_rule import AreaRule
-from controllers.safety.reasons import Cycle, Severity, StopReason
+from controllers.safety.reasons import Cycle
 from controllers.safety.settings import SafetySettings
 from controllers.safety.supervisor import Mode, SafetySupervisor
 from drivers.errors import ConfigError
+from tests.controllers.safety.cycles import make_cycle
 from tests.controllers.simulated import PERIOD_NS, ROLES, SimulatedRover, make_settings, omni_rover
 
 MOVES = (1.0,)
@@ -24,19 +26,20 @@ BODY_M = math.hypot(0.125, 0.04)
 
 
 def cycle(over_m: float, *, is_confirmed: bool = False, is_led_out: bool = False) -> Cycle:
-    return Cycle(
+    return make_cycle(
         now_ns=0,
         motion_ns=0,
         commanded_rad_s=MOVES,
         measured_rad_s=MOVES,
         over_border_m=over_m,
-        position_m=1.0 - 2.0j,
+        x_m=1.0,
+        y_m=-2.0,
         is_confirmed=is_confirmed,
         is_led_out=is_led_out,
     )
 
 
-def only(rule: AreaRule, seen: Cycle) -> StopReason | None:
+def only(rule: AreaRule, seen: Cycle) -> Fault | None:
     reasons = list(rule.check(seen))
     assert len(reasons) <= 1
     return reasons[0] if reasons else None
@@ -49,14 +52,14 @@ def crossed() -> AreaRule:
     reason = only(rule, cycle(0.02))
     assert reason is not None
     assert reason.severity is Severity.STOP
-    assert reason.waits_for_operator
+    assert reason.cleared_by is ClearedBy.OPERATOR
     assert "crossed the border of safety.area, estimated position 1.00, -2.00 m" in reason.text
     assert "`rover-hil bench`" in reason.text
     return rule
 
 
-def waits(reason: StopReason | None) -> bool:
-    return reason is not None and reason.severity is Severity.STOP and reason.waits_for_operator
+def waits(reason: Fault | None) -> bool:
+    return reason is not None and reason.severity is Severity.STOP and reason.cleared_by is ClearedBy.OPERATOR
 
 
 def test_a_stop_holds_until_the_operator_confirms_also_where_the_region_is_inside_again() -> None:
@@ -79,8 +82,8 @@ def test_after_a_confirmation_the_greatest_excess_must_not_grow() -> None:
     assert waits(only(rule, cycle(0.05)))
     back = only(rule, cycle(0.04, is_confirmed=True))
     assert back is not None
-    assert back.severity is Severity.SUSPICION
-    assert not back.waits_for_operator
+    assert back.severity is Severity.WARNING
+    assert back.cleared_by is not ClearedBy.OPERATOR
     for over_m in (0.05, 0.03, 0.05):  # as far as it has been
         assert not waits(only(rule, cycle(over_m)))
     assert waits(only(rule, cycle(0.0501)))
@@ -114,11 +117,11 @@ def test_a_position_that_is_not_known_cannot_be_confirmed() -> None:
 
 def test_before_the_first_motion_the_reason_ends_by_itself() -> None:
     rule = AreaRule()
-    at_rest = Cycle(now_ns=0, commanded_rad_s=(0.0,), over_border_m=0.1)
+    at_rest = make_cycle(now_ns=0, commanded_rad_s=(0.0,), over_border_m=0.1)
     reason = only(rule, at_rest)
     assert reason is not None
     assert reason.severity is Severity.STOP
-    assert not reason.waits_for_operator
+    assert reason.cleared_by is not ClearedBy.OPERATOR
     assert "before it has moved" in reason.text
     assert only(rule, at_rest._replace(over_border_m=-0.1)) is None
     assert AreaRule.observes == ()

@@ -4,12 +4,13 @@ import math
 
 import pytest
 
+from controllers.fault import Fault, Severity
 from controllers.roles import DeviceRoles
 from controllers.safety.dead_gyro_rule import DeadGyroRule
 from controllers.safety.gyro_turn_rules import GyroTurnSettings
-from controllers.safety.reasons import Cycle, Severity, StopReason
 from controllers.safety.unproven_turn import UnprovenTurn
 from drivers.samples import RateSample
+from tests.controllers.safety.cycles import make_cycle
 
 STEP_NS = 20_000_000
 BIAS_RAD_S = 0.1
@@ -22,9 +23,9 @@ class Gyro:
         self.rule = DeadGyroRule(GyroTurnSettings(), roles, self.unproven)
         self.now_ns = 0
 
-    def read(self, rate_rad_s: float, duration_s: float, device: str = "imu") -> list[StopReason]:
+    def read(self, rate_rad_s: float, duration_s: float, device: str = "imu") -> list[Fault]:
         """Return the last reasons of a time with one reading, and noise of some cycles to and fro."""
-        found: list[StopReason] = []
+        found: list[Fault] = []
         for index in range(round(duration_s * 1e9 / STEP_NS)):
             self.now_ns += STEP_NS
             noise_rad_s = 0.04 * math.copysign(1.0, (index % 2) - 0.5)
@@ -32,7 +33,7 @@ class Gyro:
                 device=device, t_ns=self.now_ns, rate_z_rad_s=BIAS_RAD_S + rate_rad_s + noise_rad_s
             )
             self.rule.observe(sample, self.now_ns)
-            found = list(self.rule.check(Cycle(now_ns=self.now_ns, gyro_bias_rad_s=BIAS_RAD_S)))
+            found = list(self.rule.check(make_cycle(now_ns=self.now_ns, gyro_bias_rad_s=BIAS_RAD_S)))
         return found
 
 
@@ -46,7 +47,7 @@ def test_a_dead_gyro_keeps_the_rover_stopped_until_it_shows_a_signal(rate_rad_s:
     gyro.unproven.is_dead = True
     (reason,) = gyro.read(0.0, 20.0)
     assert reason.severity is Severity.STOP
-    assert reason.cause == "gyro dead"
+    assert reason.name == "gyro dead"
     assert reason.text == (
         "imu: no signal, although the rover turned: wrong axis, or broken; the rover stays stopped until the "
         "gyro measures a turn"

@@ -8,12 +8,13 @@ from typing import Any
 import pytest
 
 from controllers.estimation.ground.travel import GroundPair
+from controllers.fault import Fault, Severity
 from controllers.ground_motion.motion import GroundMotion
 from controllers.roles import DeviceRoles
 from controllers.safety.entrapment import EntrapmentRule, EntrapmentSettings
-from controllers.safety.reasons import Cycle, Severity, StopReason
 from drivers.samples import PoseFixSample
 from tests.controllers.floor_fixes import FLOOR, on_floor
+from tests.controllers.safety.cycles import make_cycle
 
 CYCLE_NS = 20_000_000
 ROLES = DeviceRoles(wheels="wheels", gyro="imu", fixes=("overhead",), required={})
@@ -34,9 +35,9 @@ class Travel:
         self.now_ns = 0
         self.place_m = 0j
 
-    def go(self, distance_m: float, slip: float | None = None, direction: complex = 1.0) -> list[StopReason]:
+    def go(self, distance_m: float, slip: float | None = None, direction: complex = 1.0) -> list[Fault]:
         self.now_ns += CYCLE_NS
-        cycle = Cycle(
+        cycle = make_cycle(
             now_ns=self.now_ns,
             motion_ns=self.now_ns,
             distance_m=distance_m,
@@ -51,7 +52,7 @@ class Travel:
         seen = replace(seen, t_ns=self.now_ns, t_capture_ns=self.now_ns - self.lag_ns)
         self.rule.observe(replace(seen, **changes), self.now_ns)
 
-    def drive(self, wheels_m: float, moved: complex, sd_m: float = 0.003) -> list[StopReason]:
+    def drive(self, wheels_m: float, moved: complex, sd_m: float = 0.003) -> list[Fault]:
         """Let the wheels travel along x in small steps while the rover moves; then comes a fix."""
         for _ in range(10):
             assert self.go(wheels_m / 10) == []
@@ -68,7 +69,7 @@ def test_without_progress_on_half_a_metre_the_stop_is_final() -> None:
     assert travel.drive(0.3, 0j) == []
     (reason,) = travel.drive(0.3, 0j)
     assert reason.severity is Severity.FINAL
-    assert reason.cause == "entrapment"
+    assert reason.name == "entrapment"
     assert reason.text == (
         "rover: entrapped, its wheels travelled 0.60 m and overhead shows no progress: free it and restart"
     )
@@ -224,11 +225,11 @@ def test_two_devices_are_judged_apart() -> None:
     for t_ns in range(2):
         for place_m, device in ((0j, "overhead"), (5.0 + 0j, "marks")):
             rule.observe(replace(on_floor(place_m, 0.0), device=device, t_capture_ns=t_ns), t_ns)
-        found = list(rule.check(Cycle(now_ns=t_ns, motion_ns=t_ns, distance_m=0.6, travel_m=0.6)))
+        found = list(rule.check(make_cycle(now_ns=t_ns, motion_ns=t_ns, distance_m=0.6, travel_m=0.6)))
     assert [reason.text.split(" and ")[1].split()[0] for reason in found] == ["overhead", "marks"]
 
 
-def late_drive(speed_m_s: float, lag_s: float, travels: float) -> list[StopReason]:
+def late_drive(speed_m_s: float, lag_s: float, travels: float) -> list[Fault]:
     """Drive 4 m; fixes at 10 Hz say how far a share of the travel had moved the rover a while before."""
     travel = Travel()
     found = []
@@ -259,7 +260,7 @@ def test_without_a_known_motion_of_the_wheels_fixes_do_not_count() -> None:
     rule = Travel().rule
     for t_ns in range(2):
         rule.observe(replace(on_floor(0j, 0.0), t_capture_ns=t_ns), t_ns)
-        assert list(rule.check(Cycle(now_ns=t_ns, distance_m=0.6, travel_m=0.6))) == []
+        assert list(rule.check(make_cycle(now_ns=t_ns, distance_m=0.6, travel_m=0.6))) == []
 
 
 def test_a_motion_that_stays_the_newest_is_noted_once() -> None:
@@ -267,7 +268,9 @@ def test_a_motion_that_stays_the_newest_is_noted_once() -> None:
     travel.drive(0.0, 0j)
     travel.go(0.3)
     travel.fix()
-    repeated = Cycle(now_ns=travel.now_ns + CYCLE_NS, motion_ns=travel.now_ns, distance_m=0.3, travel_m=0.3)
+    repeated = make_cycle(
+        now_ns=travel.now_ns + CYCLE_NS, motion_ns=travel.now_ns, distance_m=0.3, travel_m=0.3
+    )
     # What is travelled by an unknown time counts from the next known one on.
     assert list(travel.rule.check(repeated)) == []
     travel.fix()
@@ -305,7 +308,7 @@ def test_a_slip_near_1_alone_is_a_suspicion() -> None:
     travel = Travel()
     assert travel.go(0.499, 0.85) == []
     (reason,) = travel.go(0.001, 0.85)
-    assert reason.severity is Severity.SUSPICION
+    assert reason.severity is Severity.WARNING
     assert reason.text == (
         "rover: may be entrapped, by the yaw excitation its wheels travelled 0.5 m at a slip of at least 0.85"
     )
@@ -333,8 +336,8 @@ def test_unknown_slip_in_between_does_not_clear_the_suspicion() -> None:
 
 def test_a_camera_that_sees_no_motion_is_a_suspicion() -> None:
     rule = Travel().rule
-    (reason,) = rule.check(Cycle(now_ns=0, unmoved_m=0.3))
-    assert reason.severity is Severity.SUSPICION
+    (reason,) = rule.check(make_cycle(now_ns=0, unmoved_m=0.3))
+    assert reason.severity is Severity.WARNING
     assert "the rear camera sees no motion of the ground" in reason.text
 
 
@@ -345,9 +348,9 @@ class Doubted(Travel):
     unanswered_m = 0.0
     is_still = False
 
-    def go(self, distance_m: float, slip: float | None = None, direction: complex = 1.0) -> list[StopReason]:
+    def go(self, distance_m: float, slip: float | None = None, direction: complex = 1.0) -> list[Fault]:
         self.now_ns += CYCLE_NS
-        cycle = Cycle(
+        cycle = make_cycle(
             now_ns=self.now_ns,
             motion_ns=self.now_ns,
             distance_m=distance_m,
@@ -367,7 +370,7 @@ def test_a_suspicion_that_nothing_decides_stops_once_and_counts_anew_after_a_res
     travel.unanswered_m = 0.3
     for _ in range(11):
         (reason,) = travel.go(0.1)
-        assert (reason.cause, reason.severity) == ("lost response", Severity.SUSPICION)
+        assert (reason.name, reason.severity) == ("lost response", Severity.WARNING)
         assert reason.text == "rover: may be entrapped, or imu has no signal: no answer"
     (reason,) = travel.go(0.1)
     assert reason.severity is Severity.RECOVERABLE
@@ -375,14 +378,14 @@ def test_a_suspicion_that_nothing_decides_stops_once_and_counts_anew_after_a_res
         "rover: progress unknown on 1.50 m of its wheels, may be entrapped, or imu has no signal: no answer"
     )
     # All that the wheels turned since the rover may have got stuck, but for the first cycle.
-    assert reason.wheel_rad == pytest.approx((25.0 * 1.5, 0.0), rel=0.1)
+    assert reason.bound.wheel_rad == pytest.approx((25.0 * 1.5, 0.0), rel=0.1)
     assert travel.go(0.1) == [reason]
     travel.is_still, travel.unanswered_m = True, 5.0
     (reason,) = travel.go(0.0)
-    assert reason.severity is Severity.SUSPICION
+    assert reason.severity is Severity.WARNING
     travel.is_still = False
     # At most half of the travel lies before the suspicion.
-    assert [travel.go(0.1)[0].severity for _ in range(8)] == [Severity.SUSPICION] * 7 + [Severity.RECOVERABLE]
+    assert [travel.go(0.1)[0].severity for _ in range(8)] == [Severity.WARNING] * 7 + [Severity.RECOVERABLE]
 
 
 def test_an_answer_and_progress_by_fixes_clear_the_travel() -> None:
@@ -391,23 +394,23 @@ def test_an_answer_and_progress_by_fixes_clear_the_travel() -> None:
         travel.place_m += 0.1
         travel.fix()
         (reason,) = travel.go(0.1)
-        assert (step, reason.severity) == (step, Severity.SUSPICION)
-    assert [travel.go(0.3)[0].severity for _ in range(3)] == [Severity.SUSPICION] * 3
+        assert (step, reason.severity) == (step, Severity.WARNING)
+    assert [travel.go(0.3)[0].severity for _ in range(3)] == [Severity.WARNING] * 3
     travel.lost_response = ""
     assert travel.go(0.3) == []
     travel.lost_response = "no answer"
-    assert [travel.go(0.3)[0].severity for _ in range(4)][2:] == [Severity.SUSPICION, Severity.RECOVERABLE]
+    assert [travel.go(0.3)[0].severity for _ in range(4)][2:] == [Severity.WARNING, Severity.RECOVERABLE]
 
 
 def test_an_odd_force_stops_once() -> None:
     rule = Travel().rule
 
-    def go(index: int, *, is_still: bool = False) -> StopReason:
-        cycle = Cycle(
+    def go(index: int, *, is_still: bool = False) -> Fault:
+        cycle = make_cycle(
             now_ns=index * CYCLE_NS,
             distance_m=0.0 if is_still else 0.1,
-            odd_force="40 N",
-            odd_force_m=0.3,
+            unusual_force="40 N",
+            unusual_force_m=0.3,
             measured_rad_s=(1.0,),
             is_still=is_still,
         )
@@ -416,13 +419,13 @@ def test_an_odd_force_stops_once() -> None:
 
     found = [go(index) for index in range(13)]
     assert [reason.severity for reason in found[10:]] == [
-        Severity.SUSPICION,
+        Severity.WARNING,
         Severity.RECOVERABLE,
         Severity.RECOVERABLE,
     ]
     assert "progress unknown on 1.50 m of its wheels, may be entrapped, or on a slope" in found[-1].text
-    assert go(13, is_still=True).severity is Severity.SUSPICION
-    assert {go(index).severity for index in range(14, 60)} == {Severity.SUSPICION}
+    assert go(13, is_still=True).severity is Severity.WARNING
+    assert {go(index).severity for index in range(14, 60)} == {Severity.WARNING}
 
 
 def test_a_rover_that_is_to_back_out_is_stopped_for_good_only_the_second_time() -> None:
@@ -441,7 +444,7 @@ def test_a_rover_that_is_to_back_out_is_stopped_for_good_only_the_second_time() 
 def unmoved(
     travel: Travel, index: int, unmoved_m: float, distance_m: float = 0.1, *, is_still: bool = False
 ) -> Severity:
-    cycle = Cycle(
+    cycle = make_cycle(
         now_ns=index * CYCLE_NS,
         distance_m=distance_m,
         unmoved_m=unmoved_m,
@@ -454,20 +457,20 @@ def unmoved(
 
 def test_a_camera_that_sees_no_motion_stops_as_early_as_fixes_would() -> None:
     travel = Travel()
-    assert list(travel.rule.check(Cycle(now_ns=0, distance_m=0.3, measured_rad_s=(1.0,)))) == []
+    assert list(travel.rule.check(make_cycle(now_ns=0, distance_m=0.3, measured_rad_s=(1.0,)))) == []
     found = [unmoved(travel, index, 0.1 * index) for index in range(4, 8)]
-    assert found == [Severity.SUSPICION, *[Severity.RECOVERABLE] * 3]
+    assert found == [Severity.WARNING, *[Severity.RECOVERABLE] * 3]
     # After a rest the travel counts anew.
-    assert unmoved(travel, 9, 0.8, 0.0, is_still=True) is Severity.SUSPICION
+    assert unmoved(travel, 9, 0.8, 0.0, is_still=True) is Severity.WARNING
     assert [unmoved(travel, index, 0.1 * index) for index in range(10, 15)][-2:] == [
-        Severity.SUSPICION,
+        Severity.WARNING,
         Severity.RECOVERABLE,
     ]
 
 
 def test_a_limit_below_the_travel_that_a_camera_needs_stops_at_once() -> None:
     travel = Travel(EntrapmentSettings(entrapment_m=0.1))
-    assert list(travel.rule.check(Cycle(now_ns=0, distance_m=0.3, measured_rad_s=(1.0,)))) == []
+    assert list(travel.rule.check(make_cycle(now_ns=0, distance_m=0.3, measured_rad_s=(1.0,)))) == []
     assert unmoved(travel, 1, 0.3, 0.0) is Severity.RECOVERABLE
 
 
@@ -479,12 +482,12 @@ def test_what_fixes_have_shown_is_no_travel_without_progress_under_a_camera() ->
         travel.go(0.1)
     travel.now_ns += CYCLE_NS
     found = [unmoved(travel, 1000 + index, 1.0) for index in range(6)]
-    assert found == [Severity.SUSPICION] * 4 + [Severity.RECOVERABLE] * 2
+    assert found == [Severity.WARNING] * 4 + [Severity.RECOVERABLE] * 2
 
 
 def test_the_slip_reading_never_stops() -> None:
     travel = Travel()
-    assert {reason.severity for _ in range(100) for reason in travel.go(0.1, 1.0)} == {Severity.SUSPICION}
+    assert {reason.severity for _ in range(100) for reason in travel.go(0.1, 1.0)} == {Severity.WARNING}
 
 
 def ground_pair(rolled_m: complex, ground_m: complex) -> GroundPair:
@@ -508,7 +511,7 @@ def over_ground(rolled_m: complex | list[complex], moved_m: list[complex]) -> li
     rule = EntrapmentRule(EntrapmentSettings(), ROLES)
     rolled = rolled_m if isinstance(rolled_m, list) else [rolled_m] * len(moved_m)
     pairs = map(ground_pair, rolled, moved_m)
-    cycles = [Cycle(now_ns=0, ground_pairs=(pair,)) for pair in pairs]
+    cycles = [make_cycle(now_ns=0, ground_pairs=(pair,)) for pair in pairs]
     return [number for number, cycle in enumerate(cycles) if list(rule.check(cycle))]
 
 
@@ -516,8 +519,8 @@ def test_without_progress_over_the_ground_the_stop_comes_after_15_cm() -> None:
     assert over_ground(0.01 + 0j, [0j] * 20) == [14, 15, 16, 17, 18, 19]
     rule = EntrapmentRule(EntrapmentSettings(), DeviceRoles(wheels="wheels", camera="rear", required={}))
     for _ in range(14):
-        assert list(rule.check(Cycle(now_ns=0, ground_pairs=(ground_pair(0.01j, 0j),)))) == []
-    (reason,) = rule.check(Cycle(now_ns=0, ground_pairs=(ground_pair(0.01j, 0j),)))
+        assert list(rule.check(make_cycle(now_ns=0, ground_pairs=(ground_pair(0.01j, 0j),)))) == []
+    (reason,) = rule.check(make_cycle(now_ns=0, ground_pairs=(ground_pair(0.01j, 0j),)))
     assert reason.severity is Severity.FINAL
     assert "its wheels travelled 0.15 m and rear shows no progress" in reason.text
 

@@ -5,27 +5,28 @@ from dataclasses import replace
 
 import pytest
 
+from controllers.fault import Fault, Severity
 from controllers.roles import DeviceRoles
 from controllers.safety.gyro_sample_rate_rule import GyroSampleRateRule, GyroSampleRateSettings
-from controllers.safety.reasons import Cycle, Severity, StopReason
 from drivers.clock import nanoseconds
 from drivers.samples import PowerSample, RateSample, Sample
+from tests.controllers.safety.cycles import make_cycle
 
 ROLES = DeviceRoles(wheels="wheels", gyro="imu", required={"imu": 0.1}, gyro_rate_hz=50.0)
 
 
 def drive(
     rule: GyroSampleRateRule, arrivals_s: Iterable[float], until_s: float, device: str = "imu"
-) -> list[tuple[float, StopReason]]:
+) -> list[tuple[float, Fault]]:
     """Return the reasons of cycles of 20 ms with their times."""
     waiting_ns = [nanoseconds(t_s) for t_s in arrivals_s]
-    found: list[tuple[float, StopReason]] = []
+    found: list[tuple[float, Fault]] = []
     for cycle in range(1, round(until_s / 0.02) + 1):
         now_ns = cycle * 20_000_000
         while waiting_ns and waiting_ns[0] <= now_ns:
             t_ns = waiting_ns.pop(0)
             rule.observe(RateSample(device=device, t_ns=t_ns, rate_z_rad_s=0.0), t_ns)
-        found += [(now_ns / 1e9, reason) for reason in rule.check(Cycle(now_ns=now_ns))]
+        found += [(now_ns / 1e9, reason) for reason in rule.check(make_cycle(now_ns=now_ns))]
     return found
 
 
@@ -48,7 +49,11 @@ def test_a_rate_that_differs_by_the_factor_is_named_after_the_counting_time(
     if found:
         assert found[0][0] == 2.0
         reason = found[-1][1]
-        assert (reason.cause, reason.severity, reason.yaw_rad) == ("gyro sample rate", Severity.STOP, 0.0)
+        assert (reason.name, reason.severity, reason.bound.gyro_rad) == (
+            "gyro sample rate",
+            Severity.STOP,
+            0.0,
+        )
         assert reason.text == (
             f"imu: sends {rate_hz} yaw rates per second, configured are 50: set the sensor or its rate_hz, "
             "and look for lost messages"
@@ -83,4 +88,4 @@ def test_without_a_configured_rate_or_of_another_device_nothing_is_counted() -> 
     rule = make_rule()
     other: Sample = PowerSample(device="imu", t_ns=0, voltage_v=12.0, current_a=0.0)
     rule.observe(other, 0)
-    assert list(rule.check(Cycle(now_ns=nanoseconds(5.0)))) == []
+    assert list(rule.check(make_cycle(now_ns=nanoseconds(5.0)))) == []

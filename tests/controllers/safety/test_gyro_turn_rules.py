@@ -10,10 +10,12 @@ import pytest
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.measurement_model import Measured
 from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
+from controllers.fault import Fault, Severity
 from controllers.roles import DeviceRoles
 from controllers.safety.gyro_turn_rules import GyroDifferenceRule, GyroFollowsRule, GyroTurnSettings
-from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.safety.reasons import StopRule
 from controllers.safety.unproven_turn import UnprovenTurn
+from tests.controllers.safety.cycles import make_cycle
 
 ROLES = DeviceRoles(wheels="wheels", gyro="imu", required={})
 STEP_S = 0.02
@@ -32,8 +34,8 @@ def evidence(gyro_rad: float, left_rad: float, right_rad: float) -> TurnEvidence
     return TurnEvidence(gyro_rad=gyro_rad, wheels=wheels)
 
 
-def check(rule: StopRule, found: TurnEvidence | None, *, is_still: bool = False) -> list[StopReason]:
-    return list(rule.check(Cycle(now_ns=0, evidence=found, is_still=is_still)))
+def check(rule: StopRule, found: TurnEvidence | None, *, is_still: bool = False) -> list[Fault]:
+    return list(rule.check(make_cycle(now_ns=0, turn=found, is_still=is_still)))
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -44,13 +46,13 @@ def test_a_gyro_beyond_what_spinning_and_dragged_wheels_explain_is_named(side: f
     assert check(rule, evidence(side * 0.64, *wheels)) == []
     (reason,) = check(rule, evidence(side * 0.02, 0.0, 0.0))
     direction = "left" if side > 0.0 else "right"
-    assert reason.cause == "gyro difference"
+    assert reason.name == "gyro difference"
     assert reason.severity is Severity.STOP
     assert reason.text == (
         f"imu: yaw rate contradicts the wheels: 0.41 rad more to the {direction}, "
         "0.05 rad more than slip can explain"
     )
-    assert reason.yaw_rad == pytest.approx(0.66 - 0.25)
+    assert reason.bound.gyro_rad == pytest.approx(0.66 - 0.25)
 
 
 def test_what_is_within_the_bound_takes_off_the_excess_but_not_below_zero() -> None:
@@ -62,7 +64,7 @@ def test_what_is_within_the_bound_takes_off_the_excess_but_not_below_zero() -> N
     assert check(rule, evidence(0.06, 0.0, 0.0)) == []
     (reason,) = check(rule, evidence(0.02, 0.0, 0.0))
     # The difference counts from where there was no excess: 0.09 - 0.05 + 0.06 + 0.02.
-    assert reason.yaw_rad == pytest.approx(0.12)
+    assert reason.bound.gyro_rad == pytest.approx(0.12)
 
 
 def test_the_excess_is_exact_at_its_limit() -> None:
@@ -76,7 +78,7 @@ def test_an_excess_that_is_used_up_forgets_its_difference() -> None:
     check(rule, evidence(0.04, 0.0, 0.0))
     check(rule, evidence(0.0, 0.04 / 1.2, 0.0))
     (reason,) = check(rule, evidence(0.06, 0.0, 0.0))
-    assert reason.yaw_rad == pytest.approx(0.06)
+    assert reason.bound.gyro_rad == pytest.approx(0.06)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -90,7 +92,7 @@ def test_rest_forgets_the_excess(side: float) -> None:
 
 def cycles(
     rule: GyroFollowsRule, share: float, duration_s: float, amplitude_rad_s: float = 0.3
-) -> list[list[StopReason]]:
+) -> list[list[Fault]]:
     """Let the wheels swing at 2 Hz around a steady turn; the gyro, biased, measures a share of it."""
     rates_rad_s = [
         0.4 + amplitude_rad_s * math.sin(math.tau * 2.0 * index * STEP_S)
@@ -102,9 +104,7 @@ def cycles(
     ]
 
 
-def turn(
-    rule: GyroFollowsRule, share: float, duration_s: float, amplitude_rad_s: float = 0.3
-) -> list[StopReason]:
+def turn(rule: GyroFollowsRule, share: float, duration_s: float, amplitude_rad_s: float = 0.3) -> list[Fault]:
     """Return the last reasons of `cycles`."""
     return cycles(rule, share, duration_s, amplitude_rad_s)[-1]
 
@@ -120,11 +120,11 @@ def test_a_gyro_that_does_not_follow_is_named_after_less_than_a_second(share: fl
     severities = [reason.severity for reasons in found for reason in reasons]
     begin = len(found) - len(severities)
     # 0.7 s: 35 cycles, the first one included.
-    last = Severity.FINAL if share < 0.0 else Severity.DOUBT
-    assert severities == [Severity.SIGN] * 34 + [last] * (150 - begin - 34)
+    last = Severity.FINAL if share < 0.0 else Severity.UNCERTAIN
+    assert severities == [Severity.SYMPTOM] * 34 + [last] * (150 - begin - 34)
     assert begin < 12
     (reason,) = found[-1]
-    assert reason.cause == "gyro follows"
+    assert reason.name == "gyro follows"
     name, measured, rest = re.split(r" follows (\S+) % ", reason.text)
     assert (name, rest) == (
         "imu: yaw rate",
@@ -135,13 +135,13 @@ def test_a_gyro_that_does_not_follow_is_named_after_less_than_a_second(share: fl
     # As far as the two differ: the steady turn, and the gyro's bias the other way.
     # And 0.3 of the motion on which the gyro was not seen to be alive.
     differs_rad = ((1.0 - share) * 0.4 - 0.1) * STEP_S * len(severities)
-    assert reason.yaw_rad == pytest.approx(differs_rad + 0.3 * 0.4 * 3.0, rel=0.1)
+    assert reason.bound.gyro_rad == pytest.approx(differs_rad + 0.3 * 0.4 * 3.0, rel=0.1)
 
 
-def noisy(rule: GyroFollowsRule, share: float, noise: float, duration_s: float) -> list[StopReason]:
+def noisy(rule: GyroFollowsRule, share: float, noise: float, duration_s: float) -> list[Fault]:
     """Return the last reasons where the gyro measures a share of the changes, and noise."""
     rng = np.random.default_rng(1)
-    found: list[StopReason] = []
+    found: list[Fault] = []
     for index in range(round(duration_s / STEP_S)):
         rate_rad_s = 0.3 * math.sin(math.tau * 2.0 * index * STEP_S)
         gyro_rad_s = share * rate_rad_s + noise * rng.standard_normal()
@@ -152,9 +152,9 @@ def noisy(rule: GyroFollowsRule, share: float, noise: float, duration_s: float) 
 @pytest.mark.parametrize(
     ("share", "noise", "severity"),
     [
-        (0.0, 0.05, Severity.DOUBT),
-        (-0.1, 0.1, Severity.DOUBT),
-        (-0.3, 0.0, Severity.DOUBT),
+        (0.0, 0.05, Severity.UNCERTAIN),
+        (-0.1, 0.1, Severity.UNCERTAIN),
+        (-0.3, 0.0, Severity.UNCERTAIN),
         (-0.36, 0.0, Severity.FINAL),
         (-0.5, 0.02, Severity.FINAL),
     ],
@@ -169,10 +169,10 @@ def test_only_a_gyro_that_turns_against_the_wheels_stops_for_good(
 def test_a_gyro_must_turn_against_the_wheels_for_as_long_as_it_does_not_follow_them() -> None:
     rule = follows()
     turn(rule, 0.0, 0.5)
-    assert [reason.severity for reason in turn(rule, -1.0, 0.7)] == [Severity.DOUBT]
+    assert [reason.severity for reason in turn(rule, -1.0, 0.7)] == [Severity.UNCERTAIN]
     assert [reason.severity for reason in turn(rule, -1.0, 0.5)] == [Severity.FINAL]
     turn(rule, 0.0, 0.5)
-    assert [reason.severity for reason in turn(rule, -1.0, 0.5)] == [Severity.DOUBT]
+    assert [reason.severity for reason in turn(rule, -1.0, 0.5)] == [Severity.UNCERTAIN]
 
 
 def test_a_gyro_that_follows_again_has_not_turned_against_the_wheels() -> None:
@@ -194,14 +194,14 @@ def test_while_fixes_agree_with_the_yaw_a_gyro_that_does_not_follow_is_a_suspici
             nis=residual_rad**2,
             accepted=True,
         )
-        list(rule.check(Cycle(now_ns=0, innovations=(innovation,))))
+        list(rule.check(make_cycle(now_ns=0, innovations=(innovation,))))
 
     fix(0.0)
-    assert [reason.severity for reason in turn(rule, 0.0, 2.0)] == [Severity.SUSPICION]
+    assert [reason.severity for reason in turn(rule, 0.0, 2.0)] == [Severity.WARNING]
     assert [reason.severity for reason in turn(rule, -1.0, 2.0)] == [Severity.FINAL]
     fix(3.0)
     turn(rule, 1.0, 2.0)
-    assert [reason.severity for reason in turn(rule, 0.0, 2.0)] == [Severity.DOUBT]
+    assert [reason.severity for reason in turn(rule, 0.0, 2.0)] == [Severity.UNCERTAIN]
     fix(4.0)
     (reason,) = turn(rule, 0.0, 2.0)
     assert reason.severity is Severity.STOP
@@ -218,17 +218,17 @@ def test_following_again_and_rest_clear() -> None:
     assert turn(rule, 0.0, 0.8) != []
     assert turn(rule, 1.0, 2.0) == []
     found = turn(rule, 0.0, 0.8)
-    assert [reason.severity for reason in found] == [Severity.SIGN]
+    assert [reason.severity for reason in found] == [Severity.SYMPTOM]
     assert check(rule, None) == found
     assert check(rule, None, is_still=True) == []
-    assert [reason.severity for reason in turn(rule, 0.0, 0.6)] == [Severity.SIGN]
+    assert [reason.severity for reason in turn(rule, 0.0, 0.6)] == [Severity.SYMPTOM]
 
 
 def test_a_pause_of_the_changes_neither_counts_nor_clears() -> None:
     rule = follows()
-    assert [reason.severity for reason in turn(rule, 0.0, 0.3)] == [Severity.SIGN]
-    assert [reason.severity for reason in turn(rule, 0.0, 5.0, amplitude_rad_s=0.0)] == [Severity.SIGN]
-    assert [reason.severity for reason in turn(rule, 0.0, 0.6)] == [Severity.DOUBT]
+    assert [reason.severity for reason in turn(rule, 0.0, 0.3)] == [Severity.SYMPTOM]
+    assert [reason.severity for reason in turn(rule, 0.0, 5.0, amplitude_rad_s=0.0)] == [Severity.SYMPTOM]
+    assert [reason.severity for reason in turn(rule, 0.0, 0.6)] == [Severity.UNCERTAIN]
 
 
 def test_the_difference_counts_from_the_rest() -> None:
@@ -238,13 +238,13 @@ def test_the_difference_counts_from_the_rest() -> None:
     found = cycles(rule, 0.0, 0.8)
     (reason,) = found[-1]
     # The motion before the rest has not shown that the gyro is alive, either.
-    assert reason.yaw_rad == pytest.approx(0.3 * STEP_S * sum(map(len, found)) + 0.3 * 0.4 * 1.6, rel=0.2)
+    assert reason.bound.gyro_rad == pytest.approx(
+        0.3 * STEP_S * sum(map(len, found)) + 0.3 * 0.4 * 1.6, rel=0.2
+    )
 
 
 def test_the_limits_are_exact() -> None:
-    def step(
-        rule: GyroFollowsRule, wheels_rad_s: float, gyro_rad_s: float, duration_s: float
-    ) -> list[StopReason]:
+    def step(rule: GyroFollowsRule, wheels_rad_s: float, gyro_rad_s: float, duration_s: float) -> list[Fault]:
         wheels = WheelTurn(duration_s=duration_s, left_rad=wheels_rad_s * duration_s)
         return check(rule, TurnEvidence(gyro_rad=gyro_rad_s * duration_s, wheels=wheels))
 
@@ -260,10 +260,10 @@ def test_the_limits_are_exact() -> None:
     assert step(rule, 0.0, 0.0, long_s) + step(rule, 0.0, 0.0, long_s) == []
     (sign,) = step(rule, 0.125, 0.125 * 0.125, half_s)
     (stop,) = step(rule, 0.125, 0.125 * 0.125, half_s)
-    assert (sign.severity, stop.severity) == (Severity.SIGN, Severity.DOUBT)
+    assert (sign.severity, stop.severity) == (Severity.SYMPTOM, Severity.UNCERTAIN)
 
 
-def jittered(rule: GyroFollowsRule, duration_s: float, swing_rad_s: float, share: float) -> list[StopReason]:
+def jittered(rule: GyroFollowsRule, duration_s: float, swing_rad_s: float, share: float) -> list[Fault]:
     """Drive at 0.5 m/s with wrong stamps; return the last reasons.
 
     The stamps of the wheels of both sides, 0.4 m apart, are wrong by 2 ms each. The rover swings at 5 Hz, of
@@ -272,7 +272,7 @@ def jittered(rule: GyroFollowsRule, duration_s: float, swing_rad_s: float, share
     rng, steps = np.random.default_rng(3), round(duration_s / STEP_S)
     wrong_rad = np.diff(0.5 / 0.4 * 0.002 * rng.standard_normal((steps + 1, 2)), axis=0)
     swing_rad = swing_rad_s * STEP_S * np.sin(math.tau * 5.0 * STEP_S * np.arange(steps))
-    found: list[StopReason] = []
+    found: list[Fault] = []
     for turned_rad, (left_rad, right_rad) in zip(swing_rad.tolist(), wrong_rad.tolist(), strict=True):
         forward_rad = 0.5 / 0.4 * STEP_S
         sides = (forward_rad + turned_rad + left_rad, forward_rad + right_rad)

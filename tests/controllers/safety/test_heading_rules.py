@@ -9,13 +9,15 @@ import pytest
 
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.measurement_model import Measured
+from controllers.fault import Cause, Fault, Severity
 from controllers.roles import DeviceRoles
 from controllers.safety.heading_rules import HeadingTurnRule, HeadingTurnSettings
-from controllers.safety.reasons import Cycle, Severity, StopReason
+from controllers.safety.reasons import Cycle
 from controllers.safety.settings import SafetySettings, make_rules
 from controllers.safety.supervisor import SafetySupervisor
 from drivers.clock import nanoseconds
 from drivers.samples import HeadingReference, HeadingSample, PowerSample, RateSample, Sample
+from tests.controllers.safety.cycles import changed, make_cycle
 
 ROLES = DeviceRoles(wheels="wheels", gyro="imu", headings=("compass",), required={"imu": 0.1})
 NAME = f"compass {HeadingReference.MAGNETIC}"
@@ -66,20 +68,20 @@ class Bench:
 
     def check(
         self, *, is_still: bool = False, bias_rad_s: float = 0.0, rejected_rad_s: float | None = None
-    ) -> list[StopReason]:
-        cycle = Cycle(
+    ) -> list[Fault]:
+        cycle = make_cycle(
             now_ns=nanoseconds(self.now_s),
             is_still=is_still,
             gyro_bias_rad_s=bias_rad_s,
             innovations=tuple(self.innovations),
-            rejected_rate_rad_s=rejected_rad_s,
+            rejected_rad_s=rejected_rad_s,
         )
         self.innovations.clear()
         return list(self.rule.check(cycle))
 
     def drive(
         self, duration_s: float, true_rad_s: Turn, gyro_rad_s: Turn, *, bias_rad_s: float = 0.0
-    ) -> tuple[float, StopReason] | None:
+    ) -> tuple[float, Fault] | None:
         """Turn the rover; return the time of the first reason since the call, and the reason."""
         begin_s = self.now_s
         for _ in range(round(duration_s / RATE_STEP_S)):
@@ -123,13 +125,13 @@ def test_a_gyro_with_the_wrong_sign_is_named_when_the_rover_turns(side: float) -
     time_s, reason = found
     # The average is half a second late: 0.02 (t - 0.45) rad against 0.01 rad and a tenth of it.
     assert time_s == pytest.approx(1.2, abs=0.15)
-    assert (reason.cause, reason.severity) == ("gyro heading", Severity.STOP)
+    assert (reason.name, reason.severity) == ("gyro heading", Severity.STOP)
     assert reason.text.startswith("imu: turn of ")
     assert reason.text.endswith(
         "one of them has a wrong sign, axis or bias, or a magnetic field has turned the heading"
     )
     assert f"in 7.0 s, by {NAME} {0.007 * side:.3f} rad" in reason.text
-    assert 0.0105 < reason.yaw_rad < 0.0165
+    assert 0.0105 < reason.bound.gyro_rad < 0.0165
 
 
 def test_a_step_of_the_bias_of_half_a_degree_per_second_is_named_within_five_seconds() -> None:
@@ -250,7 +252,7 @@ def test_other_samples_and_old_ones_have_no_effect() -> None:
 def test_less_than_three_headings_a_second_are_not_judged() -> None:
     for step_s, is_named in ((0.3, True), (0.6, False)):
         bench = Bench()
-        found: list[StopReason] = []
+        found: list[Fault] = []
         for index in range(500):
             bench.cycles += 1
             bench.observe(rate(0.1))
@@ -372,10 +374,10 @@ class Supervised(HeadingTurnRule):
     def observe(self, sample: Sample, t_ns: int) -> None:
         self.supervisor.observe(sample, t_ns)
 
-    def check(self, cycle: Cycle) -> Iterator[StopReason]:
-        self.supervisor.update(cycle._replace(motion_ns=cycle.now_ns))
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
+        self.supervisor.update(changed(cycle, motion_ns=cycle.now_ns))
         reasons = self.supervisor.reason
-        yield from [StopReason("gyro heading", reasons)] * ("turn of" in reasons)
+        yield from [Fault("imu", Cause.GYRO_HEADING, reasons)] * ("turn of" in reasons)
 
 
 @pytest.mark.parametrize(("lags_s", "true_lag_s"), [((), 0.0), ((0.9,), 0.9)])
@@ -443,7 +445,9 @@ def compared(
                     accepted=True,
                 )
             )
-        cycle = Cycle(now_ns=nanoseconds(now_s), innovations=tuple(innovations), gyro_bias_rad_s=bias(now_s))
+        cycle = make_cycle(
+            now_ns=nanoseconds(now_s), innovations=tuple(innovations), gyro_bias_rad_s=bias(now_s)
+        )
         for reason in rule.check(cycle):
             return reason.text
     return ""
@@ -524,4 +528,4 @@ def test_a_reason_ends_when_the_gyro_is_silent_for_longer_than_its_age_limit(
 def test_a_yaw_rate_of_a_heading_device_is_not_taken_for_a_heading() -> None:
     bench = Bench()
     bench.observe(rate(0.5, device="compass"))
-    assert list(bench.rule.check(Cycle(now_ns=nanoseconds(1.0)))) == []
+    assert list(bench.rule.check(make_cycle(now_ns=nanoseconds(1.0)))) == []

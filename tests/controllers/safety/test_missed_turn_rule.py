@@ -5,11 +5,12 @@ import pytest
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.measurement_model import Measured
 from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
+from controllers.fault import Fault, Severity
 from controllers.roles import DeviceRoles
 from controllers.safety.gyro_turn_rules import GyroTurnSettings
 from controllers.safety.missed_turn_rule import MissedTurnRule
-from controllers.safety.reasons import Cycle, Severity, StopReason
 from controllers.safety.unproven_turn import UnprovenTurn
+from tests.controllers.safety.cycles import make_cycle
 
 ROLES = DeviceRoles(wheels="wheels", gyro="imu", fixes=("overhead",), required={})
 
@@ -21,10 +22,10 @@ def turn(
     right_rad: float,
     steps: int,
     duration_s: float = 0.25,
-) -> list[StopReason]:
+) -> list[Fault]:
     """Return the reasons of some cycles with the same turn, of which the gyro measures a share."""
     wheels = WheelTurn(duration_s=duration_s, left_rad=left_rad, right_rad=right_rad)
-    cycle = Cycle(now_ns=0, evidence=TurnEvidence(gyro_rad=share * wheels.turn_rad, wheels=wheels))
+    cycle = make_cycle(now_ns=0, turn=TurnEvidence(gyro_rad=share * wheels.turn_rad, wheels=wheels))
     return [reason for _ in range(steps) for reason in rule.check(cycle)]
 
 
@@ -39,16 +40,16 @@ def test_a_steady_turn_without_a_signal_of_the_gyro_is_named_and_widens_the_yaw(
     rule = make_rule()
     assert turn(rule, 0.05, *sides, 3) == []
     (reason,) = turn(rule, 0.05, *sides, 1)
-    assert reason.severity is Severity.DOUBT
-    assert reason.cause == "missed turn"
+    assert reason.severity is Severity.UNCERTAIN
+    assert reason.name == "missed turn"
     assert reason.text.startswith("imu: measures 5 % of a turn of 0.50 rad by the wheels: ")
     assert reason.text.endswith("; the yaw is uncertain by both")
-    assert reason.yaw_rad == pytest.approx(0.475)
+    assert reason.bound.gyro_rad == pytest.approx(0.475)
     assert turn(rule, 0.05, *sides, 3) == []
     assert turn(rule, 0.05, *sides, 1) != []
 
 
-@pytest.mark.parametrize(("share", "severity"), [(-0.49, Severity.DOUBT), (-0.51, Severity.FINAL)])
+@pytest.mark.parametrize(("share", "severity"), [(-0.49, Severity.UNCERTAIN), (-0.51, Severity.FINAL)])
 def test_a_gyro_that_turns_the_other_way_stops_for_good(share: float, severity: Severity) -> None:
     (reason,) = turn(make_rule(), share, 0.5, 0.0, 1)
     assert reason.severity is severity
@@ -61,7 +62,7 @@ def test_a_gyro_that_measures_a_tenth_of_the_turn_is_alive(share: float) -> None
     rule = make_rule(unproven)
     # 0.3 of the motion on which the gyro was not seen to be alive.
     (reason,) = turn(rule, 0.0, 0.5, 0.0, 1)
-    assert reason.yaw_rad == pytest.approx(0.5 + 0.3)
+    assert reason.bound.gyro_rad == pytest.approx(0.5 + 0.3)
     assert turn(rule, share, 0.5, 0.0, 1) == []
     assert unproven.error_rad(0.0) == 0.0
 
@@ -89,7 +90,7 @@ def test_parts_are_judged_as_a_whole() -> None:
 
 
 def test_without_evidence_there_is_no_verdict() -> None:
-    assert list(make_rule().check(Cycle(now_ns=0))) == []
+    assert list(make_rule().check(make_cycle(now_ns=0))) == []
 
 
 def test_while_fixes_agree_with_the_yaw_it_is_a_suspicion() -> None:
@@ -97,9 +98,9 @@ def test_while_fixes_agree_with_the_yaw_it_is_a_suspicion() -> None:
     accepted = Innovation(
         measured=Measured("overhead", "yaw"), residual=0.0, variance=1.0, nis=0.0, accepted=True
     )
-    assert list(rule.check(Cycle(now_ns=0, innovations=(accepted,)))) == []
+    assert list(rule.check(make_cycle(now_ns=0, innovations=(accepted,)))) == []
     (reason,) = turn(rule, 0.0, 0.5, 0.0, 1)
-    assert reason.severity is Severity.SUSPICION
+    assert reason.severity is Severity.WARNING
 
 
 def test_where_fixes_contradict_the_yaw_the_gyro_is_dead() -> None:
@@ -108,7 +109,7 @@ def test_where_fixes_contradict_the_yaw_the_gyro_is_dead() -> None:
     contradicting = Innovation(
         measured=Measured("overhead", "yaw"), residual=0.4, variance=0.01, nis=16.0, accepted=False
     )
-    assert list(rule.check(Cycle(now_ns=0, innovations=(contradicting,)))) == []
+    assert list(rule.check(make_cycle(now_ns=0, innovations=(contradicting,)))) == []
     was_dead = [unproven.is_dead]
     (reason,) = turn(rule, 0.0, 0.5, 0.0, 1)
     assert reason.severity is Severity.STOP

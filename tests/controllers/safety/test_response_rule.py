@@ -4,10 +4,11 @@ from collections.abc import Callable
 
 import pytest
 
+from controllers.fault import Fault, Severity
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, Severity, StopReason
 from controllers.safety.response_rule import ResponseRule, ResponseSettings
 from drivers.clock import nanoseconds
+from tests.controllers.safety.cycles import make_cycle
 
 CYCLE_S = 0.02
 STOPS = ResponseSettings(response_ratio=0.5)
@@ -20,11 +21,13 @@ class Wheels:
         roles = DeviceRoles(wheels="wheels", required={}, **roles_of)  # type: ignore[arg-type]
         self.rule = ResponseRule(settings, roles, wheel_count=2)
         self.now_ns = 0
-        self.found: list[StopReason] = []
+        self.found: list[Fault] = []
 
     def cycle(self, commanded: tuple[float, float], measured: tuple[float, float]) -> None:
         self.found = list(
-            self.rule.check(Cycle(now_ns=self.now_ns, commanded_rad_s=commanded, measured_rad_s=measured))
+            self.rule.check(
+                make_cycle(now_ns=self.now_ns, commanded_rad_s=commanded, measured_rad_s=measured)
+            )
         )
         self.now_ns += nanoseconds(CYCLE_S)
 
@@ -43,14 +46,14 @@ def test_a_drive_that_obeys_two_fifths_stops_the_rover_within_the_time() -> None
     assert Severity.RECOVERABLE not in wheels.turn(2.0, (3.0, -3.0), (2.9, -1.2))
     assert wheels.turn(3.0, (3.0, -3.0), (2.9, -1.2)) == [Severity.RECOVERABLE]
     (reason,) = wheels.found
-    assert reason.cause == "response"
+    assert reason.name == "response"
     assert reason.text.startswith("wheel 1: turns at 4")
     assert "of its setpoints over 5 s of driving" in reason.text
 
 
 def test_without_a_setting_it_is_a_warning() -> None:
     wheels = Wheels(ResponseSettings())
-    assert wheels.turn(60.0, (3.0, 3.0), (0.4, 1.2)) == [Severity.SUSPICION] * 2
+    assert wheels.turn(60.0, (3.0, 3.0), (0.4, 1.2)) == [Severity.WARNING] * 2
 
 
 def test_a_warning_comes_before_the_stop() -> None:
@@ -58,16 +61,16 @@ def test_a_warning_comes_before_the_stop() -> None:
     wheels.turn(20.0, (3.0, 3.0), (2.9, 2.9))
     for _ in range(250):
         seen += [each for each in wheels.turn(CYCLE_S, (3.0, 3.0), (1.2, 2.9)) if each not in seen]
-    assert seen == [Severity.SUSPICION, Severity.RECOVERABLE]
+    assert seen == [Severity.WARNING, Severity.RECOVERABLE]
 
 
 @pytest.mark.parametrize("setting_s", [5.0, 10.0])
 def test_it_warns_after_half_of_its_time_of_driving_and_stops_after_all_of_it(setting_s: float) -> None:
     wheels = Wheels(ResponseSettings(response_ratio=0.5, response_s=setting_s))
     assert not wheels.turn(0.46 * setting_s, (3.0, 3.0), (1.2, 1.2))
-    assert wheels.turn(0.1 * setting_s, (3.0, 3.0), (1.2, 1.2)) == [Severity.SUSPICION] * 2
+    assert wheels.turn(0.1 * setting_s, (3.0, 3.0), (1.2, 1.2)) == [Severity.WARNING] * 2
     assert f"over {0.5 * setting_s:g} s of driving" in wheels.found[0].text
-    assert wheels.turn(0.38 * setting_s, (3.0, 3.0), (1.2, 1.2)) == [Severity.SUSPICION] * 2
+    assert wheels.turn(0.38 * setting_s, (3.0, 3.0), (1.2, 1.2)) == [Severity.WARNING] * 2
     assert wheels.turn(0.08 * setting_s, (3.0, 3.0), (1.2, 1.2)) == [Severity.RECOVERABLE] * 2
 
 

@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import pytest
 
+from controllers.fault import Cause, Fault, Severity
 from controllers.roles import DeviceRoles
 from controllers.safety.device_rules import BumperRule, BumperSettings, FaultRule, FreshnessRule, LinkRule
 from controllers.safety.estimate_rules import FiniteEstimateRule, MotionRule
-from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
+from controllers.safety.reasons import Cycle, StopRule
 from controllers.safety.settings import SafetySettings
 from controllers.safety.supervisor import Mode, SafetySupervisor
 from drivers.samples import (
@@ -20,15 +21,16 @@ from drivers.samples import (
     Sample,
     WheelSample,
 )
+from tests.controllers.safety.cycles import changed, make_cycle
 
 MS = 1_000_000
 ROLES = DeviceRoles(
     wheels="wheels", fixes=("overhead",), required={"wheels": 0.1, "overhead": 0.5, "imu": 0.2}
 )
-CYCLE = Cycle(now_ns=10_000 * MS)
+CYCLE = make_cycle(now_ns=10_000 * MS)
 
 
-def check(rule: StopRule, *samples: Sample, cycle: Cycle = CYCLE) -> list[StopReason]:
+def check(rule: StopRule, *samples: Sample, cycle: Cycle = CYCLE) -> list[Fault]:
     for sample in samples:
         rule.observe(sample, sample.t_ns)
     return list(rule.check(cycle))
@@ -37,14 +39,14 @@ def check(rule: StopRule, *samples: Sample, cycle: Cycle = CYCLE) -> list[StopRe
 def test_a_bumper_is_final_and_reported_once() -> None:
     rule = BumperRule(BumperSettings())
     pressed = BumperSample(device="board", t_ns=0, pressed=True)
-    assert check(rule, pressed) == [StopReason("bumper", "board: bumper pressed", Severity.FINAL)]
+    assert check(rule, pressed) == [Fault("bumper", Cause.BUMPER, "board: bumper pressed", Severity.FINAL)]
     assert check(rule) == []
 
 
 def test_a_link_has_a_cause_without_the_words_of_its_break() -> None:
     rule = LinkRule(ROLES)
     down = LinkSample(device="imu", t_ns=0, up=False, reason="unplugged")
-    reason = StopReason("imu: link down", "imu: link down (unplugged)")
+    reason = Fault("imu", Cause.LINK_DOWN, "imu: link down (unplugged)")
     assert check(rule, down) == [reason, reason]
     assert check(rule) == [reason]
     assert check(rule, replace(down, device="overhead", up=True)) == [reason]
@@ -54,7 +56,7 @@ def test_a_link_has_a_cause_without_the_words_of_its_break() -> None:
 def test_a_fault_has_a_cause_without_its_code() -> None:
     rule = FaultRule(ROLES)
     fault = FaultSample(device="wheels", t_ns=0, wheel=1, code=4, text="over current")
-    reason = StopReason("wheels wheel 1: fault", "wheels wheel 1: fault 4 (over current)")
+    reason = Fault("wheels wheel 1", Cause.DEVICE_FAULT, "wheels wheel 1: fault 4 (over current)")
     assert check(rule, fault) == [reason, reason]
     assert check(rule) == [reason]
     assert check(rule, replace(fault, wheel=0, code=0)) == [reason]
@@ -69,7 +71,7 @@ def test_every_part_that_is_too_old_is_reported() -> None:
         "overhead: no pose fix in time within 0.5 s",
         "imu: no sample within 0.2 s",
     ]
-    assert len({reason.cause for reason in reasons}) == 4
+    assert len({reason.name for reason in reasons}) == 4
 
 
 @pytest.mark.parametrize(
@@ -130,16 +132,16 @@ def test_the_motion_may_be_unknown_for_twice_the_age_limit_of_the_wheels(
     motion_ms: int | None, stops: bool
 ) -> None:
     motion_ns = None if motion_ms is None else motion_ms * MS
-    found = check(MotionRule(ROLES), cycle=CYCLE._replace(motion_ns=motion_ns))
-    reason = StopReason("no motion", "wheels: no wheel motion measured for 0.2 s")
+    found = check(MotionRule(ROLES), cycle=changed(CYCLE, motion_ns=motion_ns))
+    reason = Fault("wheels", Cause.NO_MOTION, "wheels: no wheel motion measured for 0.2 s")
     assert found == ([reason] if stops else [])
 
 
 def test_the_estimate_must_be_finite() -> None:
     rule = FiniteEstimateRule()
     assert check(rule) == []
-    reason = StopReason("not finite", "pose filter: the estimate is not finite")
-    assert check(rule, cycle=CYCLE._replace(estimate_is_finite=False)) == [reason]
+    reason = Fault("pose filter", Cause.NOT_FINITE, "pose filter: the estimate is not finite")
+    assert check(rule, cycle=changed(CYCLE, x_m=math.inf)) == [reason]
 
 
 def test_before_the_first_cycle_the_supervisor_has_no_reason() -> None:

@@ -4,9 +4,10 @@ import math
 
 import pytest
 
-from controllers.safety.reasons import Cycle, Severity, StopReason
+from controllers.fault import Bound, Cause, Fault, Severity
 from controllers.safety.stall_monitor import StallMonitor, StallSettings
 from drivers.clock import nanoseconds
+from tests.controllers.safety.cycles import make_cycle
 
 
 class Wheels:
@@ -15,14 +16,14 @@ class Wheels:
     def __init__(self, wheel_count: int = 1, stall_s: float = 1.0) -> None:
         self.monitor = StallMonitor(StallSettings(stall_s=stall_s), wheel_count)
         self.now_ns = 0
-        self.found: list[StopReason] = []
+        self.found: list[Fault] = []
 
     def turn(self, duration_s: float, commanded: tuple[float, ...], measured: tuple[float, ...]) -> bool:
         """Return whether the rover must stop at the end of this time."""
         for _ in range(round(duration_s / 0.02)):
             self.found = list(
                 self.monitor.check(
-                    Cycle(now_ns=self.now_ns, commanded_rad_s=commanded, measured_rad_s=measured)
+                    make_cycle(now_ns=self.now_ns, commanded_rad_s=commanded, measured_rad_s=measured)
                 )
             )
             self.now_ns += nanoseconds(0.02)
@@ -34,13 +35,14 @@ def test_a_wheel_at_rest_is_named_after_a_second_and_not_before() -> None:
     assert not wheels.turn(1.0, (3.0, -3.0), (2.8, 0.0))
     assert wheels.turn(0.02, (3.0, -3.0), (2.8, 0.0))
     (reason,) = wheels.found
-    assert reason == StopReason(
-        "stall",
+    assert reason == Fault(
+        "wheels",
+        Cause.WHEEL_STALL,
         "wheel 1: has not followed its set-point for 1 s: commanded -3.00 rad/s, measured 0.00 rad/s",
-        wheel_rad=reason.wheel_rad,
+        bound=Bound(wheel_rad=reason.bound.wheel_rad),
     )
     # A wheel that turns as it should lags a little behind its set-point; of this a second is remembered.
-    assert reason.wheel_rad == pytest.approx((0.2 * (1.0 - math.exp(-1.0)), -3.0), rel=0.03)
+    assert reason.bound.wheel_rad == pytest.approx((0.2 * (1.0 - math.exp(-1.0)), -3.0), rel=0.03)
 
 
 @pytest.mark.parametrize(
@@ -59,7 +61,7 @@ def test_what_is_remembered_of_a_wheel_that_turns_has_the_time_of_a_stall() -> N
     wheels = Wheels(2, stall_s=2.0)
     assert wheels.turn(2.02, (3.0, -3.0), (2.8, 0.0))
     (reason,) = wheels.found
-    assert reason.wheel_rad == pytest.approx((0.4 * (1.0 - math.exp(-1.0)), -6.0), rel=0.03)
+    assert reason.bound.wheel_rad == pytest.approx((0.4 * (1.0 - math.exp(-1.0)), -6.0), rel=0.03)
 
 
 @pytest.mark.parametrize(
@@ -81,8 +83,8 @@ def test_small_set_points_must_turn_a_wheel_before_they_add_up_to_the_creep_angl
         "wheel 1: has not turned although its set-points add up to 1.5 rad: "
         f"commanded {commanded:.2f} rad/s, measured 0.00 rad/s"
     ]
-    assert wheels.found[0].cause == "stall"
-    assert wheels.found[0].wheel_rad == pytest.approx((0.0, commanded * after_s), rel=0.02)
+    assert wheels.found[0].name == "stall"
+    assert wheels.found[0].bound.wheel_rad == pytest.approx((0.0, commanded * after_s), rel=0.02)
 
 
 def test_set_points_to_and_fro_or_below_those_that_a_drive_sends_do_not_add_up() -> None:
@@ -103,14 +105,14 @@ def test_a_wheel_that_turns_against_its_set_point_is_named_after_half_a_second(
     assert not wheels.turn(0.5, (0.0, commanded), (0.0, measured))
     assert wheels.turn(0.02, (0.0, commanded), (0.0, measured))
     (reason,) = wheels.found
-    assert reason.cause == "reversed"
+    assert reason.name == "reversed"
     assert reason.severity is Severity.STOP
     assert reason.text == (
         f"wheel 1: turns against its set-point for 0.5 s: commanded {commanded:.2f} rad/s, "
         f"measured {measured:.2f} rad/s; encoder or motor reversed"
     )
     # A reversed encoder is wrong by what it measures, twice; a drive that follows turned by its set-points.
-    assert reason.wheel_rad == pytest.approx((0.0, (commanded - measured) * 0.5))
+    assert reason.bound.wheel_rad == pytest.approx((0.0, (commanded - measured) * 0.5))
 
 
 @pytest.mark.parametrize(
@@ -133,7 +135,7 @@ def test_all_wheels_that_miss_something_are_in_doubt() -> None:
     wheels = Wheels(3)
     wheels.turn(0.5, (3.0, 3.0, 3.0), (0.0, 2.9, 2.9))
     assert wheels.turn(0.52, (3.0, 1.0, 3.0), (0.0, 0.0, 2.9))
-    assert wheels.found[0].wheel_rad == pytest.approx((3.0, 0.56, 0.06), abs=0.02)
+    assert wheels.found[0].bound.wheel_rad == pytest.approx((3.0, 0.56, 0.06), abs=0.02)
 
 
 def test_the_other_one_of_two_swapped_encoders_is_in_doubt_although_it_turns() -> None:
@@ -143,14 +145,14 @@ def test_the_other_one_of_two_swapped_encoders_is_in_doubt_although_it_turns() -
         wheels.turn(0.1, (3.0, 0.3), (-0.3, 3.0))
         wheels.turn(0.1, (3.0, -0.9), (-0.9, 3.0))
     (reason,) = [reason for reason in wheels.found if reason.severity is Severity.STOP]
-    assert reason.cause == "reversed"
-    assert reason.wheel_rad[1] < -0.8 * 3.3 * 0.8
+    assert reason.name == "reversed"
+    assert reason.bound.wheel_rad[1] < -0.8 * 3.3 * 0.8
 
 
 def test_the_time_of_a_reversal_can_be_set() -> None:
     monitor = StallMonitor(StallSettings(reverse_s=0.2), 1)
     for index in range(12):
-        cycle = Cycle(now_ns=nanoseconds(0.02 * index), commanded_rad_s=(1.0,), measured_rad_s=(-1.0,))
+        cycle = make_cycle(now_ns=nanoseconds(0.02 * index), commanded_rad_s=(1.0,), measured_rad_s=(-1.0,))
         found = {reason.severity for reason in monitor.check(cycle)}
         assert (Severity.STOP in found) == (index >= 10)
 
@@ -172,7 +174,7 @@ def test_a_set_point_that_swings_through_zero_does_not_hide_a_stall() -> None:
     for _ in range(9):
         wheels.turn(0.1, (1.0,), (0.0,))
         wheels.turn(0.1, (0.2,), (0.0,))
-    assert wheels.found[0].severity is Severity.SIGN
+    assert wheels.found[0].severity is Severity.SYMPTOM
     assert wheels.turn(0.14, (-1.0,), (0.0,))
 
 
@@ -201,22 +203,22 @@ def severities(
         reason.severity
         for now_ns in times_ns
         for reason in monitor.check(
-            Cycle(now_ns=now_ns, commanded_rad_s=(commanded_rad_s,), measured_rad_s=(0.0,))
+            make_cycle(now_ns=now_ns, commanded_rad_s=(commanded_rad_s,), measured_rad_s=(0.0,))
         )
     ]
 
 
 def test_a_pause_of_the_loop_counts_for_half_of_a_stall_at_most() -> None:
     assert severities((10**9, 7 * 10**9, 7_499_999_999, 7_500_000_000)) == [
-        Severity.SIGN,
-        Severity.SIGN,
+        Severity.SYMPTOM,
+        Severity.SYMPTOM,
         Severity.STOP,
     ]
 
 
 def test_the_time_of_a_stall_can_be_set() -> None:
     assert severities((0, 10**9, 2 * 10**9, 3 * 10**9, 4 * 10**9), stall_s=4.0)[-1] is Severity.STOP
-    assert severities((0, 10**9, 2 * 10**9, 3 * 10**9, 4 * 10**9 - 1), stall_s=4.0)[-1] is Severity.SIGN
+    assert severities((0, 10**9, 2 * 10**9, 3 * 10**9, 4 * 10**9 - 1), stall_s=4.0)[-1] is Severity.SYMPTOM
 
 
 def test_nothing_counts_before_the_first_cycle() -> None:
@@ -227,15 +229,15 @@ def test_nothing_counts_before_the_first_cycle() -> None:
 def test_a_wheel_without_a_measurement_is_an_error() -> None:
     monitor = StallMonitor(StallSettings(), 2)
     with pytest.raises(ValueError, match="argument 2 is shorter"):
-        list(monitor.check(Cycle(now_ns=0, commanded_rad_s=(3.0, 3.0), measured_rad_s=(0.0,))))
+        list(monitor.check(make_cycle(now_ns=0, commanded_rad_s=(3.0, 3.0), measured_rad_s=(0.0,))))
 
 
-def reasons_at(times_s: list[float], commanded: float, *measured: float) -> list[StopReason]:
+def reasons_at(times_s: list[float], commanded: float, *measured: float) -> list[Fault]:
     """Return the reasons of the last cycle; the wheel turns at the last speed from the second cycle on."""
     monitor = StallMonitor(StallSettings(), 1)
     for index, t_s in enumerate(times_s):
         speed = measured[min(index, len(measured) - 1)]
-        cycle = Cycle(now_ns=nanoseconds(t_s), commanded_rad_s=(commanded,), measured_rad_s=(speed,))
+        cycle = make_cycle(now_ns=nanoseconds(t_s), commanded_rad_s=(commanded,), measured_rad_s=(speed,))
         found = list(monitor.check(cycle))
     return found
 
@@ -247,7 +249,9 @@ def test_the_limits_of_a_reversed_wheel_are_exact() -> None:
     (reason,) = reasons_at([0.0, 0.5], 3.0, -0.021)
     assert reason.text.startswith(reversed_text.format("3.00", "-0.02"))
     for found in (reasons_at([0.0, 0.5], 3.0, -0.02), reasons_at([0.0, 0.5 - 1e-9], 3.0, 0.0, -1.0)):
-        assert found == [StopReason("stall", "wheel 0: does not follow its set-point", Severity.SIGN)]
+        assert found == [
+            Fault("wheels", Cause.WHEEL_STALL, "wheel 0: does not follow its set-point", Severity.SYMPTOM)
+        ]
 
 
 def test_set_points_may_add_up_to_less_than_the_creep_angle() -> None:

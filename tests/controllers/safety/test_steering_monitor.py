@@ -4,18 +4,19 @@ import math
 
 import pytest
 
+from controllers.fault import Cause, Fault
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, StopReason
 from controllers.safety.steering_monitor import SteeringMonitor, SteeringReportRule, SteeringSettings
 from drivers.clock import nanoseconds
+from tests.controllers.safety.cycles import make_cycle
 
 
-def drive(set_deg: list[float], angles_deg: list[float]) -> list[StopReason]:
+def drive(set_deg: list[float], angles_deg: list[float]) -> list[Fault]:
     """Return the reasons of the last cycle of 20 ms; the second wheel does not steer."""
     monitor = SteeringMonitor(SteeringSettings())
-    found: list[StopReason] = []
+    found: list[Fault] = []
     for index, (target, angle) in enumerate(zip(set_deg, angles_deg, strict=True)):
-        cycle = Cycle(
+        cycle = make_cycle(
             now_ns=nanoseconds(0.02 * index),
             set_steering_rad=(math.radians(target), 0.0),
             steering_rad=(math.radians(angle), 0.0),
@@ -27,7 +28,7 @@ def drive(set_deg: list[float], angles_deg: list[float]) -> list[StopReason]:
 def test_a_wheel_that_does_not_steer_is_named() -> None:
     assert not drive([30.0] * 100, [5.0] * 100)
     (reason,) = drive([30.0] * 101, [5.0] * 101)
-    assert reason.cause == "steering"
+    assert reason.name == "steering"
     assert reason.text.startswith("wheel 0: has not steered for 2 s: commanded 30 deg, measured 5 deg; ")
 
 
@@ -49,11 +50,11 @@ def test_a_wheel_that_follows_is_not_stopped(set_deg: list[float], angles_deg: l
 
 
 def test_a_rover_that_does_not_steer_is_not_watched() -> None:
-    assert not list(SteeringMonitor(SteeringSettings()).check(Cycle(now_ns=0)))
+    assert not list(SteeringMonitor(SteeringSettings()).check(make_cycle(now_ns=0)))
 
 
 def reasons(monitor: SteeringMonitor, now_s: float, set_deg: list[float], deg: list[float]) -> list[str]:
-    cycle = Cycle(
+    cycle = make_cycle(
         now_ns=nanoseconds(now_s),
         set_steering_rad=tuple(map(math.radians, set_deg)),
         steering_rad=tuple(map(math.radians, deg)),
@@ -90,12 +91,12 @@ def test_an_angle_of_exactly_the_limit_off_is_not_followed() -> None:
 def test_an_angle_older_than_the_limit_of_the_wheels_is_named() -> None:
     rule = SteeringReportRule(DeviceRoles(wheels="drive", required={"drive": 0.25}))
 
-    def found(*ages_s: float) -> list[StopReason]:
+    def found(*ages_s: float) -> list[Fault]:
         stamps = {wheel: nanoseconds(9.0 - age_s) for wheel, age_s in enumerate(ages_s)}
-        return list(rule.check(Cycle(now_ns=nanoseconds(9.0), steering_ns=stamps)))
+        return list(rule.check(make_cycle(now_ns=nanoseconds(9.0), steering_ns=stamps)))
 
     assert found(0.25, 0.0) == []
     assert found(0.26, 0.0, 0.5) == [
-        StopReason("wheel 0: steering angle", "wheel 0: reports no steering angle for 0.25 s"),
-        StopReason("wheel 2: steering angle", "wheel 2: reports no steering angle for 0.25 s"),
+        Fault("wheel 0", Cause.STEERING_ANGLE, "wheel 0: reports no steering angle for 0.25 s"),
+        Fault("wheel 2", Cause.STEERING_ANGLE, "wheel 2: reports no steering angle for 0.25 s"),
     ]

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.measurement_model import Measured
 from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
+from controllers.fault import Bound, Cause, Fault, Severity
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode, SafetySupervisor
-from controllers.safety.reasons import Cycle, Severity, StopReason, StopRule
-from controllers.safety.rule_set import Doubt
+from controllers.safety.reasons import Cycle, StopRule
 from controllers.safety.settings import SafetySettings
 from drivers.clock import nanoseconds
 from drivers.samples import (
@@ -30,6 +30,7 @@ from drivers.samples import (
     Sample,
     WheelSample,
 )
+from tests.controllers.safety.cycles import changed, make_cycle
 
 MS = 1_000_000
 SECOND_NS = 1000 * MS
@@ -95,7 +96,7 @@ class Watch:
         for sample in samples:
             self.supervisor.observe(sample, sample.t_ns)
         self.supervisor.update(
-            Cycle(
+            make_cycle(
                 now_ns=self.now_ns,
                 estimate_is_finite=finite,
                 motion_ns=self.now_ns if motion_ns == -1 else motion_ns,
@@ -146,18 +147,18 @@ def gyro_reason(*cycles: Cycle) -> str:
     for cycle in cycles:
         for _ in range(2):
             supervisor.observe(rate(cycle.now_ns, 0.5), cycle.now_ns)
-        supervisor.update(cycle._replace(motion_ns=cycle.now_ns))
+        supervisor.update(changed(cycle, motion_ns=cycle.now_ns))
     return supervisor.reason or supervisor.suspicion
 
 
 def test_the_rules_about_the_gyro_know_their_limits_and_its_name() -> None:
-    too_great = [Cycle(now_ns=index * SECOND_NS, rejected_rate_rad_s=9.0) for index in range(2)]
+    too_great = [make_cycle(now_ns=index * SECOND_NS, rejected_rad_s=9.0) for index in range(2)]
     assert gyro_reason(*too_great) == "imu: yaw rate 9.0 rad/s: the rover cannot turn that fast"
-    at_rest = [Cycle(now_ns=index * SECOND_NS, is_still=True) for index in range(3)]
+    at_rest = [make_cycle(now_ns=index * SECOND_NS, is_still=True) for index in range(3)]
     assert gyro_reason(*at_rest) == "imu: reads 0.500 rad/s at rest, its bias was 0.000 rad/s"
     swinging = [
-        Cycle(
-            now_ns=index, evidence=TurnEvidence(gyro_rad=0.0, wheels=WheelTurn(duration_s=0.2, left_rad=turn))
+        make_cycle(
+            now_ns=index, turn=TurnEvidence(gyro_rad=0.0, wheels=WheelTurn(duration_s=0.2, left_rad=turn))
         )
         for index, turn in enumerate((0.0, 0.0, 0.1, 0.1))
     ]
@@ -477,9 +478,9 @@ class Named(StopRule):
     """Gives the reasons that a test has set."""
 
     def __init__(self) -> None:
-        self.reasons: list[StopReason] = []
+        self.reasons: list[Fault] = []
 
-    def check(self, cycle: Cycle) -> Iterable[StopReason]:
+    def check(self, cycle: Cycle) -> Iterable[Fault]:
         return self.reasons
 
 
@@ -496,10 +497,10 @@ class Suspected:
         self.now_ns = 0
         self.cycle()
 
-    def cycle(self, *reasons: StopReason, distance_m: float = 0.0, is_still: bool = True) -> Mode:
+    def cycle(self, *reasons: Fault, distance_m: float = 0.0, is_still: bool = True) -> Mode:
         self.now_ns += 100 * MS
         self.rule.reasons = list(reasons)
-        self.supervisor.update(Cycle(now_ns=self.now_ns, distance_m=distance_m, is_still=is_still))
+        self.supervisor.update(make_cycle(now_ns=self.now_ns, distance_m=distance_m, is_still=is_still))
         return self.supervisor.mode
 
     def rest_s(self) -> float:
@@ -510,9 +511,9 @@ class Suspected:
         return (self.now_ns - start_ns) / SECOND_NS
 
 
-NO_GRIP = StopReason("no grip", "imu: no grip", Severity.RECOVERABLE, yaw_rad=0.5)
+NO_GRIP = Fault("imu", Cause.GYRO_DOES_NOT_FOLLOW, "imu: no grip", Severity.RECOVERABLE, Bound(gyro_rad=0.5))
 FINALLY = "imu: no grip; stopped {} times on suspicion, stays stopped until restart"
-STOPPED = StopReason("fault", "fault")
+STOPPED = Fault("wheels", Cause.DEVICE_FAULT, "fault")
 
 
 def test_a_recoverable_stop_rests_for_two_seconds_and_widens_what_cannot_keep_it_stopped(
@@ -521,24 +522,22 @@ def test_a_recoverable_stop_rests_for_two_seconds_and_widens_what_cannot_keep_it
     run = Suspected(monkeypatch)
     assert run.cycle(NO_GRIP) is Mode.SAFE_STOP
     assert run.supervisor.reason == "imu: no grip"
-    assert run.supervisor.doubts == [Doubt((), 0.5, is_unseen=False)]
+    assert run.supervisor.faults == [NO_GRIP]
     assert run.rest_s() == pytest.approx(2.1)
-    assert run.cycle(NO_GRIP._replace(cause="fault", severity=Severity.STOP)) is Mode.SAFE_STOP
-    assert run.supervisor.doubts == [Doubt((), 0.5, is_unseen=True)]
+    assert run.cycle(NO_GRIP._replace(cause=Cause.DEVICE_FAULT, severity=Severity.STOP)) is Mode.SAFE_STOP
     assert run.rest_s() == pytest.approx(0.6)
 
 
 def test_a_doubt_widens_and_is_shown_and_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     run = Suspected(monkeypatch)
-    doubt = NO_GRIP._replace(severity=Severity.DOUBT)
+    doubt = NO_GRIP._replace(severity=Severity.UNCERTAIN)
     assert run.cycle(doubt) is Mode.RUNNING
     assert (run.supervisor.reason, run.supervisor.suspicion) == ("", "imu: no grip")
-    assert run.supervisor.doubts == [Doubt((), 0.5, is_unseen=False)]
-    assert run.cycle(doubt._replace(yaw_rad=1.3)) is Mode.RUNNING
-    (more,) = run.supervisor.doubts
-    assert more.yaw_rad == pytest.approx(1.2)
-    assert run.cycle(doubt._replace(severity=Severity.SUSPICION, yaw_rad=2.0)) is Mode.RUNNING
-    assert run.supervisor.doubts == []
+    assert run.supervisor.faults == [doubt]
+    assert doubt.adds_uncertainty
+    assert run.supervisor.is_gyro_undecided
+    assert run.cycle(doubt._replace(severity=Severity.WARNING)) is Mode.RUNNING
+    assert not run.supervisor.is_gyro_undecided
 
 
 def test_another_reason_during_the_rest_does_not_shorten_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -571,11 +570,9 @@ def test_the_rest_after_a_suspicion_is_not_shorter_than_after_other_stops(
 
 
 @pytest.mark.parametrize("first", [STOPPED, NO_GRIP])
-def test_the_most_severe_reason_of_a_cycle_decides(
-    monkeypatch: pytest.MonkeyPatch, first: StopReason
-) -> None:
+def test_the_most_severe_reason_of_a_cycle_decides(monkeypatch: pytest.MonkeyPatch, first: Fault) -> None:
     run = Suspected(monkeypatch)
-    final = StopReason("missed turn", "imu: missed turn", Severity.FINAL)
+    final = Fault("imu", Cause.MISSED_TURN, "imu: missed turn", Severity.FINAL)
     assert run.cycle(first, final) is Mode.EMERGENCY_STOP
     assert run.supervisor.reason == f"{first.text}; imu: missed turn"
 
@@ -609,8 +606,8 @@ def test_a_suspicion_while_the_rover_is_stopped_counts_and_prolongs_the_rest(
 def test_one_stop_is_one_suspicion_however_many_rules_have_it(monkeypatch: pytest.MonkeyPatch) -> None:
     run = Suspected(monkeypatch)
     run.cycle(NO_GRIP)
-    assert run.cycle(NO_GRIP, NO_GRIP._replace(cause="missed turn"), is_still=False) is Mode.SAFE_STOP
-    assert run.cycle(NO_GRIP._replace(cause="missed turn"), is_still=False) is Mode.SAFE_STOP
+    assert run.cycle(NO_GRIP, NO_GRIP._replace(cause=Cause.MISSED_TURN), is_still=False) is Mode.SAFE_STOP
+    assert run.cycle(NO_GRIP._replace(cause=Cause.MISSED_TURN), is_still=False) is Mode.SAFE_STOP
     assert run.rest_s() == pytest.approx(2.1)
 
 
@@ -643,7 +640,7 @@ def test_the_third_suspicion_of_a_mission_is_final(monkeypatch: pytest.MonkeyPat
 
 
 def test_suspicions_of_different_causes_are_counted_together(monkeypatch: pytest.MonkeyPatch) -> None:
-    missed = NO_GRIP._replace(cause="missed turn")
+    missed = NO_GRIP._replace(cause=Cause.MISSED_TURN)
     run = Suspected(monkeypatch)
     for stop in (NO_GRIP, missed):
         assert run.cycle(stop) is Mode.SAFE_STOP
@@ -662,17 +659,16 @@ def test_distance_with_a_sign_of_any_suspicion_does_not_count(monkeypatch: pytes
     run = Suspected(monkeypatch)
     run.cycle(NO_GRIP)
     run.rest_s()
-    run.cycle(NO_GRIP._replace(severity=Severity.SIGN), distance_m=1.0)
-    assert run.cycle(NO_GRIP._replace(cause="missed turn")) is Mode.EMERGENCY_STOP
+    run.cycle(NO_GRIP._replace(severity=Severity.SYMPTOM), distance_m=1.0)
+    assert run.cycle(NO_GRIP._replace(cause=Cause.MISSED_TURN)) is Mode.EMERGENCY_STOP
 
 
 def test_a_suspicion_is_shown_and_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     run = Suspected(monkeypatch)
-    suspicion = StopReason("entrapped", "rover: may be entrapped", Severity.SUSPICION, yaw_rad=1.0)
+    suspicion = Fault("rover", Cause.MAY_BE_STUCK, "rover: may be entrapped", Severity.WARNING)
     assert run.cycle(suspicion, suspicion._replace(text="other")) is Mode.RUNNING
     assert run.supervisor.suspicion == "rover: may be entrapped"
     assert run.supervisor.reason == ""
-    assert run.supervisor.doubts == []
     assert run.cycle() is Mode.RUNNING
     assert run.supervisor.suspicion == ""
 
@@ -686,7 +682,7 @@ class Listener(StopRule):
     def observe(self, sample: Sample, t_ns: int) -> None:
         self.observed.append(sample)
 
-    def check(self, cycle: Cycle) -> Iterable[StopReason]:
+    def check(self, cycle: Cycle) -> Iterable[Fault]:
         return ()
 
 
@@ -705,12 +701,3 @@ def test_a_rule_observes_the_kinds_that_it_names_and_else_every_sample(
         supervisor.observe(sample, sample.t_ns)
     assert every.observed == samples
     assert rates.observed == [samples[1], samples[3]]
-
-
-def test_a_sign_is_a_yaw_that_is_not_judged_yet(monkeypatch: pytest.MonkeyPatch) -> None:
-    run = Suspected(monkeypatch)
-    run.cycle(NO_GRIP._replace(severity=Severity.SIGN, yaw_rad=0.2))
-    assert run.supervisor.unjudged_rad == 0.2
-    assert run.supervisor.doubts == []
-    run.cycle()
-    assert run.supervisor.unjudged_rad == 0.0

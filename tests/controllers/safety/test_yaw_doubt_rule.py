@@ -2,9 +2,10 @@
 
 import pytest
 
+from controllers.fault import Fault, Severity
 from controllers.roles import DeviceRoles
 from controllers.safety.estimate_rules import DECIDE_S, YawDoubtRule, YawDoubtSettings
-from controllers.safety.reasons import Cycle, Severity, StopReason
+from tests.controllers.safety.cycles import make_cycle
 
 SECOND_NS = 1_000_000_000
 ALONE = DeviceRoles(wheels="wheels", gyro="imu", required={})
@@ -12,10 +13,10 @@ FIXES = DeviceRoles(wheels="wheels", gyro="imu", fixes=("overhead",), required={
 COMPASS = DeviceRoles(wheels="wheels", gyro="imu", headings=("compass",), required={})
 
 
-def check(
-    rule: YawDoubtRule, doubted_rad: float, t_s: float = 0.0, *, is_still: bool = False
-) -> list[StopReason]:
-    return list(rule.check(Cycle(now_ns=round(t_s * SECOND_NS), doubted_rad=doubted_rad, is_still=is_still)))
+def check(rule: YawDoubtRule, doubted_rad: float, t_s: float = 0.0, *, is_still: bool = False) -> list[Fault]:
+    return list(
+        rule.check(make_cycle(now_ns=round(t_s * SECOND_NS), undecided_rad=doubted_rad, is_still=is_still))
+    )
 
 
 @pytest.mark.parametrize("roles", [FIXES, COMPASS])

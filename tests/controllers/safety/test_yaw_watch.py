@@ -4,9 +4,10 @@ import pytest
 
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.measurement_model import Measured
+from controllers.fault import Severity
 from controllers.roles import DeviceRoles
-from controllers.safety.reasons import Cycle, Severity
 from controllers.safety.yaw_watch import YawWatch
+from tests.controllers.safety.cycles import make_cycle
 
 SECOND_NS = 1_000_000_000
 ROLES = DeviceRoles(wheels="wheels", fixes=("overhead",), camera="rear", required={})
@@ -25,14 +26,14 @@ def said(name: str, residual_rad: float, variance: float = 0.01, *, accepted: bo
 
 def watch(*innovations: Innovation, doubted_rad: float = 0.0) -> YawWatch:
     found = YawWatch(ROLES)
-    found.take(Cycle(now_ns=SECOND_NS, innovations=innovations, doubted_rad=doubted_rad))
+    found.take(make_cycle(now_ns=SECOND_NS, innovations=innovations, undecided_rad=doubted_rad))
     return found
 
 
 def test_a_fix_watches_the_yaw_for_three_seconds() -> None:
     watching = watch(said("overhead yaw", 0.0))
-    assert watching.severity(4 * SECOND_NS) is Severity.SUSPICION
-    assert watching.severity(4 * SECOND_NS + 1) is Severity.DOUBT
+    assert watching.severity(4 * SECOND_NS) is Severity.WARNING
+    assert watching.severity(4 * SECOND_NS + 1) is Severity.UNCERTAIN
 
 
 def test_without_a_yaw_nothing_watches() -> None:
@@ -40,15 +41,15 @@ def test_without_a_yaw_nothing_watches() -> None:
         measured=Measured("overhead", "yaw"), residual=None, variance=None, nis=None, accepted=False
     )
     for watching in (watch(), watch(said("overhead x", 0.0), said("marks yaw", 0.0)), watch(unusable)):
-        assert watching.severity(SECOND_NS) is Severity.DOUBT
+        assert watching.severity(SECOND_NS) is Severity.UNCERTAIN
 
 
 @pytest.mark.parametrize(
     ("residual_rad", "severity"),
     [
-        (0.19, Severity.SUSPICION),
-        (0.21, Severity.DOUBT),
-        (0.34, Severity.DOUBT),
+        (0.19, Severity.WARNING),
+        (0.21, Severity.UNCERTAIN),
+        (0.34, Severity.UNCERTAIN),
         (0.36, Severity.STOP),
         (-0.36, Severity.STOP),
     ],
@@ -64,24 +65,24 @@ def test_a_yaw_that_is_wide_enough_for_both_does_not_agree_with_the_gyro() -> No
     watching = watch(said("overhead yaw", 0.4, variance=1.01), doubted_rad=1.0)
     assert watching.severity(SECOND_NS) is Severity.STOP
     watching = watch(said("overhead yaw", 0.4, variance=1.0), doubted_rad=1.0)
-    assert watching.severity(SECOND_NS) is Severity.DOUBT
+    assert watching.severity(SECOND_NS) is Severity.UNCERTAIN
 
 
 def test_the_newest_one_counts() -> None:
     watching = watch(said("overhead yaw", 0.0))
-    watching.take(Cycle(now_ns=SECOND_NS, innovations=(said("overhead yaw", 0.3),)))
-    assert watching.severity(SECOND_NS) is Severity.DOUBT
+    watching.take(make_cycle(now_ns=SECOND_NS, innovations=(said("overhead yaw", 0.3),)))
+    assert watching.severity(SECOND_NS) is Severity.UNCERTAIN
 
 
 @pytest.mark.parametrize(
     ("accepted", "severity"),
     [
-        ([True], Severity.SUSPICION),
-        ([False], Severity.DOUBT),
-        ([True, False], Severity.DOUBT),
-        ([False, True, False], Severity.DOUBT),
+        ([True], Severity.WARNING),
+        ([False], Severity.UNCERTAIN),
+        ([True, False], Severity.UNCERTAIN),
+        ([False, True, False], Severity.UNCERTAIN),
         ([False, False], Severity.STOP),
-        ([False, False, True], Severity.SUSPICION),
+        ([False, False, True], Severity.WARNING),
     ],
 )
 def test_a_camera_contradicts_the_gyro_by_two_turns_in_a_row(
@@ -90,12 +91,12 @@ def test_a_camera_contradicts_the_gyro_by_two_turns_in_a_row(
     watching = watch()
     for each in accepted:
         innovations = (said("rear turn", 0.0, accepted=each),)
-        watching.take(Cycle(now_ns=SECOND_NS, innovations=innovations))
+        watching.take(make_cycle(now_ns=SECOND_NS, innovations=innovations))
     assert watching.severity(SECOND_NS) is severity
 
 
 def test_a_doubt_says_what_it_means() -> None:
-    assert watch().consequence(Severity.DOUBT) == "; the yaw is uncertain by both"
+    assert watch().consequence(Severity.UNCERTAIN) == "; the yaw is uncertain by both"
     assert watch().consequence(Severity.FINAL) == ""
     alone = YawWatch(DeviceRoles(wheels="wheels", gyro="imu", required={}))
-    assert alone.consequence(Severity.DOUBT) == "; the yaw is uncertain by both, yaw unwatched"
+    assert alone.consequence(Severity.UNCERTAIN) == "; the yaw is uncertain by both, yaw unwatched"
