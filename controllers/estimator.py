@@ -7,8 +7,9 @@ from dataclasses import replace
 from controllers.estimation.body_velocity import BodyVelocity
 from controllers.estimation.dead_reckoning import DeadReckoned, DeadReckoning
 from controllers.estimation.filter.error_budget import Category, ErrorBudget
-from controllers.estimation.filter.guarded_filter import Innovation
-from controllers.estimation.filter.motion_history import Step, late
+from controllers.estimation.filter.guarded_filter import Innovation, Outcome
+from controllers.estimation.filter.measurement_model import Measured
+from controllers.estimation.filter.motion_history import Step
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.reader import Situation
 from controllers.estimation.filter.transition import Turn
@@ -203,7 +204,11 @@ class Estimator:
         innovations = self._correct_by_samples()
         innovations += self.ground.follow(now_ns, is_resting=self.rest.is_resting)
         for fix, way_back in self._fixes.take():
-            innovations += (late(fix),) if way_back is None else self.positions.correct(fix, way_back)
+            if way_back is None:
+                late = Measured(fix.device, "too late")
+                innovations.append(Innovation(measured=late, outcome=Outcome.LATE))
+            else:
+                innovations += self.positions.correct(fix, way_back)
         innovations += self.rest.correct_bias(self._roles.gyro)
         self.budget.limit()
         return tuple(innovations)

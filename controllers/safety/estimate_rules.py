@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from controllers.estimation.filter.motion_history import DISPLACED, TURNED
+from controllers.estimation.positions.frames import DISPLACED, TURNED
 from controllers.fault import Cause, Fault, Severity
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, StopRule

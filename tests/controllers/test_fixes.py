@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import chi2
 
 from controllers.control_loop import ControlLoop
-from controllers.estimation.filter.guarded_filter import Array, Innovation
+from controllers.estimation.filter.guarded_filter import Array, Innovation, Outcome
 from controllers.estimation.filter.measurement_model import Measured
 from controllers.estimation.filter.motion_history import FixQueue, WayBack
 from controllers.estimation.filter.transition import Turn
@@ -92,7 +92,11 @@ def test_the_slopes_are_those_of_the_expected_fix(monkeypatch: pytest.MonkeyPatc
 
     def note(names: object, residuals: Array, rows: Array, variances: object) -> tuple[Innovation, ...]:
         asked.append((residuals, rows))
-        return (Innovation(measured=Measured(""), residual=None, variance=None, nis=None, accepted=True),)
+        return (
+            Innovation(
+                measured=Measured(""), residual=None, variance=None, nis=None, outcome=Outcome.ACCEPTED
+            ),
+        )
 
     monkeypatch.setattr(pose_filter.kalman, "update_together", note)
     state, step = pose_filter._filter.state, 1e-6

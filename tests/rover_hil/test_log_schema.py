@@ -10,7 +10,7 @@ from pydantic_core import to_json
 
 from controllers.control_loop import StepOutput
 from controllers.estimation.dead_reckoning import DeadReckoned
-from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.guarded_filter import Innovation, Outcome
 from controllers.estimation.filter.measurement_model import Measured
 from controllers.estimation.ground.travel import GroundReport
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
@@ -60,8 +60,12 @@ OUTPUT = StepOutput(
     odometry=Pose(x_m=1.1, y_m=2.2, yaw_rad=0.3),
     odometry_rebases=1,
     innovations=(
-        Innovation(measured=Measured("compass"), residual=0.1, variance=0.2, nis=0.05, accepted=True),
-        Innovation(measured=Measured("late"), residual=None, variance=None, nis=None, accepted=False),
+        Innovation(
+            measured=Measured("compass"), residual=0.1, variance=0.2, nis=0.05, outcome=Outcome.ACCEPTED
+        ),
+        Innovation(
+            measured=Measured("late"), residual=None, variance=None, nis=None, outcome=Outcome.REJECTED
+        ),
     ),
     command=WheelCommand(t_ns=7, expires_ns=9, speed_rad_s=(1.0, 2.0), steering_rad=(0.1, 0.0)),
     limit=Limit.ACCELERATION,

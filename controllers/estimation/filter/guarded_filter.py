@@ -8,6 +8,7 @@ accepts NaN and negative time steps silently, and adds K y to an angle without w
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from statistics import NormalDist
 
 import numpy as np
@@ -21,28 +22,51 @@ from drivers.record import record
 Array = NDArray[np.float64]
 
 
+class Outcome(StrEnum):
+    """What became of a measurement.
+
+    ACCEPTED: It has corrected the estimate, or would have.
+    REJECTED: Beyond the gate, or not a finite number.
+    LATE: Older than the recorded motion: it could not be compared.
+    CONTRADICTING: Left out before the filter: it contradicts what the rover can have done.
+    """
+
+    ACCEPTED = "accepted"
+    REJECTED = "rejected"
+    LATE = "late"
+    CONTRADICTING = "contradicting"
+
+
 @record(frozen=True, slots=True, kw_only=True)
 class Innovation:
-    """Innovation of one measurement.
+    """What became of one measurement, of any sensor.
 
     Attributes:
         measured: What was measured.
-        residual: Measured minus expected; None when the measurement was not a finite number.
-        variance: Expected variance of the residual; None likewise.
-        nis: Residual squared over variance (normalised innovation squared); None likewise.
-        accepted: False when the measurement was rejected and the estimate left unchanged.
+        outcome: What became of it; unless it was accepted, the estimate is unchanged.
+        residual: Measured minus expected; None where that is not a finite number.
+        variance: Expected variance of the residual; None where there is none.
+        nis: Residual squared over variance (normalised innovation squared); None likewise. The quantities of
+            one measurement are accepted or rejected together, by the sum of theirs.
+        gate: Greatest sum that is accepted; None where nothing was compared with it.
     """
 
     measured: Measured
-    residual: float | None
-    variance: float | None
-    nis: float | None
-    accepted: bool
+    outcome: Outcome
+    residual: float | None = None
+    variance: float | None = None
+    nis: float | None = None
+    gate: float | None = None
 
     @property
     def name(self) -> str:
         """Name of the measurement."""
         return str(self.measured)
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it has corrected the estimate."""
+        return self.outcome is Outcome.ACCEPTED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -172,13 +196,20 @@ class GuardedFilter:
         """
         step = self._corrected(self._x, self._p, residual, row, variance)
         if step is None:
-            return Innovation(measured=measured, residual=None, variance=None, nis=None, accepted=False)
+            return Innovation(measured=measured, outcome=Outcome.REJECTED)
         state, covariance, total = step
         nis = residual * residual / total
         accepted = nis <= self._gate and self._take(state, covariance)
         self._is_corrected |= accepted
         self._end_step()
-        return Innovation(measured=measured, residual=residual, variance=total, nis=nis, accepted=accepted)
+        return Innovation(
+            measured=measured,
+            outcome=_outcome(accepted=accepted),
+            residual=residual,
+            variance=total,
+            nis=nis,
+            gate=self._gate,
+        )
 
     def update_together(
         self, measured: Sequence[Measured], residuals: Array, rows: Array, variances: Array
@@ -202,10 +233,7 @@ class GuardedFilter:
             remaining = residual - float((row * (state - self._x)).sum())
             step = self._corrected(state, covariance, remaining, row, variance)
             if alone is None or step is None:
-                return tuple(
-                    Innovation(measured=each, residual=None, variance=None, nis=None, accepted=False)
-                    for each in measured
-                )
+                return tuple(Innovation(measured=each, outcome=Outcome.REJECTED) for each in measured)
             state, covariance, total = step
             nis += remaining * remaining / total
             totals.append(alone[2])
@@ -216,10 +244,11 @@ class GuardedFilter:
         return tuple(
             Innovation(
                 measured=each,
+                outcome=_outcome(accepted=accepted),
                 residual=residual,
                 variance=total,
                 nis=residual * residual / total,
-                accepted=accepted,
+                gate=gate,
             )
             for each, residual, total in zip(measured, residuals.tolist(), totals, strict=True)
         )
@@ -268,6 +297,10 @@ class GuardedFilter:
             state[index] = wrap_angle(float(state[index]))
         self._x, self._p = state, 0.5 * (covariance + covariance.T)
         return True
+
+
+def _outcome(*, accepted: bool) -> Outcome:
+    return Outcome.ACCEPTED if accepted else Outcome.REJECTED
 
 
 def _lift(covariance: Array) -> Array:

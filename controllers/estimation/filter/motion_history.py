@@ -6,8 +6,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from controllers.estimation.filter.guarded_filter import Innovation
-from controllers.estimation.filter.measurement_model import Array, Measured
+from controllers.estimation.filter.measurement_model import Array
 from controllers.estimation.filter.state_layout import YAW, X, Y
 from controllers.motion.planar import Pose, move, wrap_angle
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds
@@ -205,48 +204,6 @@ class FixQueue:
             bias_rad=now.bias_rad - then.bias_rad,
             bias_m=(then.bias_m - now.bias_m + now.bias_rad * arm_m) * to_body,
         )
-
-
-DISPLACED, TURNED = "displaced", "turned"
-"""Quantities of the innovations of a fix that was taken although it contradicted the estimate."""
-
-
-def displaced(fix: PoseFixSample, distance_m: float, turned_rad: float) -> tuple[Innovation, Innovation]:
-    """Return by how much a fix contradicted the estimate that was then widened to take it."""
-    device = fix.device
-    return (
-        Innovation(
-            measured=Measured(device, DISPLACED), residual=distance_m, variance=None, nis=None, accepted=True
-        ),
-        Innovation(
-            measured=Measured(device, TURNED), residual=turned_rad, variance=None, nis=None, accepted=True
-        ),
-    )
-
-
-def off(fix: PoseFixSample, residual_m: complex) -> tuple[Innovation, Innovation]:
-    """Return the innovations of a place that was left out because it may have jumped, see `FixJumps`."""
-    x, y = (
-        Innovation(
-            measured=Measured(fix.device, part), residual=residual, variance=None, nis=None, accepted=False
-        )
-        for part, residual in (("x", residual_m.real), ("y", residual_m.imag))
-    )
-    return x, y
-
-
-def jumped(fix: PoseFixSample, distance_m: float) -> Innovation:
-    """Return by how much the places of a device have jumped, see `FixJumps`."""
-    return Innovation(
-        measured=Measured(fix.device, "jumped"), residual=distance_m, variance=None, nis=None, accepted=True
-    )
-
-
-def late(fix: PoseFixSample) -> Innovation:
-    """Return the innovation of a fix that is too old to be compared."""
-    return Innovation(
-        measured=Measured(fix.device, "too late"), residual=None, variance=None, nis=None, accepted=False
-    )
 
 
 def _between(before: _Mark, after: _Mark, t_ns: int) -> _Mark:

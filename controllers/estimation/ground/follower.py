@@ -1,11 +1,12 @@
 """The pose filter follows the motion over the ground that a camera measures."""
 
 from controllers.estimation.filter.error_budget import ErrorBudget
-from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.guarded_filter import Innovation, Outcome
+from controllers.estimation.filter.measurement_model import Measured
 from controllers.estimation.filter.motion_history import FixQueue
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.ground.frame_pose import FramePose
-from controllers.estimation.ground.travel import GroundPair, GroundReport, GroundTravel, contradicting
+from controllers.estimation.ground.travel import GroundPair, GroundReport, GroundTravel
 from controllers.estimation.gyro.turn_source import TurnSource
 from controllers.estimation.pose_estimate import YawSource
 from controllers.fault import Bound, Cause
@@ -57,9 +58,16 @@ class GroundFollower:
                 self._budget.raise_to(Cause.RIG, rig_fault.bound)
             fault = None if pair is None else pair.fault
             if pair is not None and fault is not None:
-                innovations.append(contradicting(self._camera, pair))
+                apart_m = fault.bound.position_m
+                innovations.append(
+                    Innovation(
+                        measured=Measured(self._camera, "forward"),
+                        outcome=Outcome.CONTRADICTING,
+                        residual=apart_m,
+                    )
+                )
                 # One after the other they err in one direction: the errors add up, not their variances.
-                sum_m = self._budget.greatest(fault.cause).position_m + fault.bound.position_m
+                sum_m = self._budget.greatest(fault.cause).position_m + apart_m
                 self._budget.raise_to(fault.cause, Bound(position_m=sum_m))
             elif pair is not None:
                 self._budget.clear(Cause.GROUND_AGAINST_WHEELS)

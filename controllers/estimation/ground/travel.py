@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from typing import NamedTuple, Protocol
 
-from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.guarded_filter import Innovation, Outcome
 from controllers.estimation.filter.measurement_model import Measured
 from controllers.estimation.filter.motion_history import WayBack
 from controllers.fault import Bound, Cause, Fault, Severity
@@ -258,10 +258,11 @@ class GroundTravel:
         nis = residual_rad**2 / variance if variance > 0.0 else math.inf
         yield Innovation(
             measured=Measured(camera, "turn"),
+            outcome=Outcome.ACCEPTED if nis <= DEVIATIONS**2 else Outcome.REJECTED,
             residual=residual_rad,
             variance=variance,
             nis=nis,
-            accepted=nis <= DEVIATIONS**2,
+            gate=DEVIATIONS**2,
         )
 
     def report(self, now_ns: int) -> GroundReport:
@@ -319,11 +320,3 @@ def _between(before: WayBack, now: WayBack) -> tuple[complex, float]:
     """Return the travel of rolling wheels between two times, in the axes of the later one, and the turn."""
     rolled_m = (before.rolled_m - now.rolled_m) * cmath.rect(1.0, now.turned_rad)
     return rolled_m, math.remainder(before.turned_rad - now.turned_rad, math.tau)
-
-
-def contradicting(camera: str, pair: GroundPair) -> Innovation:
-    """Return the innovation of a pair that contradicts the wheels: it corrects nothing."""
-    residual_m = abs(pair.ground_m - pair.rolled_m)
-    return Innovation(
-        measured=Measured(camera, "forward"), residual=residual_m, variance=None, nis=None, accepted=False
-    )

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.estimation.filter.guarded_filter import Innovation
-from controllers.estimation.filter.motion_history import WayBack, displaced, jumped, off
+from controllers.estimation.filter.guarded_filter import Innovation, Outcome
+from controllers.estimation.filter.measurement_model import Measured
+from controllers.estimation.filter.motion_history import WayBack
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.state_layout import YAW, X, Y
 from controllers.estimation.parameters import ESTIMATION
@@ -18,6 +19,10 @@ from drivers.samples import PoseFixSample
 
 LEAST_BASELINE_SD = 10.0
 """Two fixes without yaw turn the floor's axes from so many deviations of their difference on: to 6 deg."""
+
+
+DISPLACED, TURNED = "displaced", "turned"
+"""Quantities of the innovations of a fix that was taken although it contradicted the estimate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +83,12 @@ class PositionFrames:
         jumps, std_m, residual_m = self._jumps[fix.device], _alone_std_m(model), self._residual(model)
         has_jumped = not has_yaw(fix) and jumps.is_off(residual_m, std_m, self._poses.path_m)
         if has_jumped:
-            innovations: tuple[Innovation, ...] = off(fix, residual_m)
+            innovations: tuple[Innovation, ...] = tuple(
+                Innovation(
+                    measured=Measured(fix.device, part), outcome=Outcome.CONTRADICTING, residual=apart_m
+                )
+                for part, apart_m in (("x", residual_m.real), ("y", residual_m.imag))
+            )
         else:
             innovations = self._filter.correct(model, model.measured)
         if innovations[0].accepted:
@@ -99,7 +109,10 @@ class PositionFrames:
         turned_rad = residuals[YAW] if has_yaw(fix) else 0.0
         for index, variance in ((X, distance_m2), (Y, distance_m2), (YAW, turned_rad**2)):
             self._filter.widen(index, variance)
-        report = displaced(fix, math.sqrt(distance_m2), abs(turned_rad))
+        report = (
+            _taken(fix, DISPLACED, math.sqrt(distance_m2)),
+            _taken(fix, TURNED, abs(turned_rad)),
+        )
         corrected = self._filter.correct(model, model.measured)
         jumps.agree(self._residual(model), std_m, self._poses.path_m)
         return (*corrected, *report[: len(innovations) - 1])
@@ -114,7 +127,7 @@ class PositionFrames:
             self._filter.widen(index, std_m**2)
         corrected = self._filter.correct(model, model.measured)
         jumps.agree(self._residual(model), std_m, self._poses.path_m)
-        return (*corrected, jumped(fix, abs(residual_m)))
+        return (*corrected, _taken(fix, "jumped", abs(residual_m)))
 
     def _residual(self, model: PoseFix) -> complex:
         """Return the place by the fix less the expected one, in the frame of the floor."""
@@ -150,3 +163,8 @@ class PositionFrames:
             self._filter.assign(origin + index, value)
         self._rejections[fix.device] = 0
         return True
+
+
+def _taken(fix: PoseFixSample, quantity: str, residual: float) -> Innovation:
+    """Return by how much a measurement contradicted the estimate that took it nevertheless."""
+    return Innovation(measured=Measured(fix.device, quantity), outcome=Outcome.ACCEPTED, residual=residual)

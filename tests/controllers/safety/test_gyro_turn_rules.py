@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.guarded_filter import Innovation, Outcome
 from controllers.estimation.filter.measurement_model import Measured
 from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
 from controllers.fault import Fault, Severity
@@ -192,7 +192,7 @@ def test_while_fixes_agree_with_the_yaw_a_gyro_that_does_not_follow_is_a_suspici
             residual=residual_rad,
             variance=1.0,
             nis=residual_rad**2,
-            accepted=True,
+            outcome=Outcome.ACCEPTED,
         )
         list(rule.check(make_cycle(now_ns=0, innovations=(innovation,))))
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.guarded_filter import Innovation, Outcome
 from controllers.estimation.filter.measurement_model import Measured
 from controllers.fault import Cause, Fault, Severity
 from controllers.roles import DeviceRoles
@@ -62,7 +62,7 @@ class Bench:
                     residual=0.0,
                     variance=self.noise_rad**2,
                     nis=0.0,
-                    accepted=self.is_accepted,
+                    outcome=Outcome.ACCEPTED if self.is_accepted else Outcome.REJECTED,
                 )
             )
 
@@ -323,7 +323,7 @@ def test_a_heading_without_a_number_says_nothing_about_the_noise() -> None:
             residual=None,
             variance=None,
             nis=None,
-            accepted=False,
+            outcome=Outcome.REJECTED,
         )
     )
     assert bench.check() == []
@@ -442,7 +442,7 @@ def compared(
                     residual=0.0,
                     variance=0.0,
                     nis=0.0,
-                    accepted=True,
+                    outcome=Outcome.ACCEPTED,
                 )
             )
         cycle = make_cycle(

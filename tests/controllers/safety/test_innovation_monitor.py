@@ -2,7 +2,7 @@
 
 import pytest
 
-from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.guarded_filter import Innovation, Outcome
 from controllers.estimation.filter.measurement_model import Measured
 from controllers.fault import Cause, Fault, Severity
 from controllers.safety.innovation_monitor import InnovationMonitor, InnovationSettings
@@ -12,7 +12,11 @@ from tests.controllers.safety.cycles import make_cycle
 
 def innovation(name: str, *, accepted: bool, residual: float | None = 1.0) -> Innovation:
     return Innovation(
-        measured=Measured(*name.split(" ", 1)), residual=residual, variance=1.0, nis=1.0, accepted=accepted
+        measured=Measured(*name.split(" ", 1)),
+        residual=residual,
+        variance=1.0,
+        nis=1.0,
+        outcome=Outcome.ACCEPTED if accepted else Outcome.REJECTED,
     )
 
 

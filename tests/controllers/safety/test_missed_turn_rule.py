@@ -2,7 +2,7 @@
 
 import pytest
 
-from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.guarded_filter import Innovation, Outcome
 from controllers.estimation.filter.measurement_model import Measured
 from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
 from controllers.fault import Fault, Severity
@@ -96,7 +96,7 @@ def test_without_evidence_there_is_no_verdict() -> None:
 def test_while_fixes_agree_with_the_yaw_it_is_a_suspicion() -> None:
     rule = make_rule()
     accepted = Innovation(
-        measured=Measured("overhead", "yaw"), residual=0.0, variance=1.0, nis=0.0, accepted=True
+        measured=Measured("overhead", "yaw"), residual=0.0, variance=1.0, nis=0.0, outcome=Outcome.ACCEPTED
     )
     assert list(rule.check(make_cycle(now_ns=0, innovations=(accepted,)))) == []
     (reason,) = turn(rule, 0.0, 0.5, 0.0, 1)
@@ -107,7 +107,7 @@ def test_where_fixes_contradict_the_yaw_the_gyro_is_dead() -> None:
     unproven = UnprovenTurn()
     rule = make_rule(unproven)
     contradicting = Innovation(
-        measured=Measured("overhead", "yaw"), residual=0.4, variance=0.01, nis=16.0, accepted=False
+        measured=Measured("overhead", "yaw"), residual=0.4, variance=0.01, nis=16.0, outcome=Outcome.REJECTED
     )
     assert list(rule.check(make_cycle(now_ns=0, innovations=(contradicting,)))) == []
     was_dead = [unproven.is_dead]

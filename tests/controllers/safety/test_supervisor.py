@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.guarded_filter import Innovation, Outcome
 from controllers.estimation.filter.measurement_model import Measured
 from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
 from controllers.fault import Bound, Cause, Fault, Severity
@@ -427,8 +427,10 @@ def test_distance_before_the_newest_stop_does_not_count() -> None:
 
 
 def test_distance_with_a_sign_of_the_cause_does_not_count() -> None:
-    rejected = Innovation(measured=Measured("compass"), residual=1.0, variance=1.0, nis=20.0, accepted=False)
-    accepted = replace(rejected, accepted=True)
+    rejected = Innovation(
+        measured=Measured("compass"), residual=1.0, variance=1.0, nis=20.0, outcome=Outcome.REJECTED
+    )
+    accepted = replace(rejected, outcome=Outcome.ACCEPTED)
     watch = running()
     for attempt in range(3):
         drive(watch, 0.75, (rejected,))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.guarded_filter import Innovation, Outcome
 from controllers.estimation.filter.measurement_model import Measured
 from controllers.fault import Cause, Fault, Severity
 from controllers.roles import DeviceRoles
@@ -49,7 +49,11 @@ def test_a_stop_is_final_where_no_device_can_find_the_rover(
 
 def innovation(name: str, residual: float | None) -> Innovation:
     return Innovation(
-        measured=Measured(*name.split(" ", 1)), residual=residual, variance=None, nis=None, accepted=True
+        measured=Measured(*name.split(" ", 1)),
+        residual=residual,
+        variance=None,
+        nis=None,
+        outcome=Outcome.ACCEPTED,
     )
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.guarded_filter import Innovation, Outcome
 from controllers.estimation.filter.measurement_model import Measured
 from controllers.fault import Severity
 from controllers.roles import DeviceRoles
@@ -20,7 +20,7 @@ def said(name: str, residual_rad: float, variance: float = 0.01, *, accepted: bo
         residual=residual_rad,
         variance=variance,
         nis=nis,
-        accepted=accepted,
+        outcome=Outcome.ACCEPTED if accepted else Outcome.REJECTED,
     )
 
 
@@ -38,7 +38,7 @@ def test_a_fix_watches_the_yaw_for_three_seconds() -> None:
 
 def test_without_a_yaw_nothing_watches() -> None:
     unusable = Innovation(
-        measured=Measured("overhead", "yaw"), residual=None, variance=None, nis=None, accepted=False
+        measured=Measured("overhead", "yaw"), residual=None, variance=None, nis=None, outcome=Outcome.REJECTED
     )
     for watching in (watch(), watch(said("overhead x", 0.0), said("marks yaw", 0.0)), watch(unusable)):
         assert watching.severity(SECOND_NS) is Severity.UNCERTAIN

@@ -11,7 +11,7 @@ import pytest
 from mcap.reader import make_reader
 
 from controllers.control_loop import StepOutput
-from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.guarded_filter import Innovation, Outcome
 from controllers.estimation.filter.measurement_model import Measured
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
 from controllers.motion.limits import Limit
@@ -88,13 +88,25 @@ class Drive:
             yaw_source=YawSource.GYRO,
         )
         innovation = Innovation(
-            measured=Measured("imu", "standstill"), residual=0.01, variance=1e-4, nis=1.0, accepted=t_s > 0.1
+            measured=Measured("imu", "standstill"),
+            residual=0.01,
+            variance=1e-4,
+            nis=1.0,
+            outcome=Outcome.ACCEPTED if t_s > 0.1 else Outcome.REJECTED,
         )
         fix = Innovation(
-            measured=Measured("overhead", "x"), residual=0.004, variance=1e-6, nis=16.0, accepted=True
+            measured=Measured("overhead", "x"),
+            residual=0.004,
+            variance=1e-6,
+            nis=16.0,
+            outcome=Outcome.ACCEPTED,
         )
         late = Innovation(
-            measured=Measured("overhead", "too late"), residual=None, variance=None, nis=None, accepted=False
+            measured=Measured("overhead", "too late"),
+            residual=None,
+            variance=None,
+            nis=None,
+            outcome=Outcome.REJECTED,
         )
         command = WheelCommand(t_ns=t_ns, expires_ns=t_ns + 1, speed_rad_s=(WHEEL_RAD_S,) * 3)
         return StepOutput(

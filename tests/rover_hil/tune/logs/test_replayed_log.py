@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.guarded_filter import Innovation, Outcome
 from controllers.estimation.filter.measurement_model import Measured
 from drivers.errors import LogError
 from drivers.samples import PoseFixSample
@@ -105,7 +105,7 @@ def test_withheld_fixes_judge_before_they_are_used(monkeypatch: pytest.MonkeyPat
                 residual=value,
                 variance=None if nis is None else 0.01,
                 nis=nis,
-                accepted=True,
+                outcome=Outcome.ACCEPTED,
             )
             for end, value in zip(ends, (x, y, yaw), strict=False)
         )
