@@ -150,7 +150,7 @@ class ControlLoop:
         shortest_age_s = min(roles.max_age_s(roles.wheels), roles.max_age_s(roles.gyro))
         self._pauses = PauseWatch(ESTIMATION.pose.pause_ages * shortest_age_s)
         self._commanded_rad_s = (0.0,) * kinematics.wheel_count
-        self._travel_rad_s = self._swing_rad_s = self._commanded_rad_s
+        self._travel_rad_s = self._excitation_rad_s = self._commanded_rad_s
         self._steering_rad: tuple[float, ...] = ()
         self._is_paused = self._is_confirmed = self._is_led_out = False
         self._operator_reason = ""
@@ -185,7 +185,7 @@ class ControlLoop:
         For a replay with other parameters: the rover drove as it was commanded, not as it would have been.
         """
         self._commanded_rad_s = command.speed_rad_s
-        self._travel_rad_s = tuple(map(operator.sub, command.speed_rad_s, self._swing_rad_s))
+        self._travel_rad_s = tuple(map(operator.sub, command.speed_rad_s, self._excitation_rad_s))
         self._steering_rad = command.steering_rad or ()
 
     def step(self, now_ns: int, samples: Sequence[Sample]) -> StepOutput:
@@ -216,8 +216,8 @@ class ControlLoop:
         estimate = self._estimator.budget.with_symptoms(estimate)
         speed_rad_s, limit = self._set_points(now_ns, guidance)
         self._commanded_rad_s = speed_rad_s
-        # A wheel at rest that swings is always behind its set-point: only the travel says whether it stalls.
-        self._travel_rad_s = tuple(map(operator.sub, speed_rad_s, self._swing_rad_s))
+        # A wheel that only the excitation turns is always behind its setpoint: the travel shows a stall.
+        self._travel_rad_s = tuple(map(operator.sub, speed_rad_s, self._excitation_rad_s))
         odometry = self._estimator.odometry
         is_fresh = self._is_motion_fresh(now_ns)
         ground, fault = self._estimator.ground.report(now_ns), self._estimator.fault
@@ -313,7 +313,7 @@ class ControlLoop:
     def _lead(
         self, now_ns: int, estimate: PoseEstimate, distance_m: float, maneuvers: Maneuvers
     ) -> Guidance | None:
-        """Return where mission, maneuvers or hand lead the rover; None for rest."""
+        """Return where mission, maneuvers or hand lead the rover; None for standstill."""
         if self._follower is None:
             return None
         supervisor = self._supervisor
@@ -334,7 +334,7 @@ class ControlLoop:
         return maneuvers.turn.guide(now_ns, guidance, is_undecided=supervisor.is_gyro_undecided)
 
     def _set_points(self, now_ns: int, guidance: Guidance | None) -> tuple[tuple[float, ...], Limit]:
-        self._swing_rad_s = (0.0,) * self._kinematics.wheel_count
+        self._excitation_rad_s = (0.0,) * self._kinematics.wheel_count
         if guidance is None or guidance.finished or guidance.waits:
             self._limiter.stop()
             held_rad = self._estimator.steering.hold()
@@ -342,11 +342,11 @@ class ControlLoop:
             return (0.0,) * self._kinematics.wheel_count, Limit.NONE
         self._estimator.steering.release()
         twist = guidance.velocity_x_m_s, guidance.velocity_y_m_s, guidance.yaw_rate_rad_s
-        swing_rad_s, changes_rad_s = 0.0, None
+        excitation_rad_s, changes_rad_s = 0.0, None
         if self._slip is not None:
             is_turning = self._maneuvers is not None and bool(self._maneuvers.turn.announcement)
             is_measured = self._estimator.ground.is_measured
-            twist, swing_rad_s = self._slip.excite(
+            twist, excitation_rad_s = self._slip.excite(
                 seconds(now_ns), twist, is_turning=is_turning, is_measured=is_measured
             )
             changes_rad_s = self._slip.set_point_changes(twist)
@@ -358,6 +358,6 @@ class ControlLoop:
         limited_rad_s, limit = self._limiter.limit(
             now_ns, wanted_rad_s, self._estimator.odometry.wheel_speed_rad_s
         )
-        if swing_rad_s:
-            self._swing_rad_s = self._kinematics.wheel_speeds(0.0, 0.0, swing_rad_s)
+        if excitation_rad_s:
+            self._excitation_rad_s = self._kinematics.wheel_speeds(0.0, 0.0, excitation_rad_s)
         return limited_rad_s, limit

@@ -16,8 +16,8 @@ from controllers.estimation.filter.transition import Turn
 from controllers.estimation.ground.follower import GroundFollower
 from controllers.estimation.ground.travel import GroundTravel
 from controllers.estimation.gyro.integrator import GyroIntegrator
-from controllers.estimation.gyro.standstill import RestWatch
-from controllers.estimation.gyro.standstill_follower import RestFollower
+from controllers.estimation.gyro.standstill import StandstillWatch
+from controllers.estimation.gyro.standstill_follower import StandstillFollower
 from controllers.estimation.gyro.turn_source import GyroEvidence, TurnSource
 from controllers.estimation.measurement_evidence import MeasurementEvidence
 from controllers.estimation.parameters import ESTIMATION
@@ -45,8 +45,8 @@ class Estimator:
     """Runs the parts of the estimate in the order of a cycle.
 
     `SampleIntake` passes the samples on. Here the wheels' increments become a prediction of the `PoseFilter`,
-    and measurements its corrections. `RestFollower`, `StuckEncoderDoubts` and `Doubts` widen it where a
-    motion may be measured wrongly, `GroundFollower` corrects it by a camera, `PoseReport` gives the pose.
+    and measurements its corrections. `LateReadings` keeps these until the recorded motion reaches them.
+    `ErrorBudget` inflates the covariance where a motion may be measured wrongly. `PoseReport` gives the pose.
 
     Args:
         kinematics: Geometry of the wheels.
@@ -66,7 +66,7 @@ class Estimator:
         positions: Frames of the devices that measure positions.
         budget: The account of added uncertainty.
         ground: Motion over the ground that a camera measures.
-        rest: Whether the rover rests.
+        standstill: Whether the rover stands.
         motion_ns: Time of the wheel positions that the pose is based on; None before the first motion.
     """
 
@@ -90,7 +90,7 @@ class Estimator:
             roles.max_age_s(roles.gyro),
             ESTIMATION.odometry.plausible_speed * self._reach.fastest_turn_rad_s,
         )
-        watch = RestWatch(settings)
+        watch = StandstillWatch(settings)
         self._intake = SampleIntake(
             kinematics,
             roles,
@@ -117,7 +117,7 @@ class Estimator:
             ground, roles.camera, self.pose_filter, self.budget, self._fixes, self._turns
         )
         self._unobserved = UnobservedMotion(self._reach.effects)
-        self.rest = RestFollower(
+        self.standstill = StandstillFollower(
             settings,
             watch,
             self.pose_filter,
@@ -146,7 +146,7 @@ class Estimator:
         evidence = wheel_evidence(
             self.odometry, self._driven_from, estimate, self.contradiction, self.steering
         )
-        return evidence._replace(motion_ns=self.motion_ns, is_still=self.rest.is_still)
+        return evidence._replace(motion_ns=self.motion_ns, is_still=self.standstill.is_still)
 
     @property
     def gyro_evidence(self) -> GyroEvidence:
@@ -160,7 +160,7 @@ class Estimator:
     @property
     def fault(self) -> Fault | None:
         """Why the wheels may not measure the motion of the rover; None without a contradiction."""
-        return self.rest.fault or self._stuck_fault
+        return self.standstill.fault or self._stuck_fault
 
     def take(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`; samples of other devices and kinds have no effect."""
@@ -188,28 +188,28 @@ class Estimator:
         self._is_commanded = bool(set_speed_rad_s)
         set_speed_rad_s = set_speed_rad_s or (0.0,) * len(self._reach.effects)
         if any(set_speed_rad_s):
-            self.rest.note_drive(now_ns)
+            self.standstill.note_drive(now_ns)
         self._account_for_lost_motion(set_speed_rad_s)
         if increment is not None:
             increment = self._compare_wheels(self._compensate(increment, now_ns, set_speed_rad_s))
             errors_rad = self._intake.take_speed_errors_rad()
             if errors_rad is not None:
                 self.budget.add(self._reach.beside_gyro(errors_rad))
-        self.rest.follow(
+        self.standstill.follow(
             now_ns, self._path_m, reports_speed=self._intake.reports_speed, is_commanded=self._is_commanded
         )
         if increment is not None and self.odometry.t_ns is not None:
             self.motion_ns = self.odometry.t_ns
             self._move_to(self.motion_ns, now_ns, increment)
         innovations = self._correct_by_samples()
-        innovations += self.ground.follow(now_ns, is_resting=self.rest.is_resting)
+        innovations += self.ground.follow(now_ns, is_at_standstill=self.standstill.is_at_standstill)
         for fix, way_back in self._fixes.take():
             if way_back is None:
                 late = Measured(fix.device, "too late")
                 innovations.append(Innovation(measured=late, outcome=Outcome.LATE))
             else:
                 innovations += self.positions.correct(fix, way_back)
-        innovations += self.rest.correct_bias(self._roles.gyro)
+        innovations += self.standstill.correct_bias(self._roles.gyro)
         self.budget.limit()
         return tuple(innovations)
 
@@ -228,14 +228,19 @@ class Estimator:
     def estimate(self, now_ns: int) -> PoseEstimate:
         """Return the estimate; before the first motion of the wheels is known it is the start, `now_ns`."""
         return self._report.estimate(
-            now_ns, self.motion_ns, is_resting=self.rest.is_resting, is_commanded=self._is_commanded
+            now_ns,
+            self.motion_ns,
+            is_at_standstill=self.standstill.is_at_standstill,
+            is_commanded=self._is_commanded,
         )
 
     def dead_reckoned(self) -> DeadReckoned | None:
         """Return the pose without corrections; None without fixes, where the estimate does not jump."""
         if self._dead_reckoning is None:
             return None
-        waiting = self._turns.waiting(self.pose_filter.gyro_bias_rad_s, is_resting=self.rest.is_resting)
+        waiting = self._turns.waiting(
+            self.pose_filter.gyro_bias_rad_s, is_at_standstill=self.standstill.is_at_standstill
+        )
         return self._dead_reckoning.report(*waiting)
 
     def _steer(self, now_ns: int, set_steering_rad: tuple[float, ...]) -> None:
@@ -244,7 +249,7 @@ class Estimator:
             self._unobserved.turn_wheels(self._reach.effects)
 
     def _account_for_lost_motion(self, set_speed_rad_s: tuple[float, ...]) -> None:
-        """Widen the estimate when the wheels have a new base: what they did since the last one is unknown."""
+        """Inflate the covariance when the wheels have a new base: their motion since the last is unknown."""
         odometry = self.odometry
         if odometry.lost_s:
             self._turns.has_lost_motion = True
@@ -295,7 +300,9 @@ class Estimator:
         """Move the estimate and all that goes along with it to the time of the newest wheel positions."""
         self._turns.add(self._reach.effects, increment)
         self._rolled_m += math.hypot(*self._reach.greatest(increment.turned_rad)[:2])
-        turn = self._turns.take(now_ns, self.pose_filter.gyro_bias_rad_s, is_still=self.rest.is_resting)
+        turn = self._turns.take(
+            now_ns, self.pose_filter.gyro_bias_rad_s, is_still=self.standstill.is_at_standstill
+        )
         step = self._move(increment, turn)
         self._fixes.move(motion_ns, step)
         if self._dead_reckoning is not None:

@@ -14,8 +14,8 @@ class OdometryParameters:
     velocity_time_s: float = 0.05  # time constant of the velocities
     plausible_speed: float = 1.5  # greatest plausible wheel speed, over the greatest set-point
     arrival_jitter_s: float = 0.05  # between two positions of a wheel
-    still_rad: float = 0.005  # a wheel that has turned by less is at rest
-    reported_speed: float = 0.05  # a drive at rest reports a smaller speed, over the greatest set-point
+    still_rad: float = 0.005  # a wheel that has turned by less is at standstill
+    reported_speed: float = 0.05  # a drive at standstill reports a smaller speed, over the greatest set-point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,7 @@ from drivers.record import record
 
 
 class YawSource(StrEnum):
-    """Source of the yaw: the gyro, or the wheels at rest and while there is no fresh gyro."""
+    """Source of the yaw: the gyro, or the wheels at standstill and while there is no fresh gyro."""
 
     GYRO = "gyro"
     WHEELS = "wheels"
@@ -21,7 +21,7 @@ class PoseEstimate:
         t_ns: Time of the wheel positions that the position is based on. The yaw is that of the newest reading
             of gyro or wheels.
         velocity_x_m_s: In the body frame, as are `velocity_y_m_s` and `yaw_rate_rad_s`.
-        gyro_bias_rad_s: Reading of the gyro at rest.
+        gyro_bias_rad_s: Reading of the gyro at standstill.
         covariance: Upper triangle over (x, y, yaw) by rows: xx, xy, x yaw, yy, y yaw, yaw yaw. Of the pose in
             the cycle: it contains the travel since `t_ns`.
         yaw_source: Source of the last turn.

@@ -29,7 +29,7 @@ class PoseReport:
         turns: Turn that waits for motion of the wheels or a reading of the gyro.
         velocity: Of the body.
         reach: How far the wheels can have moved the body.
-        slip: Tells what is not settled; None without a compensator.
+        slip: Knows what is not settled; None without a compensator.
     """
 
     def __init__(
@@ -50,21 +50,23 @@ class PoseReport:
         self._reach, self._slip = reach, slip
 
     def estimate(
-        self, now_ns: int, motion_ns: int | None, *, is_resting: bool, is_commanded: bool
+        self, now_ns: int, motion_ns: int | None, *, is_at_standstill: bool, is_commanded: bool
     ) -> PoseEstimate:
         """Return the estimate of a cycle.
 
         Args:
             now_ns: Time of the cycle.
             motion_ns: Time of the filter's pose; None before the first motion: then it is that of the start.
-            is_resting: Whether the rover is taken to be at rest.
+            is_at_standstill: Whether the rover is taken to be at standstill.
             is_commanded: Whether the set-points of the wheels are known.
         """
         pose = self._filter.pose
         velocity_x_m_s, velocity_y_m_s, _ = self._velocity.by_wheels()
         yaw_rate_rad_s = self._velocity.yaw_rate_rad_s
         xx, xy, x_yaw, yy, y_yaw, yaw_rad2 = self._filter.covariance
-        waiting_rad, waiting_rad2 = self._turns.waiting(self._filter.gyro_bias_rad_s, is_resting=is_resting)
+        waiting_rad, waiting_rad2 = self._turns.waiting(
+            self._filter.gyro_bias_rad_s, is_at_standstill=is_at_standstill
+        )
         yaw_rad = wrap_angle(pose.yaw_rad + waiting_rad)
         yaw_rad2 += waiting_rad2
         age_s = 0.0 if motion_ns is None else seconds(now_ns - motion_ns)

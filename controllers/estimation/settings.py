@@ -50,7 +50,7 @@ class FilterSettings(Settings):
         gyro_bias_rad_s: Standard deviation of the gyro's bias at the start.
         gyro_bias_walk_rad_s_sqrt_s: Standard deviation of the bias' change within one second.
         acceleration_noise_m_s2: Standard deviation of one reading of an accelerometer on each axis while the
-            rover rests with its drives on. Readings that scatter more contradict a rest of the wheels.
+            rover stands with its drives on. Readings that scatter more contradict a standstill of the wheels.
         heading_noise_rad: Standard deviation of one heading reading; larger where successive errors are
             correlated.
         heading_lag_s: Delay of the heading device behind the rover.
@@ -59,7 +59,7 @@ class FilterSettings(Settings):
         motor_fields: Field of the motors at a compass by `rover-hil calibrate motors CONFIG`:
             path of the file. A heading for which a current is not known is then not used: the rover stops
             where the compass is required.
-        standstill_s: Wheels that have not moved for this long mean that the rover is at rest.
+        standstill_s: Wheels that have not moved for this long mean that the rover is at standstill.
         gate_probability: Share of consistent innovations that pass the gate.
     """
 

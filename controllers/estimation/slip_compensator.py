@@ -97,12 +97,12 @@ class SlipEstimator(SlipCompensator, Protocol[ReportT]):
     @property
     def drift_rad(self) -> float:
         """Angle of the velocity from the direction in which the wheels roll, left positive; 0 if unknown."""
-        ...
+        return 0.0
 
     @property
     def drift_source(self) -> DriftSource:
         """What that angle comes from."""
-        ...
+        return DriftSource.NONE
 
     def report(self, ground: GroundReport | None = None) -> ReportT | None:
         """Return the newest slip; None before the first increment.
@@ -114,7 +114,6 @@ class SlipEstimator(SlipCompensator, Protocol[ReportT]):
 
     def take_ground(self, pair: GroundPair) -> None:
         """Take a motion over the ground that a camera has measured."""
-        ...
 
     def excite(
         self, now_s: float, twist: BodyMotion, *, is_turning: bool, is_measured: bool
@@ -127,8 +126,8 @@ class SlipEstimator(SlipCompensator, Protocol[ReportT]):
             is_turning: Whether the rover turns on the spot for another reason.
             is_measured: Whether a camera measures the slip.
         """
-        ...
+        return twist, 0.0
 
     def set_point_changes(self, commanded_twist: BodyMotion) -> tuple[float, ...] | None:
         """Return what is added to the setpoint of each wheel, rad/s; None for nothing."""
-        ...
+        return None

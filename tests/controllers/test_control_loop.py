@@ -96,7 +96,7 @@ class AskedTwice(ControlLoop):
     def _cycle(self, *arguments: Any) -> Cycle:
         first, second = super()._cycle(*arguments), super()._cycle(*arguments)
         assert first == second
-        self.driven_m += second.distance_m
+        self.driven_m += second.wheels.distance_m
         return second
 
 

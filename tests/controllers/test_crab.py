@@ -8,6 +8,7 @@ from pydantic import ValidationError
 
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.transition import Turn
+from controllers.estimation.gyro.standstill_reading import GyroAtStandstill
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.wheels.odometry import BodyIncrement
@@ -174,7 +175,7 @@ class Bench:
             self.motions_m.append(way_m * cmath.rect(1.0, -after.yaw_rad))
             self.scomp.correct(self.filter)
             if rim_m_s == 0.0:
-                self.filter.correct_bias("imu", 0.0)
+                self.filter.correct(GyroAtStandstill(device="imu", sd_rad_s=0.01), (0.0,))
 
     def source(self) -> str:
         return self.scomp.drift_source.value

@@ -160,7 +160,7 @@ def test_until_the_rover_has_stopped_the_trace_is_read_without_a_gyro_that_was_w
     bench.told.forget_gyro()
     # The gyro tells a turn that the wheels do not make: with it a trace straight behind is a slip angle.
     bench.run(1.0, yaw_rate_rad_s=0.3)
-    angle_rad = bench.told.wheel_slip_angle_rad
+    angle_rad = bench.told.drift_rad
     assert abs(angle_rad) < math.radians(1.0)
     assert finder.rates[-1] is None
     bench.run(0.5, rim_m_s=0.0)

@@ -7,7 +7,7 @@ import pytest
 from controllers.estimation.filter.motion_history import WayBack
 from controllers.estimation.filter.transition import Turn
 from controllers.estimation.pose_estimate import YawSource
-from controllers.estimation.positions.jumps import FixJumps
+from controllers.estimation.positions.jumps import PositionJumps
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.wheels.odometry import BodyIncrement
 from drivers.samples import UNKNOWN_YAW_STD_RAD, PoseFixSample
@@ -78,7 +78,7 @@ def test_wheels_that_slip_wholly_are_no_jump() -> None:
 def test_motion_that_was_not_measured_is_no_jump() -> None:
     """Silent wheels, while the rover rolled on."""
     pose_filter, place_m = driven()
-    pose_filter.widen(1.5, 0.0, 0.0)
+    pose_filter.inflate(1.5, 0.0, 0.0)
     for _ in range(4):
         pose_filter.positions.correct(fix(place_m + 1.2), HERE)
     assert pose_filter.positions.jumped_m == {}
@@ -87,7 +87,7 @@ def test_motion_that_was_not_measured_is_no_jump() -> None:
 
 def test_the_first_contradiction_in_a_row_decides() -> None:
     """After it the rover may have driven as far as the jump."""
-    jumps = FixJumps(3.9)
+    jumps = PositionJumps(3.9)
     jumps.agree(0j, 0.02, 0.0)
     assert jumps.is_off(1.0 + 0j, 0.02, 0.1)
     assert jumps.is_off(0.9 + 0j, 0.02, 5.0)

@@ -99,13 +99,13 @@ def test_the_slopes_are_those_of_the_expected_fix(monkeypatch: pytest.MonkeyPatc
         )
 
     monkeypatch.setattr(pose_filter.kalman, "update_together", note)
-    state, step = pose_filter._filter.state, 1e-6
+    state, step = pose_filter.kalman.state, 1e-6
     fix = on_floor(0.5 + 0.1j, 0.6)
     pose_filter.positions.correct(fix, way_back)
     for index, value in enumerate(state):
-        pose_filter._filter.assign(index, value + step)
+        pose_filter.kalman.assign(index, value + step)
         pose_filter.positions.correct(fix, way_back)
-        pose_filter._filter.assign(index, value)
+        pose_filter.kalman.assign(index, value)
         slope = (asked[0][0] - asked[-1][0]) / step
         assert asked[0][1][:, index] == pytest.approx(slope, abs=1e-5)
 

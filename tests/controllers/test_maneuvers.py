@@ -8,12 +8,12 @@ import pytest
 
 from benchmarks.safety.healthy_missions import equipped
 from benchmarks.safety.missions import Driven, drive, robotino, with_drooping_drives
+from controllers.fault import Cause
 from controllers.maneuvers import BackOut
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.planar import Pose
 from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings
 from controllers.safety import Mode
-from controllers.safety.entrapment import ENTRAPMENT
 from drivers.samples import BumperSample, RateSample, Sample
 from rover_hil.config import Config
 from tests.nature.omni_contact import Floor
@@ -103,7 +103,7 @@ def test_the_way_back_begins_where_a_fix_has_put_the_rover_and_ends_after_the_le
 ) -> None:
     back_out = BackOut(0.3, 0.1, kinematics, 2.0)  # type: ignore[arg-type]
     on_a_line(back_out, 1.0)
-    back_out.stop(ENTRAPMENT)
+    back_out.stop(Cause.STUCK)
     x_m, found = 0.6, []
     for _ in range(60):
         guidance = back_out.guide(Pose(x_m=x_m, y_m=0.0, yaw_rad=0.0), 0.01)
@@ -115,21 +115,21 @@ def test_the_way_back_begins_where_a_fix_has_put_the_rover_and_ends_after_the_le
         x_m -= 0.01
         found.append(x_m)
     assert x_m == pytest.approx(0.3, abs=0.011)
-    back_out.stop(ENTRAPMENT)
+    back_out.stop(Cause.STUCK)
     assert back_out.announcement == ""
 
 
 def test_wheels_that_turn_in_vain_end_it_too() -> None:
     back_out = BackOut(0.3, 0.1, MOBILE, 2.0)
     on_a_line(back_out, 1.0)
-    back_out.stop(ENTRAPMENT)
+    back_out.stop(Cause.STUCK)
     stuck = Pose(x_m=1.0, y_m=0.0, yaw_rad=0.0)
     driven = [back_out.guide(stuck, 0.01) for _ in range(40)]
     assert sum(guidance is not None for guidance in driven) == pytest.approx(30, abs=1)
 
 
-@pytest.mark.parametrize("cause", ["bumper", "gyro follows"])
-def test_other_stops_are_no_cause(cause: str) -> None:
+@pytest.mark.parametrize("cause", [Cause.BUMPER, Cause.GYRO_DOES_NOT_FOLLOW])
+def test_other_stops_are_no_cause(cause: Cause) -> None:
     back_out = BackOut(0.3, 0.1, MOBILE, 2.0)
     on_a_line(back_out, 1.0)
     back_out.stop(cause)

@@ -123,7 +123,7 @@ def test_the_update_is_filterpys(name: str, state: Array, errors: list[float], s
     root = np.random.default_rng(seed).normal(size=(SIZE, SIZE))
     covariance = 0.01 * (root @ root.T) + 0.001 * np.eye(SIZE)
     ours = GuardedFilter(state.tolist(), [1.0] * SIZE, (), 1.0 - 1e-12)
-    ours.widen_by(covariance - np.eye(SIZE))
+    ours.add_covariance(covariance - np.eye(SIZE))
     expected = model.predict(state)
     measured = expected.value + 0.1 * np.array(errors[: len(expected.value)])
     theirs = ExtendedKalmanFilter(SIZE, len(measured))

@@ -13,6 +13,7 @@ from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.reader import Situation
 from controllers.estimation.filter.transition import Turn
+from controllers.estimation.gyro.standstill_reading import GyroAtStandstill
 from controllers.estimation.headings.heading import HeadingReader
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
 from controllers.estimation.settings import FilterSettings
@@ -45,6 +46,13 @@ def correct_heading(
     measurement = HeadingReader().read(sample, now)
     assert measurement is not None
     return pose_filter.correct(*measurement)[0]
+
+
+def correct_bias(pose_filter: PoseFilter, rate_rad_s: float) -> Innovation:
+    """Correct by a reading of the gyro at standstill."""
+    model = GyroAtStandstill(device="gyro", sd_rad_s=SETTINGS.gyro_rate_noise_rad_s)
+    (innovation,) = pose_filter.correct(model, (rate_rad_s,))
+    return innovation
 
 
 class NoisyDrive:
@@ -180,7 +188,7 @@ def test_a_late_heading_is_compared_with_the_yaw_of_its_time() -> None:
 def test_the_bias_learnt_at_rest_is_taken_off_the_gyro() -> None:
     pose_filter = PoseFilter(SETTINGS, ())
     for _ in range(200):
-        pose_filter.correct_bias("gyro", 0.03)
+        correct_bias(pose_filter, 0.03)
     assert pose_filter.gyro_bias_rad_s == pytest.approx(0.03, abs=1e-4)
     turn = Turn(angle_rad=1.03, source=YawSource.GYRO, covered_s=1.0)
     pose_filter.predict(replace(STANDING, duration_s=1.0), turn)
@@ -232,7 +240,7 @@ def test_an_unknown_bias_bends_the_course(yaw_rad: float, across: complex) -> No
 def test_the_bias_is_forgotten_slowly() -> None:
     pose_filter = PoseFilter(SETTINGS, ())
     pose_filter.predict(replace(STANDING, duration_s=10_000.0), NO_TURN)
-    innovation = pose_filter.correct_bias("gyro", 0.0)
+    innovation = correct_bias(pose_filter, 0.0)
     assert innovation.variance == pytest.approx(0.02**2 + 1e-4**2 * 10_000.0 + 0.01**2)
 
 

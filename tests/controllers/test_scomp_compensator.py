@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from controllers.control_loop import ControlLoop
 from controllers.estimation.filter.motion_history import WayBack
 from controllers.estimation.filter.transition import Turn
+from controllers.estimation.gyro.standstill_reading import GyroAtStandstill
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.wheels.odometry import BodyIncrement
@@ -152,7 +153,7 @@ class Bench:
             self.motions.append((self.way - before) * cmath.rect(1.0, -self.filter.pose.yaw_rad))
             self.told.correct(self.filter)
             if rim_m_s == 0.0:
-                self.filter.correct_bias("imu", 0.0)
+                self.filter.correct(GyroAtStandstill(device="imu", sd_rad_s=0.01), (0.0,))
             report = self.told.report()
             assert report is not None
             if report.trace is not None:

@@ -33,6 +33,22 @@ def test_while_the_wheels_are_not_measured_the_fastest_speed_counts() -> None:
     )
 
 
+@pytest.mark.parametrize("turn_unknown_s", [0.25, 6.0])
+def test_an_unknown_turn_leads_to_the_side(turn_unknown_s: float) -> None:
+    unseen = UnobservedMotion(EFFECTS)
+    unseen.note_speeds(OmniKinematics(OMNI).wheel_speeds(0.1, 0.0, 0.0), is_measured=True)
+    ahead_m, aside_m, _ = unseen.greatest_motion(6.0, 0.0)
+    x_m, y_m, yaw_rad = unseen.greatest_motion(6.0, turn_unknown_s)
+    assert yaw_rad == pytest.approx(turn_unknown_s * 0.1 * np.cos(np.radians(30.0)) / (3.0 * 0.125))
+    assert x_m == ahead_m
+    # Half of the product of distance and turn; one radian at most.
+    assert y_m == pytest.approx(aside_m + 0.5 * ahead_m * min(yaw_rad, 1.0))
+    # A turn that the gyro has measured leads there, too, whichever its sign.
+    for turned_rad in (0.1, -0.1):
+        _, y_m, _ = unseen.greatest_motion(6.0, turn_unknown_s, turned_rad)
+        assert y_m == pytest.approx(aside_m + 0.5 * ahead_m * min(yaw_rad + 0.1, 1.0))
+
+
 def test_wheels_that_have_steered_move_the_rover_another_way() -> None:
     unseen = UnobservedMotion(EFFECTS)
     unseen.note_speeds((0.0, 1.0, 0.0), is_measured=True)

@@ -100,7 +100,7 @@ class ErrorBudget:
             driven_m: Distance driven since the start, for a bound with a path.
         """
         before = self.greatest(cause)
-        wheel_rad, added_rad = before.wheel_rad, ()
+        wheel_rad, added_rad = before.wheel_rad, NO_ERROR.wheel_rad
         if bound.wheel_rad:
             before_rad = before.wheel_rad or (0.0,) * len(bound.wheel_rad)
             pairs = list(zip(bound.wheel_rad, before_rad, strict=True))

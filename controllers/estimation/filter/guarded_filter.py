@@ -258,12 +258,12 @@ class GuardedFilter:
         self._x[index] = value
         self._begin_step(np.eye(len(self._x)))
 
-    def widen(self, index: int, variance: float) -> None:
+    def add_variance(self, index: int, variance: float) -> None:
         """Increase the variance of a state by a number that is not negative."""
         self._p[index, index] += variance
         self._begin_step(np.eye(len(self._x)))
 
-    def widen_by(self, noise: Array) -> None:
+    def add_covariance(self, noise: Array) -> None:
         """Add a covariance; without effect where a number of it is not finite."""
         if math.isfinite(float(noise.sum())):
             self._p = self._p + noise

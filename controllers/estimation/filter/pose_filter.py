@@ -30,8 +30,8 @@ class PoseFilter:
     Magnetic and true headings have offsets of their own.
 
     An origin is the pose of the local frame on the floor of a device that gives fixes, three states. It is
-    estimated in the same way: the first fix ties the frames together, best while the rover is at rest, and
-    later ones correct pose and origin as far as each is known. The mission stays in the local frame.
+    estimated in the same way: the first fix ties the frames together, best while the rover is at standstill,
+    and later ones correct pose and origin as far as each is known. The mission stays in the local frame.
 
     A slip compensator may have states of its own. They turn the motion of the wheels into that of the body,
     so that every measurement corrects pose, gyro bias and slip together.
@@ -134,7 +134,7 @@ class PoseFilter:
             column = np.array([axis.real, axis.imag])
             noise[:YAW, :YAW] += np.outer(column, column) * greatest_m**2 / 3.0
         noise[YAW, YAW] = yaw_rad**2 / 3.0
-        self.kalman.widen_by(noise)
+        self.kalman.add_covariance(noise)
 
     @property
     def gyro_bias_rad2_s2(self) -> float:
@@ -152,7 +152,7 @@ class PoseFilter:
         """
         column = np.array([row[BIAS] for row in self.kalman.covariance])
         followed = error_rad_s * column / column[BIAS]
-        self.kalman.widen_by(np.outer(followed, followed))
+        self.kalman.add_covariance(np.outer(followed, followed))
         return abs(float(followed[YAW]))
 
     @property
@@ -164,13 +164,13 @@ class PoseFilter:
         """Correct by what a model measures."""
         return self.kalman.correct(model, measured)
 
-    def widen_slip(self, index: int, variance: float) -> None:
+    def add_slip_variance(self, index: int, variance: float) -> None:
         """Increase the variance of one state of the slip compensator."""
-        self.kalman.widen(self.layout.block.start + index, variance)
+        self.kalman.add_variance(self.layout.block.start + index, variance)
 
     def reset_slip_variances(self) -> None:
         """Make the states of slip as uncertain as at the start: what has taught them was wrong."""
         variances = () if self._slip is None else self._slip.start_variances
         covariance = self.kalman.covariance
         for index, variance in enumerate(variances, self.layout.block.start):
-            self.kalman.widen(index, max(0.0, float(variance) - covariance[index][index]))
+            self.kalman.add_variance(index, max(0.0, float(variance) - covariance[index][index]))

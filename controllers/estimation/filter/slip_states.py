@@ -83,6 +83,6 @@ class SlipEstimate(Protocol):
         """Correct by what a model measures."""
         ...
 
-    def widen_slip(self, index: int, variance: float) -> None:
+    def add_slip_variance(self, index: int, variance: float) -> None:
         """Increase the variance of one state of slip."""
         ...

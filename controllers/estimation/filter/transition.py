@@ -31,7 +31,7 @@ class Turn:
         covered_s: The time over which the gyro's bias entered; 0 for the wheels.
         by_wheels_rad: Part of the angle that the wheels measured in a gap of the gyro; None without a gap.
         gap_error_rad: Greatest error of this part.
-        unseen_rad2: Variance of what the gyro did not see between its readings.
+        unobserved_rad2: Variance of what the gyro did not see between its readings.
     """
 
     angle_rad: float
@@ -39,7 +39,7 @@ class Turn:
     covered_s: float = 0.0
     by_wheels_rad: float | None = None
     gap_error_rad: float = 0.0
-    unseen_rad2: float = 0.0
+    unobserved_rad2: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -219,7 +219,7 @@ class MotionTransition:
         yaw_rad2 = 0.0
         by_wheels_rad: float | None = turn.angle_rad
         if turn.source is YawSource.GYRO:
-            yaw_rad2 = settings.gyro_noise_rad_sqrt_s**2 * turn.covered_s + turn.unseen_rad2
+            yaw_rad2 = settings.gyro_noise_rad_sqrt_s**2 * turn.covered_s + turn.unobserved_rad2
             by_wheels_rad = turn.by_wheels_rad
         if by_wheels_rad is not None:
             yaw_rad2 += (

@@ -43,7 +43,7 @@ class GroundFollower:
         self.pairs: tuple[GroundPair, ...] = ()
         self.is_measured = False
 
-    def follow(self, now_ns: int, *, is_resting: bool) -> list[Innovation]:
+    def follow(self, now_ns: int, *, is_at_standstill: bool) -> list[Innovation]:
         """Correct by the motion over the ground between frames; return the innovations."""
         if self._travel is None:
             return []
@@ -78,7 +78,7 @@ class GroundFollower:
                 pairs.append(pair)
             if is_begin:
                 self._frame.mark(way_back)
-        is_gyro = self._turns.yaw_source is YawSource.GYRO or is_resting
+        is_gyro = self._turns.yaw_source is YawSource.GYRO or is_at_standstill
         innovations += self._travel.compare_turns(self._camera, is_gyro=is_gyro)
         self.pairs = tuple(pairs)
         self.is_measured = self._travel.is_valid(now_ns)

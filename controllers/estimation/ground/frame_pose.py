@@ -46,7 +46,7 @@ class FramePose:
     ) -> tuple[Innovation, ...]:
         """Correct by the motion over the ground since the frame of `mark`.
 
-        A motion that the wheels do not explain, as of a rover pushed at rest, is reported as rejected.
+        A motion that the wheels do not explain, as of a rover pushed at standstill, is reported as rejected.
         It is taken nevertheless: the camera sees the rover itself, and what it saw would be lost for good.
 
         Args:
@@ -58,7 +58,7 @@ class FramePose:
         frame, kalman = self._filter.layout.frame, self._filter.kalman
         if not self._has_scale:
             self._has_scale = True
-            kalman.widen(frame + SCALE, motion.scale_sd**2)
+            kalman.add_variance(frame + SCALE, motion.scale_sd**2)
         model = GroundTravel(
             device=device, motion=motion, way_back=way_back, frame_index=frame, has_turn=corrects_yaw
         )
@@ -67,8 +67,8 @@ class FramePose:
         if not innovations[0].accepted and innovations[0].residual is not None:
             distance_m2 = abs(complex(residuals[X], residuals[Y])) ** 2
             for index in (X, Y):
-                kalman.widen(index, distance_m2)
+                kalman.add_variance(index, distance_m2)
             if corrects_yaw:
-                kalman.widen(YAW, residuals[YAW] ** 2)
+                kalman.add_variance(YAW, residuals[YAW] ** 2)
             kalman.correct(model, model.measured)
         return innovations

@@ -59,17 +59,17 @@ class GroundTravel:
         before_m = complex(state.item(frame + X), state.item(frame + Y))
         turn_rad = wrap_angle(then_rad - state.item(frame + YAW))
         axes, point_m = cmath.rect(1.0, -then_rad), complex(*motion.point_m)
-        swing_m = point_m * cmath.rect(1.0, -turn_rad)
+        turned_m = point_m * cmath.rect(1.0, -turn_rad)
         factor = 1.0 + state.item(frame + SCALE)
         chord_m = axes * (then_m - before_m)
-        travel_m = chord_m + point_m - swing_m
+        travel_m = chord_m + point_m - turned_m
         # Derivatives of the expected travel over the states, to the left as imaginary part.
         slopes = np.zeros(len(state), dtype=complex)
         slopes[X], slopes[Y] = factor * axes, factor * 1j * axes
         arm_m = then_m - complex(state.item(X), state.item(Y))
-        slopes[YAW] = factor * 1j * (axes * arm_m - chord_m + swing_m)
+        slopes[YAW] = factor * 1j * (axes * arm_m - chord_m + turned_m)
         slopes[frame + X], slopes[frame + Y] = -slopes[X], -slopes[Y]
-        slopes[frame + YAW] = -factor * 1j * swing_m
+        slopes[frame + YAW] = -factor * 1j * turned_m
         slopes[frame + SCALE] = travel_m
         turn_row = np.zeros(len(state))
         turn_row[YAW], turn_row[frame + YAW] = 1.0, -1.0

@@ -26,12 +26,12 @@ SLACK_M = 0.005
 """And beside it: camera and wheels are timed to some hundredths of a second, and a rover starts and stops."""
 WINDOW_NS = 2_000_000_000
 """And over this time at most: what the slip was before the rover stood is not what it is."""
-REST_NS = 500_000_000
-"""Motion while the wheels rest is summed over this time."""
+STANDSTILL_NS = 500_000_000
+"""Motion while the wheels stand is summed over this time."""
 TURN_NS = 1_000_000_000
 """Turns by gyro and by camera are compared over this time."""
 DEVIATIONS = 4.0
-"""Beyond so many standard deviations a motion at rest, or a difference of turns, is none of noise."""
+"""Beyond so many standard deviations a motion at standstill, or a difference of turns, is none of noise."""
 STRAIGHT = 0.7
 """Least length of the sum of the travels over the sum of their lengths, for a slip of the whole."""
 WHEELS_SD = 0.005
@@ -126,8 +126,8 @@ class GroundReport:
         t_ns: Time of the newest frame of which a motion is known, middle of its exposure; 0 before.
         velocity_x_m_s: Of the rover, forward, over the newest valid pair; None where that is too old.
         velocity_y_m_s: The same to the left.
-        slip: Slip ratio of the rover over the last `SLIP_WINDOW_M` of its wheels; None near rest, on turns,
-            and where the motion is not valid.
+        slip: Slip ratio of the rover over the last `SLIP_WINDOW_M` of its wheels; None near standstill,
+            on turns, and where the motion is not valid.
         slip_sd: Its standard deviation; None likewise.
         drift_rad: Angle from the course of rolling wheels to the true one, left positive; None likewise.
         reason: Why the motion is not valid; empty where it is.
@@ -188,14 +188,14 @@ class GroundTravel:
                 self._reason = "frame older than the motion of the wheels"
                 continue
             rolled_m, turn_rad = (0j, 0.0) if before is None else _between(before, now)
-            point_m = rolled_m + self._swing_m(turn_rad)
+            point_m = rolled_m + self._turned_m(turn_rad)
             prior = WheelPrior(point_m.real, point_m.imag, turn_rad, self._rates_rad_s)
             motion = self._meter.measure(frame, t_ns, prior)
             pair = None if motion is None else self._pair(motion, now, way_back(motion.from_ns))
             rig_fault = None if motion is None else motion.rig_fault
             yield SeenFrame(now, pair, self._meter.from_ns == t_ns, rig_fault)
 
-    def _swing_m(self, turn_rad: float) -> complex:
+    def _turned_m(self, turn_rad: float) -> complex:
         """Return by how much the measured point moves, in the later axes, while the origin only turns."""
         return complex(*self._meter.point_m) * (1.0 - cmath.rect(1.0, -turn_rad))
 
@@ -205,7 +205,7 @@ class GroundTravel:
             self._reason = motion.invalid_because or "pair older than the motion of the wheels"
             return None
         rolled_m, turn_rad = _between(before, now)
-        ground_m = complex(motion.forward_m, motion.left_m) - self._swing_m(turn_rad)
+        ground_m = complex(motion.forward_m, motion.left_m) - self._turned_m(turn_rad)
         pair = GroundPair(rolled_m, ground_m, turn_rad, motion)
         fault = pair.fault
         self._reason = "" if fault is None else fault.text
@@ -215,7 +215,7 @@ class GroundTravel:
         self._recent.append(pair)
         self._turned.append(pair)
         self._window.append(pair)
-        _forget(self._recent, motion.to_ns - REST_NS)
+        _forget(self._recent, motion.to_ns - STANDSTILL_NS)
         _forget(self._window, motion.to_ns - WINDOW_NS)
         length_m = sum(abs(pair.rolled_m) for pair in self._window)
         while length_m - abs(self._window[0].rolled_m) >= SLIP_WINDOW_M:

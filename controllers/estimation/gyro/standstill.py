@@ -1,4 +1,4 @@
-"""Whether gyro and accelerometer confirm that the rover rests while its wheels report no motion.
+"""Whether gyro and accelerometer confirm that the rover stands while its wheels report no motion.
 
 An encoder that has died repeats its count: by the wheels alone the rover then seems parked.
 """
@@ -29,14 +29,14 @@ class Witness(StrEnum):
     CAMERA = "camera"
 
 
-class Rest(NamedTuple):
-    """What is known of a rest of the wheels.
+class Standstill(NamedTuple):
+    """What is known of a standstill of the wheels.
 
     Attributes:
         moving: What has reported motion since the wheels stopped; empty where nothing has.
         holds: Whether nothing does now.
         is_contradicted: Whether something has for long enough to count.
-        is_offset: Whether only the gyro does and the accelerometer rests.
+        is_offset: Whether only the gyro does and the accelerometer is quiet.
         is_turning: Whether both gyro and accelerometer do.
         unknown_s: Time for which the motion of the rover is unknown, since the wheels stopped.
         turned_rad: Turn by the gyro in that time that no accelerometer confirms.
@@ -81,7 +81,7 @@ class InertialReadings:
         return fmean(rates) if rates else None
 
     def turns(self, since_ns: int, bias_rad_s: float, bias_rad2_s2: float) -> bool:
-        """Return whether the mean reading is too far from the bias to be a reading at rest."""
+        """Return whether the mean reading is too far from the bias to be one at standstill."""
         rate_rad_s = self.rate_rad_s(since_ns)
         if rate_rad_s is None:
             return False
@@ -89,7 +89,7 @@ class InertialReadings:
         return abs(rate_rad_s - bias_rad_s) > self._deviate * sd_rad_s
 
     def shakes(self, since_ns: int) -> bool | None:
-        """Return whether the acceleration scatters more than at rest; None where it is not measured.
+        """Return whether the acceleration scatters more than at standstill; None where it is not measured.
 
         Readings that do not differ at all are no measurement: many nodes send zeros or a constant. The
         quantile of chi-square is that of Wilson and Hilferty (1931).
@@ -119,15 +119,16 @@ def _trim(
         readings.popleft()
 
 
-class RestWatch:
-    """Follows a rest of the wheels: confirmed by the other sensors, or contradicted by them.
+class StandstillWatch:
+    """Follows a standstill of the wheels: confirmed by the other sensors, or contradicted by them.
 
     A contradiction counts from twice `standstill_s` after the stop on: a body swings after its wheels have
-    stopped, and a reading is filtered. The wheels must have reported after it began that they rest. It ends
-    when the wheels move again. The motion is unknown from the last moment at which an accelerometer rested,
-    without one from that at which the wheels stopped; and until it rests, without one until the end. Wheels
-    that are commanded to rest are taken to do so while nothing reports motion, also without an accelerometer;
-    and motion that is reported for less than twice `standstill_s` is then a touch: the body swings.
+    stopped, and a reading is filtered. The wheels must have reported after it began that they stand. It ends
+    when the wheels move again. The motion is unknown from the last moment at which an accelerometer was
+    quiet, without one from that at which the wheels stopped; and until it is quiet, without one until the
+    end. Wheels that are commanded to stand are taken to do so while nothing reports motion, also without an
+    accelerometer; and motion that is reported for less than twice `standstill_s` is then a touch: the body
+    swings.
 
     Args:
         settings: Noise and times.
@@ -149,7 +150,7 @@ class RestWatch:
         self._confirmed_ns = still_ns or 0
         self._unknown_s = 0.0  # before that
         self._moving_ns: int | None = None
-        self._rest = Rest()
+        self._known = Standstill()
 
     def follow(
         self,
@@ -161,8 +162,8 @@ class RestWatch:
         reports_speed: bool,
         is_commanded: bool,
         sees_motion: bool = False,
-    ) -> Rest:
-        """Return what is known of the rest at `now_ns`.
+    ) -> Standstill:
+        """Return what is known of the standstill at `now_ns`.
 
         Args:
             now_ns: Time of the cycle.
@@ -170,15 +171,15 @@ class RestWatch:
             reported_ns: Time of the newest positions of the wheels.
             bias: Of the gyro in rad/s, and its variance.
             reports_speed: Whether a drive reports a speed although its position stays.
-            is_commanded: Whether the wheels are commanded to rest: an accelerometer that shakes alone is then
-                no evidence of motion.
+            is_commanded: Whether the wheels are commanded to stand: an accelerometer that shakes alone is
+                then no evidence of motion.
             sees_motion: Whether a camera sees the ground move under the rover.
         """
         elapsed_s, self._now_ns = seconds(max(0, now_ns - self._now_ns)), now_ns
         if still_ns is None or self._still_ns is None:
             self._begin(still_ns)
         if self._still_ns is None:
-            return self._rest
+            return self._known
         turns, shakes = self.readings.turns(self._still_ns, *bias), self.readings.shakes(self._still_ns)
         moving = [Witness.GYRO] if turns else []
         if shakes and (turns or not is_commanded):
@@ -195,7 +196,7 @@ class RestWatch:
             self._contradict(tuple(moving), turned_rad, is_touch=is_touch)
         else:
             self._confirm(is_known=shakes is False or is_commanded)
-        return self._rest._replace(
+        return self._known._replace(
             is_offset=moving == [Witness.GYRO] and shakes is False, is_turning=turns and bool(shakes)
         )
 
@@ -203,32 +204,32 @@ class RestWatch:
         """Return the turn of this cycle that no accelerometer confirms; at first that of all the readings."""
         since_ns = self._still_ns or 0
         rate_rad_s = (self.readings.rate_rad_s(since_ns) or 0.0) - bias_rad_s
-        if self._moving_ns is None or Witness.GYRO not in self._rest.moving:
+        if self._moving_ns is None or Witness.GYRO not in self._known.moving:
             return rate_rad_s * min(self._settings.standstill_s, seconds(self._now_ns - since_ns))
         return 0.0 if shakes else rate_rad_s * elapsed_s
 
     def _contradict(self, moving: tuple[Witness, ...], turned_rad: float, *, is_touch: bool) -> None:
-        rest = self._rest
+        known = self._known
         is_long = self._now_ns - (self._still_ns or 0) >= self._least_ns
         is_contradicted = is_long and self._has_reported
-        self._rest = Rest(
-            moving=tuple(witness for witness in Witness if witness in {*rest.moving, *moving}),
+        self._known = Standstill(
+            moving=tuple(witness for witness in Witness if witness in {*known.moving, *moving}),
             holds=False,
-            is_contradicted=is_contradicted or rest.is_contradicted,
+            is_contradicted=is_contradicted or known.is_contradicted,
             unknown_s=self._unknown_s if is_touch else self._unknown_until_now_s(),
-            turned_rad=rest.turned_rad + turned_rad,
+            turned_rad=known.turned_rad + turned_rad,
         )
 
     def _confirm(self, *, is_known: bool) -> None:
         self._moving_ns = None
-        if not self._rest.is_contradicted:
-            self._rest = Rest()
+        if not self._known.is_contradicted:
+            self._known = Standstill()
         elif not is_known:
-            self._rest = self._rest._replace(holds=False, unknown_s=self._unknown_until_now_s())
+            self._known = self._known._replace(holds=False, unknown_s=self._unknown_until_now_s())
         else:
-            self._rest = self._rest._replace(holds=True)
+            self._known = self._known._replace(holds=True)
         if is_known:
-            self._confirmed_ns, self._unknown_s = self._now_ns, self._rest.unknown_s
+            self._confirmed_ns, self._unknown_s = self._now_ns, self._known.unknown_s
 
     def _unknown_until_now_s(self) -> float:
         return self._unknown_s + seconds(self._now_ns - self._confirmed_ns)

@@ -1,4 +1,4 @@
-"""A rest of the wheels: what it teaches of the gyro, and what is open where something contradicts it."""
+"""A standstill of the wheels: what it shows of the gyro, and what is unknown where it is contradicted."""
 
 import math
 from collections.abc import Callable
@@ -7,7 +7,7 @@ from controllers.estimation.filter.error_budget import Category, ErrorBudget
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.gyro.integrator import GyroIntegrator
-from controllers.estimation.gyro.standstill import Rest, RestWatch, Witness
+from controllers.estimation.gyro.standstill import Standstill, StandstillWatch, Witness
 from controllers.estimation.gyro.standstill_reading import GyroAtStandstill
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.wheels.bounds import WheelBounds
@@ -19,31 +19,31 @@ LINEAR_RAD = 0.5
 """A yaw that is more uncertain turns the path by more than its tangent."""
 
 
-class RestFollower:
-    """Compares a rest of the wheels with the other sensors; widens the estimate at a contradiction.
+class StandstillFollower:
+    """Compares a standstill of the wheels with the other sensors; inflates the covariance at a contradiction.
 
-    A rest that holds tells the bias of the gyro.
+    A standstill that holds shows the bias of the gyro.
 
     Args:
         settings: Noise and times.
-        watch: Judges a rest by gyro, accelerometer and the others.
+        watch: Judges a standstill by gyro, accelerometer and the others.
         pose_filter: Holds the bias of the gyro.
         budget: Inflates the covariance.
-        odometry: Tells when the wheels stopped.
+        odometry: Knows when the wheels stopped.
         gyro: Its newest reading.
         moved_m: Motion over the ground in a time that a camera has seen.
         reach: How far the wheels can have moved the body.
 
     Attributes:
-        is_still: Whether the wheels have been at rest for a while, as commanded, in the last cycle.
-        is_resting: Whether the rover is taken to be at rest.
+        is_still: Whether the wheels have been at standstill for a while, as commanded, in the last cycle.
+        is_at_standstill: Whether the rover is taken to be at known.
         fault: Why the wheels may not measure the motion; None without a contradiction.
     """
 
     def __init__(
         self,
         settings: FilterSettings,
-        watch: RestWatch,
+        watch: StandstillWatch,
         pose_filter: PoseFilter,
         budget: ErrorBudget,
         odometry: WheelOdometry,
@@ -56,7 +56,7 @@ class RestFollower:
         self._is_bias_known = self._has_inflated_bias = False
         self._bias_seen_ns: int | None = None
         self._driven_ns: int | None = None
-        self.is_still = self.is_resting = False
+        self.is_still = self.is_at_standstill = False
         self.fault: Fault | None = None
 
     def note_drive(self, now_ns: int) -> None:
@@ -64,7 +64,7 @@ class RestFollower:
         self._driven_ns = now_ns
 
     def follow(self, now_ns: int, path_m: float, *, reports_speed: bool, is_commanded: bool) -> None:
-        """Update `is_still`, `is_resting` and `fault`.
+        """Update `is_still`, `is_at_standstill` and `fault`.
 
         Args:
             now_ns: Time of the cycle.
@@ -73,13 +73,13 @@ class RestFollower:
             is_commanded: Whether the set-points of the wheels are known.
         """
         self.is_still = self._are_wheels_still(now_ns)
-        rest = self._watch.follow(
+        known = self._watch.follow(
             now_ns,
             self._odometry.still_since_ns if self.is_still else None,
             self._odometry.t_ns or 0,
             (
                 self._filter.gyro_bias_rad_s,
-                # A bias that is doubted is no reason to take any turn for one.
+                # An uncertain bias is no reason to take any turn for one.
                 min(self._filter.gyro_bias_rad2_s2, self._settings.gyro_bias_rad_s**2),
             ),
             reports_speed=reports_speed,
@@ -87,25 +87,25 @@ class RestFollower:
             sees_motion=self._seen_m(now_ns) > 0.0,
         )
         self.fault = None
-        if rest.is_contradicted:
-            self._take_contradiction(rest, now_ns, path_m, is_commanded=is_commanded)
+        if known.is_contradicted:
+            self._take_contradiction(known, now_ns, path_m, is_commanded=is_commanded)
         else:
             self._budget.clear(Cause.MOTION_AT_STANDSTILL)
             self._has_inflated_bias = False
         # The gyro alone does not contradict a command.
-        is_offset = rest.is_offset and not self._is_bias_known
-        self.is_resting = self.is_still and (
-            rest.holds or (is_commanded and not rest.is_turning) or is_offset
+        is_offset = known.is_offset and not self._is_bias_known
+        self.is_at_standstill = self.is_still and (
+            known.holds or (is_commanded and not known.is_turning) or is_offset
         )
 
     def correct_bias(self, device: str | None) -> list[Innovation]:
-        """Correct the bias by a new reading at rest; return the innovation.
+        """Correct the bias by a new reading at standstill; return the innovation.
 
         Args:
             device: The gyro; None without one.
         """
         gyro = self._gyro
-        if not self.is_resting or gyro.t_ns == self._bias_seen_ns or device is None:
+        if not self.is_at_standstill or gyro.t_ns == self._bias_seen_ns or device is None:
             return []
         self._bias_seen_ns = gyro.t_ns
         model = GyroAtStandstill(device=device, sd_rad_s=self._settings.gyro_rate_noise_rad_s)
@@ -114,40 +114,42 @@ class RestFollower:
         return [innovation]
 
     def _are_wheels_still(self, now_ns: int) -> bool:
-        """Return whether the wheels have been at rest for a while, as commanded.
+        """Return whether the wheels have been at standstill for a while, as commanded.
 
-        Encoders that are stuck must not pass for rest: the gyro's bias would be what the rover turns.
+        Encoders that are stuck must not pass for a standstill: the gyro's bias would be what the rover turns.
         """
         standstill_s = self._settings.standstill_s
         is_driven = self._driven_ns is not None and now_ns - self._driven_ns < nanoseconds(standstill_s)
         return not is_driven and self._odometry.is_still(now_ns, standstill_s)
 
     def _seen_m(self, now_ns: int) -> float:
-        """Return how far a camera has seen the rover move although its wheels rest."""
+        """Return how far a camera has seen the rover move although its wheels stand."""
         if not self.is_still:
             return 0.0
         # The body swings after its wheels have stopped.
         swung_ns = nanoseconds(2.0 * self._settings.standstill_s)
         return self._moved_m(self._odometry.still_since_ns + swung_ns, now_ns)
 
-    def _take_contradiction(self, rest: Rest, now_ns: int, path_m: float, *, is_commanded: bool) -> None:
-        """Widen the estimate by what the rover may have moved during a rest that is contradicted."""
-        moving = " and ".join(rest.moving)
+    def _take_contradiction(
+        self, known: Standstill, now_ns: int, path_m: float, *, is_commanded: bool
+    ) -> None:
+        """Inflate the covariance by the possible motion in a standstill that is contradicted."""
+        moving = " and ".join(known.moving)
         text = f"the wheels are at rest, but motion is reported by {moving}; the estimate is wider"
-        is_by_gyro = rest.moving == (Witness.GYRO,)
+        is_by_gyro = known.moving == (Witness.GYRO,)
         if is_by_gyro and not (self._has_inflated_bias or self._is_bias_known or is_commanded):
-            # A gyro that has never been seen at rest may have an offset.
+            # A gyro that has never been seen at standstill may have an offset.
             self._has_inflated_bias = True
             yaw_rad = self._filter.inflate_with_bias(self._gyro.rate_rad_s - self._filter.gyro_bias_rad_s)
             if yaw_rad > LINEAR_RAD:
                 # The covariance does not hold the chord of the path turned by so much.
                 chord_m = 2.0 * path_m * math.sin(0.5 * min(yaw_rad, math.pi))
                 self._budget.add((chord_m, chord_m, 0.0))
-        reach_m = math.hypot(*self._reach.greatest(self._reach.at_limit_rad(rest.unknown_s))[:2])
+        reach_m = math.hypot(*self._reach.greatest(self._reach.at_limit_rad(known.unknown_s))[:2])
         if is_commanded and is_by_gyro:  # a nudge, or a wrong gyro
             reach_m = 0.0
-        if rest.moving == (Witness.CAMERA,):  # the motion is measured
+        if known.moving == (Witness.CAMERA,):  # the motion is measured
             reach_m = self._seen_m(now_ns)
-        bound = Bound(position_m=reach_m, yaw_rad=abs(rest.turned_rad))
+        bound = Bound(position_m=reach_m, yaw_rad=abs(known.turned_rad))
         self.fault = Fault(moving, Cause.MOTION_AT_STANDSTILL, text, Severity.UNCERTAIN, bound)
         self._budget.raise_to(self.fault.cause, bound, Category.UNOBSERVED)

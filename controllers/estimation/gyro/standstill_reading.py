@@ -1,4 +1,4 @@
-"""Reading of the gyro while the rover is at rest."""
+"""Reading of the gyro while the rover is at standstill."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from controllers.estimation.filter.state_layout import BIAS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GyroAtStandstill:
-    """Yaw rate of a rover at rest.
+    """Yaw rate of a rover at standstill.
 
         r = b
 

@@ -79,9 +79,9 @@ class TurnSource:
         self._begin()
         return turn
 
-    def waiting(self, bias_rad_s: float, *, is_resting: bool) -> tuple[float, float]:
+    def waiting(self, bias_rad_s: float, *, is_at_standstill: bool) -> tuple[float, float]:
         """Return the turn that waits for motion of the wheels or a reading of the gyro, and its variance."""
-        if is_resting or self.yaw_source is not YawSource.GYRO:
+        if is_at_standstill or self.yaw_source is not YawSource.GYRO:
             return 0.0, 0.0
         angle_rad, covered_s, variance_rad2 = self._gyro.turn
         if covered_s > 0.0:
@@ -90,7 +90,7 @@ class TurnSource:
         return self._turn_rad, error_rad**2 / 3.0
 
     def _by_gyro(self, by_gyro: GyroTurn, bias_rad_s: float) -> Turn:
-        angle_rad, covered_s, unseen_rad2 = by_gyro
+        angle_rad, covered_s, unobserved_rad2 = by_gyro
         self.yaw_source = YawSource.GYRO
         wheels, wheel_turn_rad, has_gap = self._wheels, self._turn_rad, self._gyro.has_gap
         parts_rad, has_lost_motion = self._parts_rad, self.has_lost_motion
@@ -104,12 +104,14 @@ class TurnSource:
                 covered_s=covered_s,
                 by_wheels_rad=by_wheels_rad,
                 gap_error_rad=ESTIMATION.pose.gap_turn_error * wheels.both_ways_rad * gap_share,
-                unseen_rad2=unseen_rad2,
+                unobserved_rad2=unobserved_rad2,
             )
         if not has_lost_motion:
             bias_rad = bias_rad_s * covered_s
             self.turn = TurnEvidence(gyro_rad=angle_rad - bias_rad, wheels=wheels, by_wheel_rad=parts_rad)
-        return Turn(angle_rad=angle_rad, source=YawSource.GYRO, covered_s=covered_s, unseen_rad2=unseen_rad2)
+        return Turn(
+            angle_rad=angle_rad, source=YawSource.GYRO, covered_s=covered_s, unobserved_rad2=unobserved_rad2
+        )
 
     def _begin(self) -> None:
         self._turn_rad = 0.0

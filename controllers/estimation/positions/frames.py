@@ -12,7 +12,7 @@ from controllers.estimation.filter.motion_history import WayBack
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.state_layout import YAW, X, Y
 from controllers.estimation.parameters import ESTIMATION
-from controllers.estimation.positions.jumps import FixJumps
+from controllers.estimation.positions.jumps import PositionJumps
 from controllers.estimation.positions.pose_fix import PoseFix, has_yaw, place_then
 from controllers.motion.planar import wrap_angle
 from drivers.samples import PoseFixSample
@@ -53,13 +53,13 @@ class PositionFrames:
         self._origins = pose_filter.layout.origins
         # The chance of two normal deviates beyond this distance is that of the gate.
         gate_sd = math.sqrt(-2.0 * math.log1p(-gate_probability))
-        self._jumps = {device: FixJumps(gate_sd) for device in self._origins}
+        self._jumps = {device: PositionJumps(gate_sd) for device in self._origins}
         self._rejections: dict[str, int] = {}
         self._unoriented: dict[str, _Unoriented] = {}
 
     @property
     def jumped_m(self) -> dict[str, complex]:
-        """By how much the places of each device have jumped, in the local frame; see `FixJumps`."""
+        """By how much the places of each device have jumped, in the local frame; see `PositionJumps`."""
         return {device: jumps.offset_m for device, jumps in self._jumps.items() if jumps.offset_m}
 
     def correct(self, fix: PoseFixSample, way_back: WayBack) -> tuple[Innovation, ...]:
@@ -104,11 +104,11 @@ class PositionFrames:
         self._rejections[fix.device] = 0
         if has_jumped:
             return self._take_jump(model)
-        # The axes of the floor are not those of the local frame: widen both by the distance.
+        # The axes of the floor are not those of the local frame: inflate both by the distance.
         distance_m2 = residuals[X] ** 2 + residuals[Y] ** 2
         turned_rad = residuals[YAW] if has_yaw(fix) else 0.0
         for index, variance in ((X, distance_m2), (Y, distance_m2), (YAW, turned_rad**2)):
-            self._filter.widen(index, variance)
+            self._filter.add_variance(index, variance)
         report = (
             _taken(fix, DISPLACED, math.sqrt(distance_m2)),
             _taken(fix, TURNED, abs(turned_rad)),
@@ -124,7 +124,7 @@ class PositionFrames:
         jumps.jump(residual_m * cmath.rect(1.0, -state[origin + YAW]), std_m)
         for index, part_m in ((origin + X, residual_m.real), (origin + Y, residual_m.imag)):
             self._filter.assign(index, state[index] + part_m)
-            self._filter.widen(index, std_m**2)
+            self._filter.add_variance(index, std_m**2)
         corrected = self._filter.correct(model, model.measured)
         jumps.agree(self._residual(model), std_m, self._poses.path_m)
         return (*corrected, _taken(fix, "jumped", abs(residual_m)))

@@ -14,8 +14,8 @@ class _Agreed:
     path_m: float
 
 
-class FixJumps:
-    """Tells a jump of the places of one device from motion of the rover that its wheels did not measure.
+class PositionJumps:
+    """Distinguishes a jump of the positions by one device from motion that the wheels did not measure.
 
     Wheels that slip wholly move the rover by their way at most. A place that changes from one fix to the next
     by more than that way and the noise of both has jumped: the receiver, by a reflection or another solution,

@@ -89,7 +89,7 @@ class WheelAngle:
 
     @property
     def contradicts_rest(self) -> bool:
-        """Whether the device reports a speed beside the position; at rest, one of them is wrong."""
+        """Whether the device reports a speed beside the position; at standstill, one of them is wrong."""
         position, speed_ns = self._position, self._speed_ns
         if self._is_by_speed or self.speed_rad_s is None or position is None or speed_ns is None:
             return False
@@ -138,7 +138,7 @@ class WheelAngle:
             self._rate_rad_s = self._by_speed_error_rad = 0.0
         elif before is not None:
             is_new_base = self._continue(seconds(t_ns - before[0]), position_rad - before[1])
-        self._range_rad = _widened(self._range_rad, position_rad)
+        self._range_rad = _extended(self._range_rad, position_rad)
         self._position, self._is_by_speed = (t_ns, position_rad), False
         self._angle_rad = position_rad + self._offset_rad
         self._begin_integral()
@@ -196,9 +196,9 @@ class WheelAngle:
         before = self._position
         if before is None or not 0 < abs(turns) <= MOST_TURNS:
             return 0
-        low_rad, high_rad = _widened(self._range_rad, before[1] + step_rad)
+        low_rad, high_rad = _extended(self._range_rad, before[1] + step_rad)
         return turns if high_rad - low_rad <= abs(turns) * TURN_RAD * (1.0 + ROUNDING) else 0
 
 
-def _widened(range_rad: tuple[float, float], value_rad: float) -> tuple[float, float]:
+def _extended(range_rad: tuple[float, float], value_rad: float) -> tuple[float, float]:
     return min(range_rad[0], value_rad), max(range_rad[1], value_rad)

@@ -60,7 +60,7 @@ class WheelContradiction:
 
     def _compare(self, redundant: int) -> ContradictionReport:
         noise_m = ESTIMATION.contradiction.encoder_m
-        # A wheel at rest while the others drive contradicts them: the envelope is that of the rover.
+        # A wheel at standstill while the others drive contradicts them: the envelope is that of the rover.
         slip_m = ESTIMATION.contradiction.slip * sum(self._travel_m) / len(self._travel_m)
         squares = [
             (rolling**2 + side**2) / (noise_m**2 + slip_m**2)

@@ -100,7 +100,7 @@ class StuckEncoders:
             stay.missing_rad += evidence.gyro_rad - wheels.turn_rad
             stay.noise_rad2 += noise_rad2
         if all(map(self._is_long, self._stays)):
-            return (0.0,) * len(self._stays)  # a rest: `RestWatch` compares it with the gyro
+            return (0.0,) * len(self._stays)  # a standstill: `StandstillWatch` compares it with the gyro
         return tuple(
             stay.missing_rad / effect[2] if self._is_contradicted(stay, effect, bias_rad2_s2) else 0.0
             for stay, effect in zip(self._stays, effects, strict=True)

@@ -7,10 +7,9 @@ from dataclasses import replace
 
 from controllers.estimation.filter.slip_states import SlipEstimate
 from controllers.estimation.ground.travel import GroundPair, GroundReport
-from controllers.estimation.slip_compensator import SlipEvidence
+from controllers.estimation.slip_compensator import SlipEstimator, SlipEvidence
 from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.body_motion import BodyMotion
-from controllers.motion.crab import DriftSource
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.roles import DeviceRoles
@@ -55,7 +54,7 @@ class SlipReport:
 MEASURED_BY_FIXES = "pose fixes measure the slip"
 
 
-class EffortCompensator:
+class EffortCompensator(SlipEstimator[SlipReport]):
     """Turns wheel increments into body increments of a slipping rover.
 
     The slip is found for windows of half a second: by the surface (`SlipBySurface`), or by the excitation
@@ -163,16 +162,6 @@ class EffortCompensator:
             unusual_force_m=force.far_m,
         )
 
-    @property
-    def drift_rad(self) -> float:
-        """0: the drift is compensated, but not known well enough to steer against it."""
-        return 0.0
-
-    @property
-    def drift_source(self) -> DriftSource:
-        """Nothing."""
-        return DriftSource.NONE
-
     def report(self, ground: GroundReport | None = None) -> SlipReport | None:
         """Return the slip as of the newest increment; None before the first."""
         if self._report is None or ground is None or ground.slip is None or ground.slip_sd is None:
@@ -183,7 +172,7 @@ class EffortCompensator:
     def excite(
         self, now_s: float, twist: BodyMotion, *, is_turning: bool, is_measured: bool
     ) -> tuple[BodyMotion, float]:
-        """Return the twist with the yaw excitation, and the yaw rate of that, see `SlipCompensator`."""
+        """Return the twist with the yaw excitation, and the yaw rate of that, see `SlipEstimator`."""
         excited, (x_m_s, y_m_s, yaw_rate_rad_s) = self.excited, twist
         if excited is None:
             return twist, 0.0

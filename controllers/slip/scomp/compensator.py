@@ -7,9 +7,9 @@ from typing import Protocol
 
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.slip_states import SlipEstimate
-from controllers.estimation.ground.travel import GroundPair, GroundReport
+from controllers.estimation.ground.travel import GroundReport
 from controllers.estimation.parameters import ESTIMATION
-from controllers.estimation.slip_compensator import SlipEvidence
+from controllers.estimation.slip_compensator import SlipEstimator, SlipEvidence
 from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.ftrace.reading import Rates, TraceReading
 from controllers.motion.body_motion import BodyMotion
@@ -73,7 +73,7 @@ class ScompReport:
     reason: str
 
 
-class ScompCompensator:
+class ScompCompensator(SlipEstimator[ScompReport]):
     """Slip and slip angle of a rover as states of the pose filter, corrected by the trace.
 
     Args:
@@ -173,19 +173,6 @@ class ScompCompensator:
             return None
         self._report = replace(report, trace=None)
         return report if ground is None or ground.slip is None else replace(report, slip=ground.slip)
-
-    def take_ground(self, pair: GroundPair) -> None:
-        """Nothing: the pose filter takes the motion over the ground."""
-
-    def excite(
-        self, now_s: float, twist: BodyMotion, *, is_turning: bool, is_measured: bool
-    ) -> tuple[BodyMotion, float]:
-        """Return the twist: nothing is excited."""
-        return twist, 0.0
-
-    def set_point_changes(self, commanded_twist: BodyMotion) -> None:
-        """Return None: nothing is added to the setpoints."""
-        return
 
     def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:
         """Return the body's motion for wheel speeds or angles, by the newest slip."""
@@ -339,7 +326,7 @@ class ScompCompensator:
         if innovation.accepted:
             self._trust.accept(reading.t_ns)
         elif residual is not None and self._trust.is_rejected_for_long(reading.t_ns):
-            estimate.widen_slip(RESIDUAL, residual**2)
+            estimate.add_slip_variance(RESIDUAL, residual**2)
             (innovation,) = estimate.correct(model, measured)
             self._trust.begin_anew(reading.t_ns)
         return innovation

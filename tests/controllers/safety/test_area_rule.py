@@ -17,7 +17,7 @@ from controllers.safety.reasons import Cycle
 from controllers.safety.settings import SafetySettings
 from controllers.safety.supervisor import Mode, SafetySupervisor
 from drivers.errors import ConfigError
-from tests.controllers.safety.cycles import make_cycle
+from tests.controllers.safety.cycles import changed, make_cycle
 from tests.controllers.simulated import PERIOD_NS, ROLES, SimulatedRover, make_settings, omni_rover
 
 MOVES = (1.0,)
@@ -123,7 +123,7 @@ def test_before_the_first_motion_the_reason_ends_by_itself() -> None:
     assert reason.severity is Severity.STOP
     assert reason.cleared_by is not ClearedBy.OPERATOR
     assert "before it has moved" in reason.text
-    assert only(rule, at_rest._replace(over_border_m=-0.1)) is None
+    assert only(rule, changed(at_rest, over_border_m=-0.1)) is None
     assert AreaRule.observes == ()
 
 
@@ -135,7 +135,7 @@ def test_stops_that_an_operator_ends_are_never_final_and_a_final_stop_waits_for_
         over_m: float, *, is_confirmed: bool = False, estimate_is_finite: bool = True
     ) -> tuple[Mode, bool]:
         seen = cycle(over_m, is_confirmed=is_confirmed)
-        supervisor.update(seen._replace(estimate_is_finite=estimate_is_finite))
+        supervisor.update(seen if estimate_is_finite else changed(seen, x_m=math.inf))
         return supervisor.mode, supervisor.waits_for_operator
 
     for _ in range(5):

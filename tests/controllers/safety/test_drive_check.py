@@ -13,7 +13,7 @@ from controllers.safety.settings import SafetySettings, make_drive_rules, make_r
 from drivers.clock import nanoseconds
 from drivers.samples import AttitudeSample, BumperSample, RateSample, Sample
 from rover_hil.recording.findings import FindingList, finding_line
-from tests.controllers.safety.cycles import make_cycle
+from tests.controllers.safety.cycles import changed, make_cycle
 
 ROLES = DeviceRoles(wheels="wheels", gyro="imu", required={"wheels": 0.1, "imu": 0.1})
 
@@ -203,6 +203,7 @@ def test_standing_wheels_are_counted_anew_after_they_have_turned() -> None:
     rule = StandingWheelsRule()
     stood = make_cycle(now_ns=0, measured_rad_s=(0.0, 5.0, 5.0), contradiction=2.0)
     assert list(rule.check(stood)) == []
-    assert list(rule.check(stood._replace(now_ns=nanoseconds(0.9), measured_rad_s=(5.0, 5.0, 5.0)))) == []
+    turned = changed(stood, now_ns=nanoseconds(0.9), measured_rad_s=(5.0, 5.0, 5.0))
+    assert list(rule.check(turned)) == []
     assert list(rule.check(stood._replace(now_ns=nanoseconds(1.1)))) == []
     assert list(rule.check(stood._replace(now_ns=nanoseconds(2.1))))

@@ -98,7 +98,7 @@ class Watch:
         self.supervisor.update(
             make_cycle(
                 now_ns=self.now_ns,
-                estimate_is_finite=finite,
+                x_m=0.0 if finite else math.inf,
                 motion_ns=self.now_ns if motion_ns == -1 else motion_ns,
                 distance_m=distance_m,
                 innovations=innovations,
