@@ -126,7 +126,7 @@ class SupplyRule(StopRule):
         least_v = self._settings.least_supply_v
         if least_v is None:
             return
-        self._has_moved |= any(cycle.commanded_rad_s)
+        self._has_moved |= any(cycle.wheels.set.speed_rad_s)
         for device in self._expected:
             if device not in self._supplies:
                 yield Fault(device, Cause.UNKNOWN_SUPPLY, f"{device}: no supply voltage yet")
