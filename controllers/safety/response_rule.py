@@ -21,8 +21,8 @@ LAG_S = 0.3
 """A drive may follow a change of its setpoint as slowly as a low-pass with this time constant.
 
 Least squares of the speed on the setpoint behind this low-pass give the gain of a drive with this lag or with
-none, and more than the gain of one between: a speed m with m + T m' = s has the integral of s m equal to that
-of m^2, as m m' has the integral 0 from rest to rest."""
+none, and more than the gain of a drive with a shorter lag: the low-pass e of a setpoint s is e + T e' = s, so
+that the integrals of e s and e^2 differ by T / 2 times the change of e^2."""
 
 PARTS = 20
 """Of the window, so that old cycles leave it in steps."""
@@ -48,12 +48,16 @@ class ResponseSettings(StallSettings):
 
 
 class _Sums(NamedTuple):
-    """Integrals over a time of driving, after the low-pass: setpoint times speed, its square, its size."""
+    """Integrals over a time of driving, after the low-pass: setpoint times speed, its square, its size.
+
+    `lead` is how much less of the first than of the second a drive without a lag has where it slows down.
+    """
 
     t_s: float = 0.0
     speed: float = 0.0
     square: float = 0.0
     size: float = 0.0
+    lead: float = 0.0
 
     def plus(self, other: "_Sums") -> "_Sums":
         """Return the sums over both times."""
@@ -62,6 +66,7 @@ class _Sums(NamedTuple):
             self.speed + other.speed,
             self.square + other.square,
             self.size + other.size,
+            self.lead + other.lead,
         )
 
 
@@ -113,9 +118,11 @@ class _Wheel:
         if self._full.t_s < 0.5 * self._full_s:
             return None
         sums = self._full.plus(self._newest)
-        if sums.speed + load_rad_s * sums.size >= sums.square:
+        # A window that begins fast and ends slowly blames no drive without a lag.
+        speed = sums.speed + max(0.0, sums.lead)
+        if speed + load_rad_s * sums.size >= sums.square:
             return None
-        return sums.speed / sums.square
+        return speed / sums.square
 
 
 class ResponseRule(StopRule):
@@ -176,6 +183,7 @@ class ResponseRule(StopRule):
 
     def _count(self, wheel: _Wheel, elapsed_s: float, commanded: float, measured: float) -> None:
         settings = self._settings
+        before = wheel.slow_rad_s
         wheel.slow_rad_s += (commanded - wheel.slow_rad_s) * -math.expm1(-elapsed_s / LAG_S)
         expected, size = wheel.slow_rad_s, abs(commanded)
         is_driven = size >= settings.stall_set_point_rad_s
@@ -185,6 +193,7 @@ class ResponseRule(StopRule):
             elapsed_s * expected * measured,
             elapsed_s * expected**2,
             elapsed_s * abs(expected),
+            0.5 * LAG_S * (before**2 - expected**2),
         )
         stalls = is_driven and turning <= settings.least_speed_rad_s(size)
         wheel.count(sums, follows=not stalls and (is_driven or not wheel.open_s))

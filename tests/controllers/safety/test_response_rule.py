@@ -154,6 +154,7 @@ def test_a_drive_that_obeys_a_part_of_the_time_stops_the_rover(on_s: float, peri
 SET_POINTS = {
     "short moves": lambda t_s: 4.0 if t_s % 1.5 < 0.5 else 0.0,
     "steps": lambda t_s: 4.0 if t_s % 0.8 < 0.4 else 1.0,
+    "slows down": lambda t_s: 4.0 if t_s < 8.0 else max(1.2, 4.0 - 0.9 * (t_s - 8.0)),
     "reversals": lambda t_s: 4.0 if t_s % 2.0 < 1.0 else -4.0,
 }
 
@@ -167,6 +168,12 @@ def test_setpoints_that_change_hide_no_weak_drive_and_blame_no_healthy_one(
     found = found_by(SET_POINTS[name], lambda speed, wanted: follow(speed, 0.4 * wanted))
     assert Severity.RECOVERABLE in found or (name == "short moves" and Severity.SUSPICION in found)
     assert not found_by(SET_POINTS[name], follow)
+
+
+def test_a_loaded_drive_that_slows_down_at_once_is_healthy() -> None:
+    assert not found_by(
+        lambda t_s: max(0.6, 4.0 - 0.8 * max(0.0, t_s - 6.0)), lambda _, wanted: wanted - 0.45
+    )
 
 
 def test_a_wheel_that_stalls_again_and_again_is_left_to_the_stall_monitor() -> None:
