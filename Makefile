@@ -15,7 +15,7 @@ $(STAMP): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --upgrade "pip>=25.1"
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[bench,cluster,export,fit,flight,fmi,live,mf4,rosbag,tune]" --group dev
 	# Numba fails on what it compiled from classes that have another name now.
-	find sim_backends -name '*.nb[ci]' -delete
+	find sim_backends tests -name '*.nb[ci]' -delete
 	$(BIN)/python .ci/compile_simulators.py
 	touch $@
 
