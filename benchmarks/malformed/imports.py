@@ -6,6 +6,7 @@ Everything is made by code; the files are small, or sparse in what they take to 
 import gzip
 import io
 import random
+import re
 import sqlite3
 import struct
 import tempfile
@@ -196,6 +197,21 @@ def long_metadata(folder: Path, size: int = METADATA_BYTES) -> Path:
     return bag
 
 
+def compressed_whole(folder: Path, size: int = 2**28) -> Path:
+    """Write a bag of a few kB that its library would unpack into that many bytes."""
+    bag = _bag(folder, plugin="SQLITE3")
+    (storage,) = bag.glob("*.db3")
+    packer = zstandard.ZstdCompressor(level=1).compressobj()
+    parts = [packer.compress(bytes(2**24)) for _ in range(0, size, 2**24)]
+    storage.with_name(f"{storage.name}.zstd").write_bytes(b"".join([*parts, packer.flush()]))
+    storage.unlink()
+    text = (bag / "metadata.yaml").read_text()
+    text = text.replace(storage.name, f"{storage.name}.zstd")
+    text = re.sub("compression_format:.*", "compression_format: zstd", text)
+    (bag / "metadata.yaml").write_text(re.sub("compression_mode:.*", r'compression_mode: "f\\x69le"', text))
+    return bag
+
+
 def topics_in_metadata(folder: Path, count: int = TOPICS) -> Path:
     """Write a bag whose metadata.yaml names that many topics."""
     bag = _bag(folder, plugin="MCAP")
@@ -255,8 +271,8 @@ def topics_in_mcap(folder: Path, count: int = TOPICS) -> Path:
     return path
 
 
-def topics_in_ros1(folder: Path, count: int = TOPICS) -> Path:
-    """Write a bag of ROS 1 with that many connections."""
+def topics_in_ros1(folder: Path, count: int = TOPICS, **ahead: bytes) -> Path:
+    """Write a bag of ROS 1 with that many connections, and fields ahead of their number."""
     path = folder / "drive.bag"
 
     def header(**fields: bytes) -> bytes:
@@ -270,8 +286,8 @@ def topics_in_ros1(folder: Path, count: int = TOPICS) -> Path:
             "conn_count": struct.pack("<I", count),
             "chunk_count": struct.pack("<I", 0),
         }
-        head = header(op=b"\x03", **numbers)
-        return b"#ROSBAG V2.0\n" + head + struct.pack("<I", 4096 - len(head)) + b" " * (4096 - len(head))
+        head = header(op=b"\x03", **ahead, **numbers)
+        return b"#ROSBAG V2.0\n" + head + struct.pack("<I", room := max(0, 4096 - len(head))) + b" " * room
 
     with path.open("wb") as stream:
         stream.write(first(len(first(0))))
@@ -301,6 +317,7 @@ def machine_takers() -> Iterator[Bad]:
         yield of_bytes(f"list of {name} in itself", "can", "list.mf4", partial(mf4_list, block))
     yield of_bytes("a record of 2 GB", "can", "record.mf4", mf4_record)
     yield Bad("16 MB of metadata.yaml", "bag", long_metadata)
+    yield Bad("compressed as a whole", "bag", partial(compressed_whole, size=2**36))
     for make in (topics_in_metadata, topics_in_sqlite, topics_in_mcap, topics_in_ros1):
         yield Bad(f"a million {make.__name__}", "bag", make)
     yield of_bytes("guesses of 300,000 columns", "propose", "wide.csv", many_columns)

@@ -35,7 +35,17 @@ SHIPPED_FOLDER = Path(__file__).parent
 MOST_BITS = 512
 MOST_SIGNAL_BITS = 64
 _OF_A_WHEEL = re.compile(r"wheel\.(\d+)\.(\w+)")
-_BITS = re.compile(r"(\d+)\s*\|\s*(\d+)\s*@")
+MOST_MESSAGE_BYTES = 1785
+"""Of the transport protocol of J1939; a frame of CAN FD has 64."""
+MOST_MULTIPLEX_VALUES = 16_384
+"""Values in all ranges of SG_MUL_VAL_ of a file, which cantools lists singly."""
+_TEXT = re.compile(r'"(?:\\"|[^"])*?"|//[^\n]*')
+"""Texts and remarks of a DBC file, as cantools separates them."""
+_LENGTH = re.compile(r"BO_(?!\w)\s*+[-+]?\d++\s*+\w++\s*+:\s*+[-+]?(\d++)")
+"""Number of bytes of a message."""
+_RANGES = re.compile(r"SG_MUL_VAL_([^;]*)")
+_RANGE = re.compile(r"(?<!\d)(\d++)\s*+[-+](\d++)")
+_BITS = re.compile(r"(?<!\d)(\d++)\s*+\|\s*+[-+]?(\d++)\s*+@")
 """First bit and number of bits of a signal."""
 _TURNS = re.compile(
     r"(turn|revolution|rotation|wrap|lap)(s|_?(count|counter|cnt|num|number|no))?$", re.IGNORECASE
@@ -320,7 +330,7 @@ def read_dbc(path: Path) -> Database:
     """
     try:
         text = read_bytes(path, SETTINGS_BYTES).decode("cp1252", "replace")
-        _check_bits(path, text)
+        _check_sizes(path, text)
         database = cantools.database.load_string(
             text.replace("\r\n", "\n"), database_format="dbc", strict=False
         )
@@ -333,11 +343,24 @@ def read_dbc(path: Path) -> Database:
     return database
 
 
-def _check_bits(path: Path, text: str) -> None:
-    # cantools writes a format as long as the bits of a signal before it checks them.
+def _check_sizes(path: Path, text: str) -> None:
+    # cantools makes tables and formats as long as a message, a signal or a range before it checks them.
+    text = _TEXT.sub(" ", text)
+    for length in _LENGTH.findall(text):
+        if int(length) > MOST_MESSAGE_BYTES:
+            raise ConfigError(
+                f"cannot read DBC file {path}: a message of {length[:20]} bytes; CAN FD allows 64 and the "
+                f"transport protocol of J1939 {MOST_MESSAGE_BYTES:,}: correct or remove it"
+            )
     for start, length in _BITS.findall(text):
-        if len(start) > 3 or len(length) > 3 or int(start) >= MOST_BITS or int(length) > MOST_SIGNAL_BITS:
+        if int(start) >= MOST_BITS or int(length) > MOST_SIGNAL_BITS:
             raise ConfigError(
                 f"cannot read DBC file {path}: a signal of {length[:20]} bits from bit {start[:20]} "
                 "fits into no CAN frame"
             )
+    ranges = [pair for values in _RANGES.findall(text) for pair in _RANGE.findall(values)]
+    if sum(max(0, int(last) - int(first) + 1) for first, last in ranges) > MOST_MULTIPLEX_VALUES:
+        raise ConfigError(
+            f"cannot read DBC file {path}: the ranges of SG_MUL_VAL_ have more than "
+            f"{MOST_MULTIPLEX_VALUES:,} values: correct or remove them"
+        )

@@ -38,7 +38,8 @@ def import_files(
     Args:
         files: One per drive.
         out: The log of one file; the folder for the logs of several, each called as its file.
-        make_write: Called once the logs may be written; what it returns writes them.
+        make_write: Called in the child process of each file; reads what describes the drives, and returns
+            what writes the log.
         limits: Of the reading of each file.
         what: A file consists of, in the plural.
         force: Overwrite earlier logs.
@@ -51,12 +52,11 @@ def import_files(
     outs = _outs(files, out)
     for path in outs:
         check_new_file(path, force=force)
-    write = make_write()
     done: list[Contents] = []
     with ExitStack() as stack:
         parts = [stack.enter_context(unfinished(path)) for path in outs]
         for file, part in zip(files, parts, strict=True):
-            done.append(import_file(file, part, write, limits))
+            done.append(import_file(file, part, make_write, limits))
     if as_json:
         print_json(
             [
@@ -69,13 +69,15 @@ def import_files(
         print_contents(contents, path, what=what)
 
 
-def import_file(file: Path, log: Path, write: WriteDrive, limits: LimitSettings) -> Contents:
+def import_file(
+    file: Path, log: Path, make_write: Callable[[], WriteDrive], limits: LimitSettings
+) -> Contents:
     """Write the log of a file in a child process, and return what was used.
 
     Args:
         file: The file.
         log: The log; must not exist.
-        write: Writes it.
+        make_write: As for `import_files`.
         limits: Of the reading.
 
     Raises:
@@ -84,6 +86,8 @@ def import_file(file: Path, log: Path, write: WriteDrive, limits: LimitSettings)
 
     def work(report: Report[str]) -> Contents:
         contents = Contents()
+        write = make_write()
+        report(f"importing {file.name}")
         for contents in write(file, log):
             report(f"importing {file.name}, {seconds(contents.end_ns - START_NS):.0f} s are done")
         contents.findings += truth_findings(log)

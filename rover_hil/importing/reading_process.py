@@ -11,17 +11,20 @@ import math
 import os
 import resource
 import signal
+import stat
 import sys
+import tempfile
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Literal, NoReturn, TypeAlias, TypeVar
 
 from drivers.clock import seconds, stopwatch_ns
-from drivers.errors import LogError, RoverHilError
+from drivers.errors import ConfigError, LogError, RoverHilError
 from rover_hil.console.memory import LIBRARY_BYTES, is_free, is_limited, sentence_of
 from rover_hil.importing.limits import GIGABYTE, Limits
 from rover_hil.run.end_signals import held_signals
@@ -61,6 +64,34 @@ def read_in_child(
         LogError: The child reached a limit, or ended without a result.
         RoverHilError: What `work` raised, with the same text.
     """
+    with _private_folder() as folder:
+        return _read_in_child(path, limits, work, progress, folder)
+
+
+@contextmanager
+def _private_folder() -> Iterator[str]:
+    """Give a folder for the temporary files of the child, which is removed in the end.
+
+    Raises:
+        ConfigError: It cannot be made.
+    """
+    try:
+        folder = TemporaryDirectory(prefix="rover_hil_", ignore_cleanup_errors=True)
+    except OSError as error:
+        raise ConfigError(
+            f"cannot make a temporary folder: {error.strerror}: name a folder with space in TMPDIR"
+        ) from error
+    with folder as name:
+        yield name
+
+
+def _read_in_child(
+    path: Path,
+    limits: Limits,
+    work: Callable[[Report[Progress]], Result],
+    progress: AbstractContextManager[Report[Progress]],
+    folder: str,
+) -> Result:
     results, sending = Pipe(duplex=False)
     child = 0
     try:
@@ -68,7 +99,7 @@ def read_in_child(
             parent = os.getpid()
             child = os.fork()
             if child == 0:
-                _run_child(path, limits, work, sending, parent)
+                _run_child(path, limits, work, sending, parent, folder)
         sending.close()
         with progress as show:
             answer = _answer(results, path, child, show)
@@ -133,6 +164,11 @@ def _end_of(status: int, usage: resource.struct_rusage, limits: Limits) -> str:
             f"reading was ended after {usage.ru_utime + usage.ru_stime:.0f} s of processor time, the limit "
             "for a file of this size: give another file, or raise the limit with --most-minutes"
         )
+    if code == -signal.SIGXFSZ:
+        return (
+            f"reading was ended at {limits.file_bytes / GIGABYTE:.2f} GB of a file that it writes, the limit "
+            "for a file of this size: give another file, or raise the limit with --most-memory-gb"
+        )
     if code >= 0:
         return "the process that read it ended without a result: give another file"
     name = signal.Signals(-code).name
@@ -149,11 +185,18 @@ def _gigabytes(limits: Limits) -> str:
 
 
 def _run_child(
-    path: Path, limits: Limits, work: Callable[[Report[Progress]], object], sending: Connection, parent: int
+    path: Path,
+    limits: Limits,
+    work: Callable[[Report[Progress]], object],
+    sending: Connection,
+    parent: int,
+    folder: str,
 ) -> NoReturn:
     try:
         _isolate(parent)
+        tempfile.tempdir = os.environ["TMPDIR"] = folder
         _limit_memory(limits)
+        _limit_files(limits)
         report = _Reporter(sending, limits)
         answer: tuple[_Kind, object] = "result", work(report)
     except BaseException as error:  # noqa: BLE001 - the parent reports it
@@ -174,7 +217,9 @@ def _isolate(parent: int) -> None:
         os._exit(0)
     nowhere = os.open(os.devnull, os.O_RDWR)
     for number in range(3):
-        os.dup2(nowhere, number)
+        # A file at the standard input may be what is imported, as /dev/stdin.
+        if number or not stat.S_ISREG(os.fstat(number).st_mode):
+            os.dup2(nowhere, number)
     # Another thread of the parent may have held the locks of the old ones.
     sys.stdout = sys.stderr = os.fdopen(nowhere, "w")
 
@@ -186,6 +231,14 @@ def _limit_memory(limits: Limits) -> None:
         resource.RLIMIT_DATA, (wanted if hard == resource.RLIM_INFINITY else min(wanted, hard), hard)
     )
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def _limit_files(limits: Limits) -> None:
+    _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    most = limits.file_bytes if hard == resource.RLIM_INFINITY else min(limits.file_bytes, hard)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, hard))
+    # Python ignores it, and a library could take the error of a write for another one.
+    signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
 
 
 def _lift_memory_limit() -> None:

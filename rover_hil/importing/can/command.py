@@ -1,6 +1,6 @@
 """`rover-hil import can`: logs of a CAN bus become logs of a rover, or are listed."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -37,6 +37,7 @@ class _Listing:
     left_out: int
     unread: int
     listed: Sequence[ListedIdentifier]
+    has_dbc: bool
 
 
 def import_can_logs(
@@ -110,23 +111,27 @@ def _list_logs(
     as_json: bool,
 ) -> int:
     """Print what is in logs of a CAN bus; returns the exit code."""
-    paths = dict.fromkeys((*dbc, *_dbc_files(config_name, mapping)))
-    databases = [read_dbc(path) for path in paths]
-    listings = [_listing(file, databases, channel, limits) for file in files]
+
+    def read_databases() -> list[Database]:
+        return [read_dbc(path) for path in dict.fromkeys((*dbc, *_dbc_files(config_name, mapping)))]
+
+    listings = [_listing(file, read_databases, channel, limits) for file in files]
     if as_json:
         print_json([_record(listing) for listing in listings])
         return EXIT_OK
     for listing in listings:
-        _print(listing, has_dbc=bool(databases))
+        _print(listing)
     return EXIT_OK
 
 
 def _listing(
-    file: Path, databases: Sequence[Database], channel: str | None, limits: LimitSettings
+    file: Path, read_databases: Callable[[], list[Database]], channel: str | None, limits: LimitSettings
 ) -> _Listing:
     """Return what is in a log of a CAN bus, which a child process reads."""
 
     def work(report: Report[str]) -> _Listing:
+        databases = read_databases()
+        report("DBC files are read")
         frames = read_can_log(
             file, channel=channel, on_frames=lambda count: report(f"{count} frames are read")
         )
@@ -137,6 +142,7 @@ def _listing(
             left_out=frames.left_out,
             unread=frames.unread,
             listed=list_frames(frames, databases),
+            has_dbc=bool(databases),
         )
 
     return read_in_child(file, limits.of(file), work, show_steps(f"reading {file.name}"))
@@ -165,7 +171,7 @@ def _record(listing: _Listing) -> dict[str, object]:
     }
 
 
-def _print(listing: _Listing, *, has_dbc: bool) -> None:
+def _print(listing: _Listing) -> None:
     console = Terminal(soft_wrap=True)
     for entry in listing.listed:
         names = ", ".join(dict.fromkeys(signal.message for signal in entry.signals))
@@ -190,7 +196,7 @@ def _print(listing: _Listing, *, has_dbc: bool) -> None:
         console.print(f"{listing.left_out} frames are no classic CAN frames")
     if listing.unread:
         console.print(f"{listing.unread} lines hold no frame")
-    if not has_dbc:
+    if not listing.has_dbc:
         console.print("no DBC file: name one with --dbc to see signals")
     elif missing := absence_of(motion_kinds(listing.listed)):
         console.print(f"{missing}, by names and units in the DBC file")

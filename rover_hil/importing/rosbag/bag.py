@@ -59,13 +59,13 @@ class Bag:
     def __init__(self, path: Path, topics: Topics) -> None:
         if not path.exists():
             raise LogError(f"no file or folder {path}: correct the path; it starts at the current folder")
-        check_topic_count(path)
         self._path = path
         self._is_ros1 = path.suffix == ".bag"
         try:
             from rosbags.typesys import Stores, get_typestore
         except ImportError as error:
             raise ConfigError("import rosbag needs rosbags: `pip install rover-hil[rosbag]`") from error
+        check_topic_count(path)
         self._store = get_typestore(Stores.ROS1_NOETIC if self._is_ros1 else Stores.ROS2_HUMBLE)
         self._topics = topics
         self._span_ns: tuple[int, int] | None = None
@@ -165,8 +165,6 @@ class Bag:
 
     def _connections(self, reader: Any, wanted: str | None) -> list[Any]:
         """Return the connections of the mapped topics; a topic has one for each node that publishes on it."""
-        if getattr(reader, "compression_mode", None) == "file":
-            raise LogError(f"{self._path} is compressed as a whole: unpack it with `ros2 bag convert`")
         there: dict[str, list[Any]] = {}
         for connection in reader.connections:
             there.setdefault(connection.topic, []).append(connection)

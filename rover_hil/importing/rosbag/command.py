@@ -12,7 +12,7 @@ from rover_hil.console.exit_codes import EXIT_OK
 from rover_hil.console.json_text import print_json
 from rover_hil.console.options import ForceOption, JsonOption, out_option
 from rover_hil.importing.drive import START_NS
-from rover_hil.importing.files import import_file, print_contents
+from rover_hil.importing.files import WriteDrive, import_file, print_contents
 from rover_hil.importing.limits import LimitSettings, MemoryOption, TimeOption
 from rover_hil.importing.rosbag.to_log import write_bag_as_log
 from rover_hil.importing.rosbag.topics import read_topics
@@ -41,13 +41,14 @@ def import_bag(
     docs/how-to/import_a_bag.md names the keys.
     """
     check_new_file(out, force=force)
-    topics = read_topics(topics_path)
-    rover = load_config(topics.rover)
-    limits = LimitSettings(most_memory_gb, most_minutes)
+
+    def make_write() -> WriteDrive:
+        topics = read_topics(topics_path)
+        rover = load_config(topics.rover)
+        return lambda file, part: write_bag_as_log(file, topics, rover, part)
+
     with unfinished(out) as part:
-        contents = import_file(
-            bag, part, lambda file, log: write_bag_as_log(file, topics, rover, log), limits
-        )
+        contents = import_file(bag, part, make_write, LimitSettings(most_memory_gb, most_minutes))
     duration_s = seconds(contents.end_ns - START_NS)
     if as_json:
         print_json({"log": str(out), "duration_s": duration_s, **asdict(contents)})

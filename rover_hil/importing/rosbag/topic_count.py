@@ -1,4 +1,4 @@
-"""Check, before a bag is read, that it names no more topics than a rover has: each takes the library long."""
+"""Check, before a bag is opened, what takes the library long: many topics, and to unpack it as a whole."""
 
 import mmap
 import sqlite3
@@ -13,9 +13,11 @@ from drivers.files import MEGABYTE
 MOST_TOPICS = 4_000
 MOST_METADATA_BYTES = 4 * MEGABYTE
 """Of metadata.yaml; a topic or a part of a bag takes 0.3 to 1 kB in it."""
-_ROS1_HEAD = b"#ROSBAG V2.0\n"
+_ROS1_HEAD = b"#ROSBAG V"
 _ROS1_COUNT = b"conn_count="
 _ROS1_HEADER_BYTES = 4096
+"""A sound first record, with the room behind its header, is as long."""
+_ROS1_LINE_BYTES = 64
 _MCAP_HEAD = b"\x89MCAP0\r\n"
 _MCAP_RECORD = struct.Struct("<BQ")
 _MCAP_CHANNEL = 4
@@ -25,7 +27,7 @@ def check_topic_count(path: Path) -> None:
     """Check a bag: the folder with its metadata, or a file.
 
     Raises:
-        LogError: It names too many topics, or its metadata is too long.
+        LogError: It names too many topics, its metadata is too long, or it is compressed as a whole.
     """
     metadata = path / "metadata.yaml"
     if metadata.is_file() and metadata.stat().st_size > MOST_METADATA_BYTES:
@@ -33,6 +35,8 @@ def check_topic_count(path: Path) -> None:
             f"{metadata} has {metadata.stat().st_size / MEGABYTE:.1f} MB, more than "
             f"{MOST_METADATA_BYTES / MEGABYTE:g} MB, the limit: write it again with `ros2 bag reindex`"
         )
+    if metadata.is_file() and _is_compressed_whole(metadata):
+        raise LogError(f"{path} is compressed as a whole: unpack it with `ros2 bag convert`")
     for file in sorted(path.iterdir()) if path.is_dir() else [path]:
         counted = _COUNTS.get(file.suffix)
         if counted is not None and file.is_file() and counted(file) > MOST_TOPICS:
@@ -42,14 +46,41 @@ def check_topic_count(path: Path) -> None:
             )
 
 
+def _is_compressed_whole(metadata: Path) -> bool:
+    """Return whether the library would unpack the bag when it opens it."""
+    from ruamel.yaml import YAML
+
+    try:
+        whole = YAML(typ="safe").load(metadata.read_text())
+        return str(whole["rosbag2_bagfile_information"]["compression_mode"]).lower() == "file"
+    except Exception:  # noqa: BLE001 - the library reports what is wrong with it
+        return False
+
+
 def _ros1_topics(file: Path) -> int:
-    """Return the number of connections in the first record."""
+    """Return the number of connections in the first record; 0 where the library finds none.
+
+    Raises:
+        LogError: The header of the record is too long.
+    """
     with file.open("rb") as stream:
-        head = stream.read(_ROS1_HEADER_BYTES)
-    place = head.find(_ROS1_COUNT)
-    if not head.startswith(_ROS1_HEAD) or place < 0:
+        line = stream.readline(_ROS1_LINE_BYTES)
+        size = int.from_bytes(stream.read(4), "little")
+        header = stream.read(min(size, _ROS1_HEADER_BYTES))
+    if not line.startswith(_ROS1_HEAD):
         return 0
-    return int.from_bytes(head[place + len(_ROS1_COUNT) :][:4], "little")
+    if size > _ROS1_HEADER_BYTES:
+        raise LogError(
+            f"{file}: its first header has {size:,} bytes, more than {_ROS1_HEADER_BYTES:,}, the limit: "
+            "write it again with `rosbag reindex`"
+        )
+    count = place = 0
+    while place < len(header):
+        field = header[place + 4 :][: int.from_bytes(header[place : place + 4], "little")]
+        place += 4 + len(field)
+        if field.startswith(_ROS1_COUNT):
+            count = int.from_bytes(field[len(_ROS1_COUNT) :][:4], "little")
+    return count
 
 
 def _mcap_topics(file: Path) -> int:
