@@ -2,7 +2,8 @@
 
 A block without a language holds commands; a block `text` after it shows their output, with `...` for what is
 left out, and a block `text NAME` shows lines of a file. A block of Python or TOML is a file if its first line
-is `# NAME`; `# at the end of NAME` adds to a file, and `# in NAME, instead of ...` replaces a line.
+is `# NAME`; `# at the end of NAME` adds to a file, `# in NAME, instead of ...` replaces a line, and
+`# in NAME, below ...` adds after a line.
 """
 
 import contextlib
@@ -27,7 +28,7 @@ ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"^```(?P<info>[^\n]*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
 FILE = re.compile(r"# (?P<name>[\w/]+\.\w+)\n")
 ADDED = re.compile(r"# at the end of (?P<name>\S+)\n")
-REPLACED = re.compile(r"# in (?P<name>\S+), instead of (?P<old>[^\n]*)\n")
+CHANGED = re.compile(r"# in (?P<name>\S+), (?P<place>instead of|below) (?P<old>[^\n]*)\n")
 NUMBER = re.compile(r"\d+\.\d+|\d+(?= (?:mm|cm|m|s|%|deg|degrees|cycles)\b)")
 
 
@@ -92,13 +93,14 @@ def do(text: str, folder: Path, answers: Mapping[str, str] | None = None) -> lis
 
 
 def write(block: str) -> None:
-    """Write a file of a page, add to it, or replace a line in it; another block does nothing."""
-    if match := REPLACED.match(block):
+    """Write a file of a page, add to it, or change it at a line; another block does nothing."""
+    if match := CHANGED.match(block):
         path = Path(match["name"])
         text = path.read_text("utf-8")
         old = match["old"].strip("`")
         assert text.count(f"\n{old}") == 1, f"{old} in {path}"
-        path.write_text(text.replace(f"\n{old}", f"\n{block[match.end() :].rstrip()}"), "utf-8")
+        kept = f"\n{old}" if match["place"] == "below" else ""
+        path.write_text(text.replace(f"\n{old}", f"{kept}\n{block[match.end() :].rstrip()}"), "utf-8")
     elif match := ADDED.match(block):
         with Path(match["name"]).open("a", encoding="utf-8") as file:
             file.write(f"\n{block[match.end() :]}")
