@@ -1,4 +1,4 @@
-"""One cycle of the controller: samples in, wheel set-points out. Pure: time is an argument."""
+"""One cycle of the controller: samples in, wheel setpoints out. Pure: time is an argument."""
 
 import operator
 from collections.abc import Sequence
@@ -51,9 +51,9 @@ class StepOutput:
         odometry: Pose of the wheels alone.
         odometry_rebases: Number of times the odometry lost its base, together with the motion in between.
         innovations: Innovation of each measurement of this cycle.
-        command: Wheel set-points to send; unless the mode is RUNNING, zero speeds and steering angles that
+        command: Wheel setpoints to send; unless the mode is RUNNING, zero speeds and steering angles that
             stay.
-        limit: Limit that the set-points reached.
+        limit: Limit that the setpoints reached.
         cross_track_m: Distance to the left of the path; None unless the mode is RUNNING or just FINISHED.
         slip: Slip of the wheels by effort; None without this compensation, or without fresh motion.
         scomp: Slip of the rover by sComp; None without it, or without fresh motion.
@@ -97,7 +97,7 @@ class ControlLoop:
 
     Args:
         settings: Rover, noise, mission, limits and safety. Without a mission the controller observes: no
-            device is required and the set-points are zero.
+            device is required and the setpoints are zero.
         roles: Roles of the devices.
         finder: Finds the trace in the frames of `roles.camera`; None without a camera.
         meter: Measures the motion over the ground in these frames; None where that is not wanted.
@@ -180,7 +180,7 @@ class ControlLoop:
             self._follower.change_gains(wanted.gains)
 
     def follow_log(self, command: WheelCommand) -> None:
-        """Replace the set-points of the last `step` by those that the rover was given then.
+        """Replace the setpoints of the last `step` by those that the rover was given then.
 
         For a replay with other parameters: the rover drove as it was commanded, not as it would have been.
         """

@@ -51,7 +51,7 @@ class Estimator:
     Args:
         kinematics: Geometry of the wheels.
         settings: Noise of the pose filter.
-        wheel_speed_limit_rad_s: Greatest wheel set-point.
+        wheel_speed_limit_rad_s: Greatest wheel setpoint.
         roles: Which device is what.
         slip: Removes slip from the wheels' motion; None where the wheels are assumed to roll.
         ground: Measures the motion over the ground in the frames of the camera; None without one. Where it
@@ -176,8 +176,8 @@ class Estimator:
 
         Args:
             now_ns: Time of the cycle.
-            set_speed_rad_s: Set-points of the wheels since the last cycle; empty for none.
-            set_steering_rad: Steering set-points since the last cycle; empty for none.
+            set_speed_rad_s: Setpoints of the wheels since the last cycle; empty for none.
+            set_steering_rad: Steering setpoints since the last cycle; empty for none.
         """
         self.budget.begin_cycle()
         self._driven_from = self.odometry.pose
@@ -256,7 +256,7 @@ class Estimator:
             turn_unknown_s = max(0.0, odometry.lost_s - self.gyro.turn.covered_s)
             if turn_unknown_s <= self._roles.max_age_s(self._roles.gyro) and self._roles.gyro is not None:
                 turn_unknown_s = 0.0  # the readings to come reach back
-            # Where the set-points are not known, the rover may have driven in any part of its turn.
+            # Where the setpoints are not known, the rover may have driven in any part of its turn.
             turned_rad = 0.0 if self._is_commanded else self.gyro.turn.angle_rad
             self.budget.add(
                 self._unobserved.greatest_motion(
@@ -265,7 +265,7 @@ class Estimator:
                 Category.UNOBSERVED,
             )
         is_measured = odometry.t_ns is not None
-        if not self._is_commanded:  # the set-points of another controller are not known
+        if not self._is_commanded:  # the setpoints of another controller are not known
             set_speed_rad_s = (self._speed_limit_rad_s,) * len(self._reach.effects)
         self._unobserved.note_speeds(odometry.wheel_speed_rad_s, set_speed_rad_s, is_measured=is_measured)
 

@@ -49,7 +49,7 @@ class Cause(StrEnum):
     LINK_DOWN = "{}: link down"
     LOST_RESPONSE = "lost response"
     LOW_SUPPLY = "{}: supply"
-    MAY_BE_STUCK = "may be entrapped"
+    MAY_BE_STUCK = "may be stuck"
     MISSED_TURN = "missed turn"
     MOTION_AT_STANDSTILL = "motion at rest"
     NO_MOTION = "no motion"

@@ -113,7 +113,7 @@ class BackOut:
 
 
 class TurnToFindOut:
-    """Turns the rover slowly to and fro in place by at most 10 degrees, once in a mission.
+    """Turns the rover slowly back and forth in place by at most 10 degrees, once in a mission.
 
     Gyro and wheels have excluded each other. A slow turn passes through most contacts: a gyro that measures
     it has a signal, and the wheels have slipped. One that does not has none, or the wheels have no grip here.
@@ -136,7 +136,9 @@ class TurnToFindOut:
         """What it does; empty for nothing."""
         if self._turn is None:
             return ""
-        return "rover: turns by up to 10 deg to and fro to find out whether the gyro or the wheels are wrong"
+        return (
+            "rover: turns by up to 10 deg back and forth to find out whether the gyro or the wheels are wrong"
+        )
 
     def guide(self, now_ns: int, guidance: Guidance, *, is_undecided: bool) -> Guidance:
         """Return the turn instead of the guidance of the mission while it lasts.

@@ -29,14 +29,14 @@ ROUNDING_M = 1e-6
 
 
 class ControlSettings(Settings):
-    """The whole controller. Without a mission it only observes, with zero set-points.
+    """The whole controller. Without a mission it only observes, with zero setpoints.
 
     Without `slip` (three omnidirectional wheels) or `scomp` (four wheels) the wheels are assumed to
     roll.
 
     Attributes:
         rover: Geometry of the wheels.
-        limits: Limits of the wheel set-points.
+        limits: Limits of the wheel setpoints.
         filter: Noise of the pose filter.
         safety: When the rover stops.
         mission: What the rover is to do; `run` needs one.
@@ -116,7 +116,7 @@ def find_stall_conflicts(
     if wheel_rad_s < least_rad_s:
         yield (
             f"safety.stall_set_point_rad_s is {least_rad_s:g} rad/s, but the mission drives the wheels at "
-            f"{wheel_rad_s:.3g} rad/s, so no stall could be noticed: set it to the least set-point that your "
+            f"{wheel_rad_s:.3g} rad/s, so no stall could be noticed: set it to the least setpoint that your "
             "drive follows, or drive faster"
         )
 

@@ -42,11 +42,11 @@ class _Excused(StallMonitor):
         self._ground = ProgressOverGround(EntrapmentSettings().entrapment_ground_m)
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
-        for pair in cycle.ground_pairs:
+        for pair in cycle.measurements.ground_pairs:
             self._ground.take(pair)
         if self._ground.lost_m:
             return super().check(cycle)
-        pairs = zip(cycle.commanded_rad_s, cycle.measured_rad_s, strict=True)
+        pairs = zip(cycle.wheels.set.speed_rad_s, cycle.wheels.measured_rad_s, strict=True)
         follows = tuple(set_to if abs(set_to) < CREEPING_RAD_S else turns for set_to, turns in pairs)
         return super().check(cycle._replace(wheels=cycle.wheels._replace(measured_rad_s=follows)))
 

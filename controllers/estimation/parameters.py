@@ -12,10 +12,10 @@ class OdometryParameters:
     """Motion of the rover by its wheels."""
 
     velocity_time_s: float = 0.05  # time constant of the velocities
-    plausible_speed: float = 1.5  # greatest plausible wheel speed, over the greatest set-point
+    plausible_speed: float = 1.5  # greatest plausible wheel speed, over the greatest setpoint
     arrival_jitter_s: float = 0.05  # between two positions of a wheel
     still_rad: float = 0.005  # a wheel that has turned by less is at standstill
-    reported_speed: float = 0.05  # a drive at standstill reports a smaller speed, over the greatest set-point
+    reported_speed: float = 0.05  # a drive at standstill reports a smaller speed, over the greatest setpoint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

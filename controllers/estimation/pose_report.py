@@ -58,7 +58,7 @@ class PoseReport:
             now_ns: Time of the cycle.
             motion_ns: Time of the filter's pose; None before the first motion: then it is that of the start.
             is_at_standstill: Whether the rover is taken to be at standstill.
-            is_commanded: Whether the set-points of the wheels are known.
+            is_commanded: Whether the setpoints of the wheels are known.
         """
         pose = self._filter.pose
         velocity_x_m_s, velocity_y_m_s, _ = self._velocity.by_wheels()

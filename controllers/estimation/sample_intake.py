@@ -35,7 +35,7 @@ class SampleIntake:
     Args:
         kinematics: Geometry of the wheels.
         roles: Which device is what.
-        speed_limit_rad_s: Greatest set-point of a wheel.
+        speed_limit_rad_s: Greatest setpoint of a wheel.
         steering: Takes the steering angles.
         gyro: Takes the yaw rates.
         readings: Take the readings of gyro and accelerometer that may be those of a rest.

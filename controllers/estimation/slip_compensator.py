@@ -68,7 +68,7 @@ class SlipCompensator(Protocol):
 
         Args:
             increment: Motion of the wheels, as if they rolled.
-            set_speed_rad_s: Set-points of the wheels in that time.
+            set_speed_rad_s: Setpoints of the wheels in that time.
             gyro_rate_rad_s: Newest yaw rate of the gyro, bias removed; None without a fresh one.
         """
         ...
@@ -114,6 +114,7 @@ class SlipEstimator(SlipCompensator, Protocol[ReportT]):
 
     def take_ground(self, pair: GroundPair) -> None:
         """Take a motion over the ground that a camera has measured."""
+        return
 
     def excite(
         self, now_s: float, twist: BodyMotion, *, is_turning: bool, is_measured: bool

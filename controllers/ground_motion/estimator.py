@@ -19,7 +19,7 @@ from drivers.errors import ModelError
 from drivers.samples import Image
 
 FREE_SHARES = (0.0, 0.5, 1.0, 1.5)
-"""Of the last motion: starts of the search where no wheel tells the travel."""
+"""Of the last motion: starts of the search where no wheel measures the travel."""
 
 NO_MOTION = PatchMotion(
     forward_m=0.0,
@@ -301,7 +301,7 @@ class GroundMotionEstimator:
         least_share = numbers.clear_still_share if sharp and not creeps else numbers.least_still_share
         most_sd_pixels = numbers.creeping_sd_pixels if creeps else numbers.most_still_sd_pixels
         if still.share < least_share or still.moved_sd_pixels > most_sd_pixels:
-            return None, "ground that stands cannot be told from what is fixed in the picture"
+            return None, "ground that stands cannot be distinguished from what is fixed in the picture"
         return still, ""
 
     def _remember(self, picture: Image) -> None:

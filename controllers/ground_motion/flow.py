@@ -74,12 +74,12 @@ class _Samples(NamedTuple):
     Attributes:
         moved: Motion ahead and left (points x starts x 2), m.
         usable: Which of these could be followed (points x starts).
-        base: Motion of the points by the turn that is told (points x 2).
+        base: Motion of the points by the given turn (points x 2).
         design: Motion of the points by unit motions on top of it (points x 2 x 5).
         shifts: Motion of the reference point that each sample means.
         angles: Expected further turn, roll and pitch.
         information: Inverse covariance of these.
-        yaw_rad: The turn that is told.
+        yaw_rad: The given turn.
     """
 
     moved: Floats

@@ -10,7 +10,7 @@ Rates = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroundMotion:
-    """What a pair of frames tells about the rover's motion.
+    """What a pair of frames shows about the rover's motion.
 
     The motion is that of `point_m` over the ground, in the vehicle's axes of the later frame. An error has
     two parts: one of this pair, and one in proportion to the travel that all pairs share (height and pitch of

@@ -1,4 +1,4 @@
-"""What other sensors tell about the motion between two frames, before the pictures are compared."""
+"""What other sensors report about the motion between two frames, before the pictures are compared."""
 
 from dataclasses import dataclass
 

@@ -18,7 +18,7 @@ READOUT_S = 0.01
 """For which the effect is computed; it is in proportion to it."""
 RATE_RAD_S, SPEED_M_S = 0.1, 0.1
 FREE_SD_RAD = (DEFAULTS.turn.free_tilt_sd_rad, DEFAULTS.turn.free_tilt_sd_rad, 0.05)
-"""Deviations of roll, pitch and turn in the fit where the camera alone is to tell the turn."""
+"""Deviations of roll, pitch and turn in the fit where the camera alone is to measure the turn."""
 
 
 class RollingShutter(NamedTuple):

@@ -7,7 +7,7 @@ BodyMotion = tuple[float, float, float]
 
 
 class SetPoints(NamedTuple):
-    """Set-points of all wheels.
+    """Setpoints of all wheels.
 
     Attributes:
         speed_rad_s: Speed of each wheel.

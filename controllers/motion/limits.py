@@ -1,4 +1,4 @@
-"""Limits of the wheel set-points, applied to every command of the controller."""
+"""Limits of the wheel setpoints, applied to every command of the controller."""
 
 import math
 from collections.abc import Sequence
@@ -36,11 +36,11 @@ class Limit(StrEnum):
 
 
 class WheelLimiter:
-    """Limits wheel set-points in speed and acceleration, all wheels by one factor to keep the direction.
+    """Limits wheel setpoints in speed and acceleration, all wheels by one factor to keep the direction.
 
     Args:
         settings: The limits.
-        expiry_s: Set-points older than this have expired: the wheels have been let go.
+        expiry_s: Setpoints older than this have expired: the wheels have been let go.
     """
 
     def __init__(self, settings: LimitSettings, expiry_s: float) -> None:
@@ -51,9 +51,9 @@ class WheelLimiter:
     def limit(
         self, now_ns: int, target_rad_s: Sequence[float], measured_rad_s: Sequence[float]
     ) -> tuple[tuple[float, ...], Limit]:
-        """Return the set-points in rad/s to send at `now_ns`, and which limit acted.
+        """Return the setpoints in rad/s to send at `now_ns`, and which limit acted.
 
-        The ramp goes on from the last set-points; after `stop` or a pause it starts from
+        The ramp goes on from the last setpoints; after `stop` or a pause it starts from
         `measured_rad_s`, so that motion resumes without a jump. A target that is not finite gives zeros.
         """
         if not all(map(math.isfinite, target_rad_s)):
@@ -75,7 +75,7 @@ class WheelLimiter:
         return wanted, limit
 
     def stop(self) -> None:
-        """Forget the last set-points: the wheels are commanded to rest."""
+        """Forget the last setpoints: the wheels are commanded to rest."""
         self._last = None
 
     def _scale(self, speed_rad_s: Sequence[float]) -> tuple[float, ...]:

@@ -30,11 +30,11 @@ MissionSettings: TypeAlias = Annotated[
 
 
 class LimitSettings(Settings):
-    """Limits of the wheel set-points.
+    """Limits of the wheel setpoints.
 
     Attributes:
-        wheel_speed_rad_s: Greatest set-point, in either direction.
-        wheel_acceleration_rad_s2: Greatest change of a set-point per second.
+        wheel_speed_rad_s: Greatest setpoint, in either direction.
+        wheel_acceleration_rad_s2: Greatest change of a setpoint per second.
     """
 
     wheel_speed_rad_s: Annotated[float, Field(ge=0.1, le=200.0)]

@@ -10,7 +10,7 @@ class SteeringAngles:
     """Knows the steering angle of each wheel.
 
     An angle that the device reports is used as it is. Without a report the wheel is assumed to move from 0 to
-    its set-points at its greatest rate. A wheel whose reports have ended stays at the last one; the rover
+    its setpoints at its greatest rate. A wheel whose reports have ended stays at the last one; the rover
     must stop then.
 
     Args:
@@ -42,7 +42,7 @@ class SteeringAngles:
             self.angles_rad = (*self.angles_rad[:wheel], angle_rad, *self.angles_rad[wheel + 1 :])
 
     def follow(self, now_ns: int, set_rad: Sequence[float]) -> None:
-        """Move the wheels without a report towards their set-points of the last cycle; empty for none."""
+        """Move the wheels without a report towards their setpoints of the last cycle; empty for none."""
         elapsed_s = 0.0 if self._moved_ns is None else seconds(max(0, now_ns - self._moved_ns))
         self._moved_ns = now_ns
         if not set_rad:
@@ -60,7 +60,7 @@ class SteeringAngles:
         """Return the angles at which the wheels stay while the rover does not drive.
 
         They are those of the first call after `release`: angles that are measured anew in every cycle would
-        creep where the drive does not reach its set-point exactly.
+        creep where the drive does not reach its setpoint exactly.
         """
         if self._held_rad is None:
             self._held_rad = self.angles_rad

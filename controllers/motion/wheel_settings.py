@@ -19,7 +19,7 @@ class SteeringSettings(Settings):
         low_deg: Least steering angle, counter-clockwise from the wheel's `angle_deg`.
         high_deg: Greatest steering angle.
         rate_deg_s: Greatest speed of the steering drive. Where the drive does not report its angle, the
-            controller assumes that it moves from 0 to its set-points at this speed.
+            controller assumes that it moves from 0 to its setpoints at this speed.
     """
 
     low_deg: Annotated[float, Field(ge=-360.0, le=0.0)]

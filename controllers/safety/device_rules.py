@@ -146,7 +146,7 @@ class FaultRule(StopRule):
             Outcome.STOPS,
             "A drive on CAN no longer obeys setpoints and reports no error (state of its "
             "heartbeat, statusword, timeout or kill switch).",
-            "`…: fault … (… does not obey set-points …)`, `…: fault … (VESC … status: …)`",
+            "`…: fault … (… does not obey setpoints …)`, `…: fault … (VESC … status: …)`",
             (
                 "tests/drivers/test_can_wheels_field_reports.py::"
                 "test_a_drive_of_ones_own_that_stops_obeying_is_a_fault_until_it_obeys",

@@ -1,4 +1,4 @@
-"""The stop rules on a drive that somebody else controls: what they find is told, and widens the estimate."""
+"""The stop rules on a drive that somebody else controls: findings are reported and inflate the covariance."""
 
 from controllers.fault import Cause, Fault, Severity
 from controllers.roles import DeviceRoles
@@ -25,7 +25,7 @@ class Finding:
 
 
 class DriveCheck:
-    """Asks the rules that do not depend on set-points, and says what they find when it begins.
+    """Asks the rules that do not depend on setpoints, and says what they find when it begins.
 
     Args:
         settings: Thresholds.

@@ -144,7 +144,7 @@ class ProgressByFixes:
         settings: What counts as no progress.
 
     Attributes:
-        lost_m: Travel of the wheels on which the fixes have shown no progress; 0 where they cannot tell.
+        lost_m: Travel of the wheels on which the fixes have shown no progress; 0 where they do not show it.
         is_seen: Whether the newest fix that was compared has shown progress.
     """
 
@@ -181,7 +181,7 @@ class ProgressOverGround:
 
     Progress is travel over the ground along that of the wheels, seen from their course, so a curve is none
     less; or much travel across it, of a rover that slides aside, or under a camera that is turned. Pairs are
-    joined until the wheels have travelled more than noise. Wheels that go to and fro are no evidence.
+    joined until the wheels have travelled more than noise. Wheels that go back and forth are no evidence.
 
     Args:
         travel_m: Length of the window.
@@ -258,7 +258,7 @@ class EntrapmentRule(StopRule):
     while nothing decides stops the rover once.
 
     Progress is the displacement along the travel of the wheels. A rover that slips much and moves is not
-    entrapped. A fix is compared with the newest travel up to its capture. One that was captured more than
+    stuck. A fix is compared with the newest travel up to its capture. One that was captured more than
     `HISTORY_NS` before the newest motion does not count.
     """
 
@@ -268,7 +268,7 @@ class EntrapmentRule(StopRule):
         SafetyEvent(
             Outcome.ENDS,
             "The wheels turn and the rover makes no progress, by pose measurements.",
-            "`rover: entrapped, its wheels travelled … m and … shows no progress: free it and "
+            "`rover: stuck, its wheels travelled … m and … shows no progress: free it and "
             "restart`; `emergency stop`, exit code 1",
             (
                 "tests/controllers/safety/test_entrapment.py::"
@@ -283,7 +283,7 @@ class EntrapmentRule(StopRule):
             Outcome.ENDS,
             "The wheels turn and the rover makes no progress, by a ground camera: below 0.6 % of "
             "the travel along it, and below 10 % across it.",
-            "`rover: entrapped, its wheels travelled … m and … shows no progress: free it and "
+            "`rover: stuck, its wheels travelled … m and … shows no progress: free it and "
             "restart`; `emergency stop`, exit code 1",
             (
                 "tests/controllers/test_ground_motion_in_the_loop.py::"
@@ -313,7 +313,7 @@ class EntrapmentRule(StopRule):
         SafetyEvent(
             Outcome.CONTINUES,
             "The yaw excitation reads a slip of at least `entrapment_slip` over `entrapment_m`.",
-            "Warning `may be entrapped` in the log, on the page and in the report.",
+            "Warning `may be stuck` in the log, on the page and in the report.",
             ("tests/controllers/safety/test_entrapment.py::test_a_slip_near_1_alone_is_a_suspicion",),
             settings=("entrapment_slip", "entrapment_m"),
         ),
@@ -403,7 +403,7 @@ class EntrapmentRule(StopRule):
             self._slipped_m = self._slipped_m + cycle.wheels.distance_m if is_held else 0.0
         if self._slipped_m >= settings.entrapment_m:
             text = (
-                "rover: may be entrapped, by the yaw excitation its wheels travelled "
+                "rover: may be stuck, by the yaw excitation its wheels travelled "
                 f"{settings.entrapment_m:g} m at a slip of at least {settings.entrapment_slip:g}"
             )
             yield Fault("rover", Cause.MAY_BE_STUCK, text, Severity.WARNING)
@@ -412,15 +412,15 @@ class EntrapmentRule(StopRule):
         """Return what may be wrong with the progress, beside the slip that is read."""
         if cycle.slip.unmoved_m:
             text = (
-                "rover: may be entrapped, the rear camera sees no motion of the ground: it is stuck, or the "
+                "rover: may be stuck, the rear camera sees no motion of the ground: no progress, or the "
                 "camera is covered, turned, or in the dark"
             )
             return Fault("rover", Cause.NO_MOTION_SEEN, text, Severity.WARNING)
         if cycle.slip.lost_response:
-            text = f"rover: may be entrapped, or {self._gyro} has no signal: {cycle.slip.lost_response}"
+            text = f"rover: may be stuck, or {self._gyro} has no signal: {cycle.slip.lost_response}"
             return Fault("rover", Cause.LOST_RESPONSE, text, Severity.WARNING)
         if cycle.slip.unusual_force:
-            text = f"rover: may be entrapped, or on a slope or another ground: {cycle.slip.unusual_force}"
+            text = f"rover: may be stuck, or on a slope or another ground: {cycle.slip.unusual_force}"
             return Fault("rover", Cause.UNUSUAL_FORCE, text, Severity.WARNING)
         return None
 
@@ -479,7 +479,7 @@ class EntrapmentRule(StopRule):
 
 def _entrapped(lost_m: float, device: str, severity: Severity) -> Fault:
     remedy = "free it and restart" if severity is Severity.FINAL else "it rests and backs out once"
-    text = f"rover: entrapped, its wheels travelled {lost_m:.2f} m and {device} shows no progress: {remedy}"
+    text = f"rover: stuck, its wheels travelled {lost_m:.2f} m and {device} shows no progress: {remedy}"
     return Fault("rover", Cause.STUCK, text, severity)
 
 

@@ -113,7 +113,7 @@ DECIDE_S = 3.0
 class YawDoubtRule(StopRule):
     """Stops where the yaw is uncertain because gyro and wheels exclude each other, so that others decide.
 
-    What is left after `DECIDE_S` at rest is accepted: fixes without a yaw tell it only while the rover moves.
+    What is left after `DECIDE_S` at rest is accepted: fixes without a yaw show it only while the rover moves.
     A camera decides while the rover drives, or not at all.
     """
 
@@ -231,7 +231,7 @@ class DisplacedFixRule(StopRule):
 class FixJumpRule(StopRule):
     """Stops while the places of a device are off by more than the rover can have moved.
 
-    They may be wrong, or somebody has carried the rover: nothing on board tells which, and the uncertainty
+    They may be wrong, or somebody has carried the rover: nothing on board shows which, and the uncertainty
     contains both. They decide by returning; else the user does.
     """
 

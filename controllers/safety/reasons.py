@@ -65,7 +65,7 @@ class StopRule(ABC):
         observes: Kinds of samples that `observe` takes.
         events: Its rows of the reference page of safety.
         is_for_missions: Whether it stops a mission.
-        is_for_drives: Whether it also judges a drive that somebody else controls: it needs no set-points, and
+        is_for_drives: Whether it also judges a drive that somebody else controls: it needs no setpoints, and
             its reason is none to wait for.
     """
 

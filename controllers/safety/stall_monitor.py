@@ -54,11 +54,11 @@ class StallSettings(Settings):
 
 @dataclass(slots=True)
 class _Wheel:
-    """What a wheel has not done since it last turned as commanded: times, and angles by the set-points.
+    """What a wheel has not done since it last turned as commanded: times, and angles by the setpoints.
 
     Attributes:
-        missing_rad: Set-points less measured speeds, added up. It fades within `stall_s` while the wheel
-            turns in the direction of its set-point: one that turns too fast for it is wrong as well, as where
+        missing_rad: Setpoints less measured speeds, added up. It fades within `stall_s` while the wheel
+            turns in the direction of its setpoint: one that turns too fast for it is wrong as well, as where
             the encoders of two wheels are swapped.
     """
 
@@ -80,9 +80,9 @@ class _Wheel:
 
 
 class StallMonitor(StopRule):
-    """Measures for how long each wheel has not followed its set-points.
+    """Measures for how long each wheel has not followed its setpoints.
 
-    Set-points below `stall_set_point_rad_s` count by the angle they add up to. They do not clear: a set-point
+    Setpoints below `stall_set_point_rad_s` count by the angle they add up to. They do not clear: a setpoint
     that swings through zero must not hide a stall. Motion as commanded clears, and so does a rover commanded
     to rest.
     """
@@ -93,7 +93,7 @@ class StallMonitor(StopRule):
         SafetyEvent(
             Outcome.STOPS,
             "A wheel is jammed, not powered, or its encoder has failed.",
-            "`wheel …: has not followed its set-point for … s: …`",
+            "`wheel …: has not followed its setpoint for … s: …`",
             (
                 "tests/controllers/test_stops.py::"
                 "test_a_jammed_wheel_is_noticed_in_about_a_second_at_any_set_point_a_drive_can_"
@@ -106,7 +106,7 @@ class StallMonitor(StopRule):
         SafetyEvent(
             Outcome.STOPS,
             "A small setpoint does not turn a wheel.",
-            "`wheel …: has not turned although its set-points add up to … rad: …`",
+            "`wheel …: has not turned although its setpoints add up to … rad: …`",
             (
                 "tests/controllers/safety/test_stall_monitor.py::"
                 "test_small_set_points_must_turn_a_wheel_before_they_add_up_to_the_creep_angle",
@@ -118,7 +118,7 @@ class StallMonitor(StopRule):
         SafetyEvent(
             Outcome.STOPS,
             "An encoder or motor is reversed, one or all.",
-            "`wheel …: turns against its set-point for … s: …`",
+            "`wheel …: turns against its setpoint for … s: …`",
             ("tests/controllers/test_wrong_sensors.py::test_reversed_encoders_are_named_within_the_bar",),
             within="`reverse_s` and 0.1 s, from half of `stall_set_point_rad_s` on",
             settings=("reverse_s", "stall_speed_rad_s", "stall_set_point_rad_s"),
@@ -134,9 +134,9 @@ class StallMonitor(StopRule):
         self._checked_ns: int | None = None
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
-        """Return a reason for every wheel that does not follow the set-points of the cycle before."""
+        """Return a reason for every wheel that does not follow the setpoints of the cycle before."""
         checked_ns = cycle.now_ns if self._checked_ns is None else self._checked_ns
-        # After a pause of the loop the set-points have expired: the pause is no stall. In a damaged log, time
+        # After a pause of the loop the setpoints have expired: the pause is no stall. In a damaged log, time
         # may run back.
         elapsed_ns = max(0, min(cycle.now_ns - checked_ns, self._longest_cycle_ns))
         self._checked_ns = cycle.now_ns
@@ -146,7 +146,7 @@ class StallMonitor(StopRule):
         pairs = tuple(zip(cycle.wheels.set.speed_rad_s, cycle.wheels.measured_rad_s, strict=True))
         for index, (commanded, measured) in enumerate(pairs):
             wheel = self._wheels[index]
-            # In the direction of the set-point.
+            # In the direction of the setpoint.
             turning = math.copysign(1.0, commanded) * measured
             if is_at_rest:
                 self._wheels[index] = wheel = _Wheel()
@@ -176,19 +176,19 @@ class StallMonitor(StopRule):
         wheel, settings = self._wheels[index], self._settings
         speeds = f"commanded {commanded:.2f} rad/s, measured {measured:.2f} rad/s"
         if wheel.reversed_ns >= self._reverse_ns:
-            text = f"wheel {index}: turns against its set-point for {settings.reverse_s:g} s: {speeds}"
+            text = f"wheel {index}: turns against its setpoint for {settings.reverse_s:g} s: {speeds}"
             yield self._reason(Cause.WHEEL_REVERSED, f"{text}; encoder or motor reversed")
         elif wheel.stalled_ns >= 2 * self._longest_cycle_ns:
-            text = f"wheel {index}: has not followed its set-point for {settings.stall_s:g} s: {speeds}"
+            text = f"wheel {index}: has not followed its setpoint for {settings.stall_s:g} s: {speeds}"
             yield self._reason(Cause.WHEEL_STALL, text)
         elif abs(wheel.creep_rad) >= settings.creep_rad:
             text = (
-                f"wheel {index}: has not turned although its set-points add up to {settings.creep_rad:g} rad"
+                f"wheel {index}: has not turned although its setpoints add up to {settings.creep_rad:g} rad"
             )
             yield self._reason(Cause.WHEEL_STALL, f"{text}: {speeds}")
         elif wheel.stalled_ns:
             yield Fault(
-                "wheels", Cause.WHEEL_STALL, f"wheel {index}: does not follow its set-point", Severity.SYMPTOM
+                "wheels", Cause.WHEEL_STALL, f"wheel {index}: does not follow its setpoint", Severity.SYMPTOM
             )
 
     def _reason(self, cause: Cause, text: str) -> Fault:

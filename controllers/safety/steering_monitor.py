@@ -14,7 +14,7 @@ from drivers.safety_event import AFTER_A_WAIT, WHEN_GONE, Outcome, SafetyEvent
 from drivers.settings import Settings
 
 PROGRESS_RAD = math.radians(1.0)
-"""A wheel that has come closer to its set-point by this much steers."""
+"""A wheel that has come closer to its setpoint by this much steers."""
 
 
 class SteeringSettings(Settings):
@@ -35,7 +35,7 @@ class SteeringSettings(Settings):
 
 
 class SteeringMonitor(StopRule):
-    """Measures for how long each wheel has not come closer to its steering set-point."""
+    """Measures for how long each wheel has not come closer to its steering setpoint."""
 
     is_for_drives = False
 

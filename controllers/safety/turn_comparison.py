@@ -14,7 +14,7 @@ LEAST_TURN_RAD = 0.5
 """Smaller turns are not compared: uneven slip may make them."""
 
 GREATEST_TURN_RAD = 1.75
-"""A longer turn is compared in parts, so that it is told while it lasts."""
+"""A longer turn is compared in parts, so that it is reported while it lasts."""
 
 STRAIGHT_S = 0.5
 STRAIGHT_RAD_S = 0.05
@@ -40,8 +40,8 @@ class TurnComparison(StopRule):
     """Finds turns whose sizes or senses by gyro and by wheels exclude each other.
 
     For a drive that somebody else controls: a rover in a mission has long stopped. Each turn is compared as a
-    whole, so the reason can say which one error would explain it. Where two errors would, it says that the
-    drive cannot tell which.
+    whole, so the reason can say which one error would explain it. Where two errors would, it reports that the
+    drive does not show which.
     """
 
     is_for_missions = False
@@ -112,9 +112,9 @@ class TurnComparison(StopRule):
         ]
         if _are_same(wheels_rad, -gyro_rad):
             others = f", or wheel {' or '.join(reversed_wheels)} counts backwards" if reversed_wheels else ""
-            return f"sign of the gyro, or left and right exchanged{others}; this drive cannot tell which"
+            return f"sign of the gyro, or left and right exchanged{others}; this drive does not show which"
         if reversed_wheels:
-            which = "" if len(reversed_wheels) == 1 else "; this drive cannot tell which"
+            which = "" if len(reversed_wheels) == 1 else "; this drive does not show which"
             return f"wheel {' or '.join(reversed_wheels)} counts backwards{which}"
         if abs(wheels_rad) < LEAST_SHARE * both_ways_rad:
             return ""

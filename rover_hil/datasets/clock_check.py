@@ -52,7 +52,7 @@ def clock_findings(rows: LogRows, kinematics: Kinematics) -> Iterator[FoundFindi
             share = f"{100.0 * plain:.0f} % of the motion is left, {100.0 * best:.0f} % with it"
             text = (
                 f"the clock of the {name} runs {factor:.4g} times as long as that of the wheels, {share}: "
-                "correct the unit of one of the two times; this drive cannot tell which"
+                "correct the unit of one of the two times; this drive does not show which"
             )
             yield FoundFinding(name="clock", t_s=None, text=text)
 

@@ -170,7 +170,7 @@ def _explain(fits: Sequence[_Fit], truth: _Motion) -> str:
             "more than one wheel reversed or exchanged, another order of the wheels, or another drive's truth"
         )
     which = [fit.what for fit in others if fit.residual <= best + ALIKE]
-    unsure = "; this drive cannot tell which" if len(which) > 1 else ""
+    unsure = "; this drive does not show which" if len(which) > 1 else ""
     shares = f"{100.0 * plain.residual:.0f} % of the motion is left, {100.0 * best:.0f} % with"
     return f"wheels and truth contradict each other, {shares} {', or '.join(which)}{unsure}"
 
@@ -192,7 +192,7 @@ def _turned_path(rows: LogRows, kinematics: Kinematics) -> str:
     return (
         f"the truth goes {math.degrees(cmath.phase(sum_m2)):+.0f} deg aside of where the wheels go: "
         "truth.marker.yaw_deg is not given, wheels are exchanged, or the distance is reversed; "
-        "this drive cannot tell which"
+        "this drive does not show which"
     )
 
 

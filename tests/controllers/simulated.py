@@ -82,7 +82,7 @@ class Noise:
 
 @dataclass
 class SimulatedRover:
-    """Wheels that follow their set-points with a lag of 50 ms, and sensors that sample in turn.
+    """Wheels that follow their setpoints with a lag of 50 ms, and sensors that sample in turn.
 
     Attributes:
         mute: Called with each sample; what it returns is delivered instead (None: nothing).

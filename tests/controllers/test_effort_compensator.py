@@ -206,7 +206,7 @@ def test_a_wheel_that_rests_as_told_leaves_the_rover_sure() -> None:
         report = bench.step(speeds, (-0.9, 0.1, 0.9))
     assert [wheel.reason for wheel in report.wheels] == ["", "wheel too slow", ""]
     assert bench.told.is_sure
-    # One that was told to turn may be held, or dragged.
+    # One that was commanded to turn may be held, or dragged.
     bench.step(speeds, (-0.9, 0.1, 0.9), set_points=(-3.0, 1.0, 3.0))
     is_sure = [bench.told.is_sure]
     bench.step(speeds, (-0.9, None, 0.9))

@@ -191,7 +191,7 @@ def test_single_wild_fixes_among_good_ones_are_never_taken() -> None:
 
 
 class NoisyDrive:
-    """Truth and what the sensors make of it, with exactly the noise that the filter is told; late fixes."""
+    """Truth and what the sensors make of it, with exactly the noise that the filter assumes; late fixes."""
 
     def __init__(self, seed: int, settling_fixes: int) -> None:
         self.rng = np.random.default_rng(seed)

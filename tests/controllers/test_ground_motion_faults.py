@@ -68,7 +68,7 @@ def test_entrapment_is_told_where_every_second_pair_is_not_valid() -> None:
     drive.rover.slip = 1.0
     before_m = drive.loop_odometry_m()
     last = drive.run(3.0)[-1]
-    assert last.reason.startswith("rover: entrapped")
+    assert last.reason.startswith("rover: stuck")
     assert last.odometry.x_m - before_m < 0.4
 
 
@@ -184,7 +184,7 @@ class Quarter(GroundCamera):
 def test_a_camera_that_is_turned_is_no_rover_that_is_stuck() -> None:
     drive = start(camera=Quarter)
     reasons = {output.reason for output in drive.run(6.0)}
-    assert not any("entrapped" in reason for reason in reasons)
+    assert not any("stuck" in reason for reason in reasons)
 
 
 def test_a_rover_that_is_parked_has_a_velocity_and_no_slip() -> None:

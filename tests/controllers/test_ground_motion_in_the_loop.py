@@ -163,5 +163,5 @@ def test_a_rover_whose_ground_stands_still_is_stopped_for_good(slip: float, is_s
     outputs = drive.run(3.0)
     assert (outputs[-1].mode is Mode.EMERGENCY_STOP) == is_stopped
     if is_stopped:
-        assert outputs[-1].reason.startswith("rover: entrapped, its wheels travelled 0.1")
+        assert outputs[-1].reason.startswith("rover: stuck, its wheels travelled 0.1")
         assert outputs[-1].odometry.x_m - before_m < 0.3

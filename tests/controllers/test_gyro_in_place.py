@@ -1,4 +1,4 @@
-"""The turn to and fro in place that judges scale and sign of the gyro."""
+"""The turn back and forth in place that judges scale and sign of the gyro."""
 
 import math
 

@@ -67,7 +67,7 @@ def test_a_rover_at_a_wall_backs_out_once_along_its_path_and_the_second_stop_is_
     before = driven.moments[cycles[0] - 5].output
     assert (before.mode, before.suspicion) == (Mode.SAFE_STOP, driven.moments[cycles[0]].output.suspicion)
     assert driven.mode is Mode.EMERGENCY_STOP
-    assert "entrapped" in driven.moments[-1].output.reason
+    assert "stuck" in driven.moments[-1].output.reason
 
 
 @pytest.mark.slow

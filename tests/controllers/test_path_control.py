@@ -1,4 +1,4 @@
-"""Guidance along missions, without dynamics: the pose moves as it is told."""
+"""Guidance along missions, without dynamics: the pose moves as commanded."""
 
 import math
 from dataclasses import dataclass

@@ -85,6 +85,6 @@ def travel_to_the_stop(law: str, sensors: str, trap: str) -> tuple[float, str]:
 @pytest.mark.parametrize(("sensors", "trap"), PROMISED)
 def test_a_rover_that_does_not_get_on_is_stopped_as_promised(law: str, sensors: str, trap: str) -> None:
     travel_m, reason = travel_to_the_stop(law, sensors, trap)
-    expected = "progress unknown" if sensors in ("excitation", CURRENTS) else "entrapped"
+    expected = "progress unknown" if sensors in ("excitation", CURRENTS) else "rover: stuck"
     assert ("wheel 0: has not followed" if trap == ONE_WHEEL else expected) in reason
     assert travel_m <= GREATEST_M[sensors]

@@ -26,7 +26,7 @@ Reports = Callable[[float, int, float], float | None]
 
 
 class Rover:
-    """Four steered wheels that follow their set-points, on a sideways mission at 0.2 m/s."""
+    """Four steered wheels that follow their setpoints, on a sideways mission at 0.2 m/s."""
 
     def __init__(self, reports: Reports, angle_rad: float = 0.0) -> None:
         self.loop = ControlLoop(

@@ -31,7 +31,7 @@ FORWARD_SHARE = math.cos(math.radians(30.0))
 
 
 def drive_at(wheel_speed_rad_s: float) -> ControlLoop:
-    """Return a loop that drives ahead with set-points of plus and minus this for the two front wheels."""
+    """Return a loop that drives ahead with setpoints of plus and minus this for the two front wheels."""
     speed_m_s = wheel_speed_rad_s * RADIUS_M / FORWARD_SHARE
     mission = WaypointsMission(type="waypoints", points=((50.0, 0.0),), speed_m_s=speed_m_s)
     return ControlLoop(make_settings(mission=mission), ROLES)

@@ -54,7 +54,7 @@ def pause(rover: SimulatedRover, duration_s: float) -> None:
 
 
 def break_link(loop: ControlLoop, rover: SimulatedRover, duration_s: float) -> list[StepOutput]:
-    """Break the link of the wheels: the drive keeps its set-points, and counts from zero afterwards."""
+    """Break the link of the wheels: the drive keeps its setpoints, and counts from zero afterwards."""
     outputs: list[StepOutput] = []
     down = LinkSample(device="wheels", t_ns=rover.t_ns, up=False, reason="unplugged")
     samples: list[Sample] = [down]

@@ -122,7 +122,7 @@ def test_reversed_encoders_are_named_within_the_bar(wheels: tuple[int, ...] | No
     stop = first_stop(run(loop, rover, 0.7))
     assert stop.mode is Mode.SAFE_STOP
     assert (stop.t_ns - begin_ns) / SECOND_NS <= 0.7
-    assert "turns against its set-point for 0.5 s" in stop.reason
+    assert "turns against its setpoint for 0.5 s" in stop.reason
     assert abs(rover.place - place) <= 0.15
     last = run(loop, rover, 0.2)[-1]
     assert nees(rover, last) < GREATEST_NEES

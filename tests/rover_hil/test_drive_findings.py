@@ -99,14 +99,14 @@ def test_opposite_turns_are_told_with_both_numbers_and_the_region_contains_both_
     write_bag(tmp_path / "bag", Bag(gyro=scaled(-1.0)))
     assert import_it(command, tmp_path / "bag") == 0, command.error
     assert "wheels +1.571 rad, gyro -1.5" in command.out
-    assert "sign of the gyro, or left and right exchanged; this drive cannot tell which" in command.out
+    assert "sign of the gyro, or left and right exchanged; this drive does not show which" in command.out
     end = end_of(Path("drive.mcap"))
     assert end.contains(CORNER_END)
     assert end.contains((CORNER_END[0], -CORNER_END[1], -CORNER_END[2]))
     assert command("replay", "drive.mcap", "--out", "report") == 0
     summary = json.loads(Path("report/summary.json").read_text("utf-8"))
     assert "turn" in {finding["name"] for finding in summary["findings"]}
-    assert "this drive cannot tell which" in Path("report/report.html").read_text("utf-8")
+    assert "this drive does not show which" in Path("report/report.html").read_text("utf-8")
 
 
 @field_reports

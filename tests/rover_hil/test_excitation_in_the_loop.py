@@ -25,7 +25,7 @@ def test_a_wheel_at_rest_that_swings_has_no_set_point_for_the_stall_monitor(
     check = StallMonitor.check
 
     def watched(monitor: StallMonitor, cycle: Cycle) -> object:
-        seen.append(cycle.commanded_rad_s)
+        seen.append(cycle.wheels.set.speed_rad_s)
         return check(monitor, cycle)
 
     monkeypatch.setattr(StallMonitor, "check", watched)

@@ -122,7 +122,7 @@ def test_a_jammed_wheel_stops_the_rover_for_good_after_three_attempts(
     monkeypatch.setattr(ElDoradoPlant, "set_wheel_speeds", turn_three)
     result, summary = drive(config_of(name, has_fixes=False), tmp_path / "run.mcap", 15.0)
     assert result.end is End.EMERGENCY_STOP
-    assert result.reason.startswith("wheel 3: has not followed its set-point")
+    assert result.reason.startswith("wheel 3: has not followed its setpoint")
     assert len(summary.stops) == 3
     truth = read_run(tmp_path / "run.mcap").truth
     assert truth is not None

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from benchmarks.datasets.bad_files import Bad, arguments_of
-from benchmarks.hostile import imports
+from benchmarks.malformed import imports
 from drivers.can_wheels.mapping_file import read_dbc
 from drivers.errors import ConfigError, LogError, RoverHilError
 from drivers.files import read_bytes
@@ -201,7 +201,7 @@ def test_an_imported_mf4_file_leaves_no_temporary_file(
 def test_a_file_without_end_is_one_sentence_with_the_limit(temporary: Path) -> None:
     def work(_: Report[int]) -> None:
         with tempfile.TemporaryFile() as file:
-            for _ in range(3):
+            for _megabyte in range(3):
                 file.write(bytes(2**20))
 
     with pytest.raises(LogError, match=r"drive\.csv: .* 0\.00 GB of a file .* --most-memory-gb"):

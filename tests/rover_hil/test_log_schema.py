@@ -106,7 +106,7 @@ OUTPUT = StepOutput(
         drift_rad=None,
         reason="",
     ),
-    suspicion="rover: may be entrapped",
+    suspicion="rover: may be stuck",
     dead_reckoned=DeadReckoned(x_m=1.5, y_m=-0.25, yaw_rad=0.5, covariance=(1e-4, 0.0, 0.0, 1e-4, 0.0, 1e-6)),
 )
 RECORD = (
@@ -126,7 +126,7 @@ RECORD = (
     b'"steering_rad":[0.05,0.0],"crab":{"drift_rad":0.14,"source":"trace"},'
     b'"ground":{"t_ns":4,"velocity_x_m_s":0.1,"velocity_y_m_s":0.0,"slip":0.25,"slip_sd":0.02,'
     b'"drift_rad":null,"reason":""},'
-    b'"suspicion":"rover: may be entrapped",'
+    b'"suspicion":"rover: may be stuck",'
     b'"dead_reckoned":{"x_m":1.5,"y_m":-0.25,"yaw_rad":0.5,"covariance":[0.0001,0.0,0.0,0.0001,0.0,1e-6]},"findings":null}'
 )
 

@@ -26,7 +26,7 @@ x = { column = 2 }
 y = { column = 3 }
 yaw = { column = 4 }
 """
-UNSURE = "this drive cannot tell which"
+UNSURE = "this drive does not show which"
 
 
 def columns(kind: str, order: tuple[int, ...], signs: tuple[int, ...], factor: float = 1.0) -> str:

@@ -70,7 +70,7 @@ class StandstillFollower:
             now_ns: Time of the cycle.
             path_m: Distance driven since the start.
             reports_speed: Whether a drive reports a speed although its position stays.
-            is_commanded: Whether the set-points of the wheels are known.
+            is_commanded: Whether the setpoints of the wheels are known.
         """
         self.is_still = self._are_wheels_still(now_ns)
         known = self._watch.follow(

@@ -40,8 +40,8 @@ class WheelAngle:
     by their codec; the turns are then counted rightly where the speed limit allows no other number of them.
 
     Args:
-        speed_limit_rad_s: Greatest set-point.
-        silent_s: Readings that are further apart do not tell the motion between them.
+        speed_limit_rad_s: Greatest setpoint.
+        silent_s: Readings that are further apart do not show the motion between them.
         wrap_rad: Range of the device's own position; None where it is not known, inf where it never wraps.
 
     Attributes:

@@ -12,7 +12,7 @@ class WheelBounds:
     Args:
         kinematics: Geometry of the wheels.
         steering_rad: Steering angles at the start; empty without steering.
-        speed_limit_rad_s: Greatest set-point of a wheel.
+        speed_limit_rad_s: Greatest setpoint of a wheel.
         has_gyro: Whether a gyro measures the turn of the body.
 
     Attributes:
@@ -35,7 +35,7 @@ class WheelBounds:
 
     @property
     def fastest_turn_rad_s(self) -> float:
-        """Turn rate of the body at the greatest set-points; straight wheels that steer do not turn it."""
+        """Turn rate of the body at the greatest setpoints; straight wheels that steer do not turn it."""
         if self._kinematics.steering_rates_rad_s:
             return self._speed_limit_rad_s / max(map(abs, self._kinematics.wheel_speeds(0.0, 0.0, 1.0)))
         return self._speed_limit_rad_s * sum(abs(effect[2]) for effect in self.effects)
@@ -58,5 +58,5 @@ class WheelBounds:
         return x_m, y_m, 0.0 if self._has_gyro else yaw_rad
 
     def at_limit_rad(self, duration_s: float) -> list[float]:
-        """Return the angle of each wheel after driving at its greatest set-point."""
+        """Return the angle of each wheel after driving at its greatest setpoint."""
         return [self._speed_limit_rad_s * duration_s] * len(self.effects)

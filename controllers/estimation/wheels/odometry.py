@@ -80,7 +80,7 @@ class WheelOdometry:
 
     Args:
         kinematics: Geometry of the wheels.
-        wheel_speed_limit_rad_s: Greatest set-point. A position that differs from the one before by more than
+        wheel_speed_limit_rad_s: Greatest setpoint. A position that differs from the one before by more than
             1.5 times the angle at that speed in the elapsed time (plus 0.05 s of arrival jitter) is not
             motion: the device has restarted or its counter was reset. The odometry then rebases.
 

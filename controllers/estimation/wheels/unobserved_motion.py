@@ -9,7 +9,7 @@ from controllers.motion.kinematics import greatest_motion
 class UnobservedMotion:
     """Bounds of the motion while the wheels were not measured.
 
-    A wheel that is not measured may go on at its last speed or at the last set-point that it was sent,
+    A wheel that is not measured may go on at its last speed or at the last setpoint that it was sent,
     whichever is faster, or stop at once.
 
     Args:
@@ -25,7 +25,7 @@ class UnobservedMotion:
         self._effects = effects
 
     def note_speeds(self, *speeds_rad_s: Sequence[float], is_measured: bool) -> None:
-        """Take measured speeds and set-points; while the wheels are not measured the fastest ones hold."""
+        """Take measured speeds and setpoints; while the wheels are not measured the fastest ones hold."""
         self._speeds_rad_s = speeds_rad_s if is_measured else (self._fastest_rad_s(), *speeds_rad_s)
 
     def greatest_motion(

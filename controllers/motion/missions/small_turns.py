@@ -1,4 +1,4 @@
-"""Turns the rover to and fro in place, frequency after frequency."""
+"""Turns the rover back and forth in place, frequency after frequency."""
 
 import math
 from typing import Annotated, Literal
@@ -14,7 +14,7 @@ HEADING_GAIN_PER_S = 0.3
 
 
 class SmallTurnsMission(TurnsInPlace):
-    """Small turns to and fro in place, frequency after frequency: identifies the gyro.
+    """Small turns back and forth in place, frequency after frequency: identifies the gyro.
 
     Attributes:
         frequencies_hz: Of the turns, in order.

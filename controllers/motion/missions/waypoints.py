@@ -15,8 +15,8 @@ class WaypointsMission(CornersMission):
 
     Attributes:
         points: Corners of the path, x and y in m, without the start (0, 0).
-        speeds_m_s: Speed on the way to each point, in place of `speed_m_s`; one for each point, or none.
-        waits_s: Stop at each point for this time, in place of `wait_s`; one for each point, or none.
+        speeds_m_s: Speed on the way to each point, instead of `speed_m_s`; one for each point, or none.
+        waits_s: Stop at each point for this time, instead of `wait_s`; one for each point, or none.
     """
 
     type: Literal["waypoints"]

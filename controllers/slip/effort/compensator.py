@@ -253,7 +253,7 @@ class EffortCompensator(SlipEstimator[SlipReport]):
         )
 
     def set_point_changes(self, commanded_twist: BodyMotion) -> tuple[float, ...] | None:
-        """Return what the torque correction adds to each set-point, rad/s.
+        """Return what the torque correction adds to each setpoint, rad/s.
 
         Args:
             commanded_twist: Velocity x, y in m/s and yaw rate in rad/s.

@@ -12,7 +12,7 @@ class CurrentOwners:
     Wheels of equal effort may be exchanged unnoticed: it makes no difference until one of them rests.
 
     Args:
-        motor: Tells the no-load current.
+        motor: Gives the no-load current.
     """
 
     def __init__(self, motor: MotorSettings) -> None:

@@ -77,7 +77,7 @@ class ExcitedSlip:
         wheel_age_s: Age of the wheels' positions at their time stamp; None where it is unknown.
         travel_m_s: Speed of the mission; None without one.
         rest_s: How long the excitation may rest.
-        proves_gyro: Turn to and fro in place before the mission's travel, see `GyroInPlace`.
+        proves_gyro: Turn back and forth in place before the mission's travel, see `GyroInPlace`.
 
     Attributes:
         excitation: Excites the yaw.

@@ -60,7 +60,7 @@ class GroundKnowledge:
         self._curve = LearnedCurve(EFFORT.learning.jump_deviations * scatter_n) if learns else None
         self._window: ForceWindow | None = None
         self._age_s = 0.0
-        self._usable_age_s = 0.0  # of the newest half second that told about the ground
+        self._usable_age_s = 0.0  # of the newest half second that showed the ground
         self._known = _unknown("too little way so far")
 
     @property

@@ -1,4 +1,4 @@
-"""Scale and sign of the gyro, by a slow turn to and fro in place before the rover travels.
+"""Scale and sign of the gyro, by a slow turn back and forth in place before the rover travels.
 
 A slow turn passes through the contacts nearly whole: wheels that turn a rover about its own centre bear no
 load but its drag. The faster excitation of the travel does not: in place, contacts spring back from it.
@@ -24,7 +24,7 @@ GREATEST_ANGLE = 0.375 * math.sqrt(3.0)
 
 
 class GyroInPlace:
-    """Turns the rover to and fro for one period, and compares the gyro with the wheels.
+    """Turns the rover back and forth for one period, and compares the gyro with the wheels.
 
     Args:
         rim_arm_m: Distance of the wheels from the centre.

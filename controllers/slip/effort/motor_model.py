@@ -156,8 +156,8 @@ class EffortObserver:
     Args:
         motor: The motor.
         current_is_signed: False where the sensor measures a magnitude only. The sign is then that of the
-            speed, or of the set-point while the wheel is at rest; both fail while the wheel is faster than
-            its set-point.
+            speed, or of the setpoint while the wheel is at rest; both fail while the wheel is faster than
+            its setpoint.
     """
 
     def __init__(self, motor: MotorSettings, *, current_is_signed: bool) -> None:
@@ -182,7 +182,7 @@ class EffortObserver:
                 reading is flagged and not used.
             current_a: Measured current, or None where it is missing.
             speed_rad_s: Measured speed of the wheel.
-            set_speed_rad_s: Its set-point where known.
+            set_speed_rad_s: Its setpoint where known.
         """
         if elapsed_s <= 0.0 or current_a is None:
             flag = EffortFlag.CLOCK if elapsed_s <= 0.0 else EffortFlag.NO_CURRENT
@@ -224,7 +224,7 @@ class EffortObserver:
         return flags
 
     def _is_braking(self, set_speed_rad_s: float) -> bool:
-        # One step of tolerance: the set-point is cut to whole steps inside the drive.
+        # One step of tolerance: the setpoint is cut to whole steps inside the drive.
         along = self._speed_rad_s * math.copysign(1.0, set_speed_rad_s)
         return abs(along) > SPEED_STEP_RAD_S and (
             along < 0.0 or along > abs(set_speed_rad_s) + SPEED_STEP_RAD_S

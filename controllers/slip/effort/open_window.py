@@ -48,7 +48,7 @@ class OpenWindow:
     def travel(self) -> Travel | None:
         """Return the motion of rolling wheels with their work; None where the work is unknown.
 
-        With the excitation each set-point falls below the speed four times in a second. Where the sign of a
+        With the excitation each setpoint falls below the speed four times in a second. Where the sign of a
         current is then unknown, it is taken to drive the wheel: on average the motors hardly brake.
         """
         return None if self._work_j is None else Travel(self.duration_s, *self.rolled(), self._work_j)

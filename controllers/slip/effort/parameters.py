@@ -35,7 +35,7 @@ class StuckParameters:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FreeForceParameters:
-    """Drive force of a rover that gets on.
+    """Drive force of a rover that makes progress.
 
     On twelve floors of four contact laws the force of a healthy rover was 0.5 to 1.6 times that of its travel
     before; 0 or below in the air; 2 to 6 times against a wall and dug in.
@@ -145,7 +145,7 @@ class ExcitationParameters:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GyroInPlaceParameters:
-    """Turn to and fro in place, by which scale and sign of the gyro are judged."""
+    """Turn back and forth in place, by which scale and sign of the gyro are judged."""
 
     rim_m_s: float = 0.072  # amplitude of the rims' speed: faster than the excitation, as no slip is read
     greatest_rad: float = math.radians(10.0)  # to each side: wheels near the centre turn slower for it

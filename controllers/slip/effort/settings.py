@@ -20,8 +20,8 @@ class TorqueCorrectionSettings(Settings):
     Attributes:
         matrix: `dual` is R J^-T, the inverse of the statics; the matrix printed in paper 003 counts the yaw
             twice.
-        gain_rad_s_nm: Change of a set-point per torque.
-        bound_rad_s: Greatest change of a set-point.
+        gain_rad_s_nm: Change of a setpoint per torque.
+        bound_rad_s: Greatest change of a setpoint.
     """
 
     matrix: Literal["dual"] = "dual"
@@ -62,7 +62,7 @@ class SlipSettings(Settings):
             it where the excitation has passed. Without it a real run with `yaw_probe` does not compensate
             slip, and says so.
         excitation: The yaw excitation, and mass and inertia of the rover.
-        torque_correction: Also corrects the set-points; without it they stay as they are.
+        torque_correction: Also corrects the setpoints; without it they stay as they are.
     """
 
     maps: SlipMapFile

@@ -19,7 +19,7 @@ class StuckWheels:
     """Measures for how long each wheel has been stuck.
 
     Args:
-        motor: Tells the no-load current.
+        motor: Gives the no-load current.
         wheel_count: Number of wheels.
     """
 

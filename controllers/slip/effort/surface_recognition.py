@@ -2,7 +2,7 @@
 
 The map has for each surface the expected drive force in each direction, its scatter from one half second to
 the next, and that of its mean from run to run. Over a few seconds the level of the difference between
-measured and expected force, and its scatter, tell which surfaces are possible. More a force cannot tell: in
+measured and expected force, and its scatter, show which surfaces are possible. A force shows no more: in
 steady travel it is the resistance of the ground, and the stiffness of the contact, which decides the slip, is
 not in it. So firm ground with resistance is possible at any force, unless the user has named the surfaces.
 """

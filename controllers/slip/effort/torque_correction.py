@@ -1,4 +1,4 @@
-"""The paper's torque correction: raise the set-points where the wheels work without moving the rover."""
+"""The paper's torque correction: raise the setpoints where the wheels work without moving the rover."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ class TorqueCorrection:
     """Finds the part of the wheels' force that does not act along the commanded motion.
 
     Force on the body is F = J^T tau / R. F', its part across the commanded twist, comes from
-    uneven ground; tau_c = R J^-T F' is the wheels' share in it, and each set-point is changed by
+    uneven ground; tau_c = R J^-T F' is the wheels' share in it, and each setpoint is changed by
     gain * tau_c. Forces and twists are compared with the moment divided, the yaw rate multiplied, by the
     base radius.
 
@@ -37,7 +37,7 @@ class TorqueCorrection:
     def set_point_changes(
         self, wheel_torque_nm: Sequence[float], commanded_twist: Sequence[float]
     ) -> tuple[float, ...]:
-        """Return what to add to each set-point, rad/s, within the bound.
+        """Return what to add to each setpoint, rad/s, within the bound.
 
         Args:
             wheel_torque_nm: Torque at each wheel, positive where it pushes counter-clockwise.

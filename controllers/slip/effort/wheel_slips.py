@@ -72,7 +72,7 @@ class WheelSlips:
         Args:
             window: Slip of the last window.
             elapsed_s: Duration of the increment.
-            set_speed_rad_s: Set-points of the wheels in that time.
+            set_speed_rad_s: Setpoints of the wheels in that time.
         """
         return [
             self._find(wheel, window, elapsed_s, set_speed_rad_s[wheel])

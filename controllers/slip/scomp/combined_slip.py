@@ -109,7 +109,7 @@ class CombinedSlip(Settings):
         Args:
             traction: R_x / W: the required force over the load.
             slip_angle_rad: In (-pi/2, pi/2).
-            c_x_n: Longitudinal stiffness in N in place of the model's own.
+            c_x_n: Longitudinal stiffness in N instead of the model's own.
 
         Returns:
             The smallest such slip, with the sign of the traction; where the ground cannot give the traction,

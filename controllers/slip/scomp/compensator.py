@@ -186,7 +186,7 @@ class ScompCompensator(SlipEstimator[ScompReport]):
     ) -> BodyIncrement:
         """Return the increment, flagged where the slip is unknown; the states turn it into the body's.
 
-        Set-points and gyro rate have no effect: `feed` takes the samples of the gyro.
+        Setpoints and gyro rate have no effect: `feed` takes the samples of the gyro.
         """
         self._steering_rad = increment.steering_rad
         self._tilt.pass_time(increment.duration_s)
@@ -306,7 +306,7 @@ class ScompCompensator(SlipEstimator[ScompReport]):
         rate_sd_rad_s = SCOMP.motion.wheel_walk_rad_sqrt_s
         if is_gyro:
             rate_sd_rad_s = parameters.gyro.walk_rad_sqrt_s / math.sqrt(SCOMP.correction.rate_memory_s)
-        # The states hold the usual error of a trace; one that tells a larger deviation, or a direction
+        # The states hold the usual error of a trace; one that reports a larger deviation, or a direction
         # without a trace, has more.
         usual_rad = parameters.trace.noise_rad if reading.detected else 0.0
         more_rad2 = max(0.0, (reading.theta_sd_rad or 0.0) ** 2 - usual_rad**2)

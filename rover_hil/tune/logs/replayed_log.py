@@ -13,7 +13,7 @@ import numpy as np
 from controllers.control_loop import StepOutput
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.measurement_model import Measured
-from controllers.estimation.filter.motion_history import DISPLACED, TURNED
+from controllers.estimation.positions.frames import DISPLACED, TURNED
 from drivers.clock import nanoseconds
 from drivers.errors import LogError
 from drivers.samples import PoseFixSample, Sample

@@ -261,7 +261,7 @@ def test_a_motion_that_follows_a_shadow_is_found_out_by_the_imprint(
 def test_motions_that_scatter_by_more_than_is_assumed_are_not_halved(
     left: Drive, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Frames rock to and fro: every other motion is off to the left, the others to the right.
+    """Frames rock back and forth: every other motion is off to the left, the others to the right.
 
     A gate that believes the first kind takes the second for jumps, and the angle is off by as much.
     """

@@ -76,7 +76,7 @@ class Drive:
 
 @pytest.mark.parametrize("slip", [-0.05, 0.0, 0.3, 0.55, 0.7, 0.8, 0.9, 0.98, 1.0, 1.3, 2.0])
 def test_ground_is_measured_at_every_slip(slip: float) -> None:
-    """A rover that begins with rolling back cannot be told from a camera that is upside down."""
+    """A rover that begins with rolling back cannot be distinguished from a camera that is upside down."""
     drive, wide = Drive(), wide_ground()
     ways_m = [WHEEL_M] * 8 * (slip > 1.0) + [(1 - slip) * WHEEL_M] * 12
     for place_m in np.cumsum([0.0, *ways_m]):

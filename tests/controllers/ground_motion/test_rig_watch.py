@@ -59,6 +59,6 @@ def test_the_share_of_the_travel_that_outran_the_wheels_is_doubted_once() -> Non
         rig_watch.update(WHEEL_M, complex(ratio * WHEEL_M), SD_M)
         told_m.append(0.0 if rig_watch.fault is None else rig_watch.fault.bound.position_m)
     assert told_m[199] == 0.0
-    # A third of what was measured, and a little that was used before it was told.
+    # A third of what was measured, and a little that was used before it was reported.
     assert told_m[699] == pytest.approx((1.95 + 0.4) / 3.0, rel=0.1)
     assert told_m[-1] == 0.0

@@ -24,7 +24,7 @@ class Gyro:
         self.now_ns = 0
 
     def read(self, rate_rad_s: float, duration_s: float, device: str = "imu") -> list[Fault]:
-        """Return the last reasons of a time with one reading, and noise of some cycles to and fro."""
+        """Return the last reasons of a time with one reading, and some cycles of alternating noise."""
         found: list[Fault] = []
         for index in range(round(duration_s * 1e9 / STEP_NS)):
             self.now_ns += STEP_NS

@@ -71,7 +71,7 @@ def test_without_progress_on_half_a_metre_the_stop_is_final() -> None:
     assert reason.severity is Severity.FINAL
     assert reason.name == "entrapment"
     assert reason.text == (
-        "rover: entrapped, its wheels travelled 0.60 m and overhead shows no progress: free it and restart"
+        "rover: stuck, its wheels travelled 0.60 m and overhead shows no progress: free it and restart"
     )
 
 
@@ -310,7 +310,7 @@ def test_a_slip_near_1_alone_is_a_suspicion() -> None:
     (reason,) = travel.go(0.001, 0.85)
     assert reason.severity is Severity.WARNING
     assert reason.text == (
-        "rover: may be entrapped, by the yaw excitation its wheels travelled 0.5 m at a slip of at least 0.85"
+        "rover: may be stuck, by the yaw excitation its wheels travelled 0.5 m at a slip of at least 0.85"
     )
 
 
@@ -371,11 +371,11 @@ def test_a_suspicion_that_nothing_decides_stops_once_and_counts_anew_after_a_res
     for _ in range(11):
         (reason,) = travel.go(0.1)
         assert (reason.name, reason.severity) == ("lost response", Severity.WARNING)
-        assert reason.text == "rover: may be entrapped, or imu has no signal: no answer"
+        assert reason.text == "rover: may be stuck, or imu has no signal: no answer"
     (reason,) = travel.go(0.1)
     assert reason.severity is Severity.RECOVERABLE
     assert reason.text == (
-        "rover: progress unknown on 1.50 m of its wheels, may be entrapped, or imu has no signal: no answer"
+        "rover: progress unknown on 1.50 m of its wheels, may be stuck, or imu has no signal: no answer"
     )
     # All that the wheels turned since the rover may have got stuck, but for the first cycle.
     assert reason.bound.wheel_rad == pytest.approx((25.0 * 1.5, 0.0), rel=0.1)
@@ -423,7 +423,7 @@ def test_an_odd_force_stops_once() -> None:
         Severity.RECOVERABLE,
         Severity.RECOVERABLE,
     ]
-    assert "progress unknown on 1.50 m of its wheels, may be entrapped, or on a slope" in found[-1].text
+    assert "progress unknown on 1.50 m of its wheels, may be stuck, or on a slope" in found[-1].text
     assert go(13, is_still=True).severity is Severity.WARNING
     assert {go(index).severity for index in range(14, 60)} == {Severity.WARNING}
 

@@ -166,7 +166,7 @@ def test_setpoints_that_change_hide_no_weak_drive_and_blame_no_healthy_one(
 ) -> None:
     follow = lagging(time_constant_s)
     found = found_by(SET_POINTS[name], lambda speed, wanted: follow(speed, 0.4 * wanted))
-    assert Severity.RECOVERABLE in found or (name == "short moves" and Severity.SUSPICION in found)
+    assert Severity.RECOVERABLE in found or (name == "short moves" and Severity.WARNING in found)
     assert not found_by(SET_POINTS[name], follow)
 
 

@@ -38,10 +38,10 @@ def test_a_wheel_at_rest_is_named_after_a_second_and_not_before() -> None:
     assert reason == Fault(
         "wheels",
         Cause.WHEEL_STALL,
-        "wheel 1: has not followed its set-point for 1 s: commanded -3.00 rad/s, measured 0.00 rad/s",
+        "wheel 1: has not followed its setpoint for 1 s: commanded -3.00 rad/s, measured 0.00 rad/s",
         bound=Bound(wheel_rad=reason.bound.wheel_rad),
     )
-    # A wheel that turns as it should lags a little behind its set-point; of this a second is remembered.
+    # A wheel that turns as it should lags a little behind its setpoint; of this a second is remembered.
     assert reason.bound.wheel_rad == pytest.approx((0.2 * (1.0 - math.exp(-1.0)), -3.0), rel=0.03)
 
 
@@ -80,7 +80,7 @@ def test_small_set_points_must_turn_a_wheel_before_they_add_up_to_the_creep_angl
     assert not wheels.turn(after_s - 0.02, (0.0, commanded), (0.0, 0.0))
     assert wheels.turn(0.06, (0.0, commanded), (0.0, 0.0))
     assert [reason.text for reason in wheels.found] == [
-        "wheel 1: has not turned although its set-points add up to 1.5 rad: "
+        "wheel 1: has not turned although its setpoints add up to 1.5 rad: "
         f"commanded {commanded:.2f} rad/s, measured 0.00 rad/s"
     ]
     assert wheels.found[0].name == "stall"
@@ -108,10 +108,10 @@ def test_a_wheel_that_turns_against_its_set_point_is_named_after_half_a_second(
     assert reason.name == "reversed"
     assert reason.severity is Severity.STOP
     assert reason.text == (
-        f"wheel 1: turns against its set-point for 0.5 s: commanded {commanded:.2f} rad/s, "
+        f"wheel 1: turns against its setpoint for 0.5 s: commanded {commanded:.2f} rad/s, "
         f"measured {measured:.2f} rad/s; encoder or motor reversed"
     )
-    # A reversed encoder is wrong by what it measures, twice; a drive that follows turned by its set-points.
+    # A reversed encoder is wrong by what it measures, twice; a drive that follows turned by its setpoints.
     assert reason.bound.wheel_rad == pytest.approx((0.0, (commanded - measured) * 0.5))
 
 
@@ -140,7 +140,7 @@ def test_all_wheels_that_miss_something_are_in_doubt() -> None:
 
 def test_the_other_one_of_two_swapped_encoders_is_in_doubt_although_it_turns() -> None:
     wheels = Wheels(2)
-    # The set-point of wheel 1 swings through zero, so that it follows half of the time.
+    # The setpoint of wheel 1 swings through zero, so that it follows half of the time.
     for _ in range(4):
         wheels.turn(0.1, (3.0, 0.3), (-0.3, 3.0))
         wheels.turn(0.1, (3.0, -0.9), (-0.9, 3.0))
@@ -243,14 +243,14 @@ def reasons_at(times_s: list[float], commanded: float, *measured: float) -> list
 
 
 def test_the_limits_of_a_reversed_wheel_are_exact() -> None:
-    reversed_text = "wheel 0: turns against its set-point for 0.5 s: commanded {} rad/s, measured {} rad/s"
+    reversed_text = "wheel 0: turns against its setpoint for 0.5 s: commanded {} rad/s, measured {} rad/s"
     (reason,) = reasons_at([0.0, 0.5], 0.25, -0.25)
     assert reason.text.startswith(reversed_text.format("0.25", "-0.25"))
     (reason,) = reasons_at([0.0, 0.5], 3.0, -0.021)
     assert reason.text.startswith(reversed_text.format("3.00", "-0.02"))
     for found in (reasons_at([0.0, 0.5], 3.0, -0.02), reasons_at([0.0, 0.5 - 1e-9], 3.0, 0.0, -1.0)):
         assert found == [
-            Fault("wheels", Cause.WHEEL_STALL, "wheel 0: does not follow its set-point", Severity.SYMPTOM)
+            Fault("wheels", Cause.WHEEL_STALL, "wheel 0: does not follow its setpoint", Severity.SYMPTOM)
         ]
 
 

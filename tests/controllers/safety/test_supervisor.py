@@ -667,9 +667,9 @@ def test_distance_with_a_sign_of_any_suspicion_does_not_count(monkeypatch: pytes
 
 def test_a_suspicion_is_shown_and_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     run = Suspected(monkeypatch)
-    suspicion = Fault("rover", Cause.MAY_BE_STUCK, "rover: may be entrapped", Severity.WARNING)
+    suspicion = Fault("rover", Cause.MAY_BE_STUCK, "rover: may be stuck", Severity.WARNING)
     assert run.cycle(suspicion, suspicion._replace(text="other")) is Mode.RUNNING
-    assert run.supervisor.suspicion == "rover: may be entrapped"
+    assert run.supervisor.suspicion == "rover: may be stuck"
     assert run.supervisor.reason == ""
     assert run.cycle() is Mode.RUNNING
     assert run.supervisor.suspicion == ""

@@ -13,7 +13,7 @@ from tests.controllers.safety.cycles import make_cycle
 
 STEP_S = 0.02
 ROLES = DeviceRoles(wheels="wheels", gyro="imu", required={})
-UNSURE = "; this drive cannot tell which"
+UNSURE = "; this drive does not show which"
 
 
 def cycle(gyro_rad_s: float, parts_rad_s: tuple[float, ...]) -> Cycle:

@@ -1,4 +1,4 @@
-"""What all rovers share: steps of motors, wheels and body, set-points that arrive late, and the true state.
+"""What all rovers share: steps of motors, wheels and body, setpoints that arrive late, and the true state.
 
 The integration runs on a fixed grid of steps counted from the start, so how often a caller asks does not
 change the result. `truth` carries the place on from the last grid point by less than one step.

@@ -60,11 +60,11 @@ def test_every_50_ms_a_cycle_is_shown() -> None:
 def test_what_may_be_wrong_is_shown() -> None:
     theirs, _ours = Pipe(duplex=False)
     kept = Kept(9)
-    output = replace(CYCLES[0].output, suspicion="rover: may be entrapped")
+    output = replace(CYCLES[0].output, suspicion="rover: may be stuck")
     for unwatched in ("", "yaw unwatched: no compass"):
         PageOperator(theirs, kept, 3, None, None, unwatched).show(CYCLES[0]._replace(output=output))
     shown = [cast("View", notice)["suspicion"] for notice in kept.items]
-    assert shown == ["rover: may be entrapped", "rover: may be entrapped; yaw unwatched: no compass"]
+    assert shown == ["rover: may be stuck", "rover: may be stuck; yaw unwatched: no compass"]
 
 
 def test_orders_of_one_cycle_are_one_input_and_the_newest_wins() -> None:
