@@ -79,7 +79,8 @@ def texts_of(folder: str) -> Iterator[Path]:
     """Yield the text files of a folder; those of the project itself for an empty name."""
     files = (ROOT / folder).rglob("*") if folder else ROOT.glob("*")
     for file in sorted(files):
-        if file.is_file() and file.suffix in ENDS and "__pycache__" not in file.parts:
+        is_made = file.name.startswith(".coverage") or "__pycache__" in file.parts
+        if file.is_file() and file.suffix in ENDS and not is_made:
             yield file
 
 

@@ -80,7 +80,7 @@ def test_the_sources_of_slip_are_named_with_the_error_of_the_rig(command: Comman
     )
     assert found is not None
     assert 1.0 < float(found[1]) < 2.5
-    assert found[2].startswith("(1 % of the camera's height or focal length is about 0.01 of slip; a focal")
+    assert found[2].startswith("(1 % of the camera's height or focal length is about 0.01 of slip; too long")
     assert found[3] == "slip law with the wheel trace by camera, then encoders, which assume rolling wheels"
 
 
