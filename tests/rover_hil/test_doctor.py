@@ -232,7 +232,9 @@ def test_reported_stream_with_a_heading_is_read(
     data = (shared_data / "field_reports" / "serial" / stream).read_bytes()
     pieces = cycle(data[place : place + size] for place in range(0, len(data), size))
     port = terminal(0.005, lambda _: next(pieces))
-    devices: Devices = {"device": {"type": device, "port": port.path}, "board": SILENT_BOARD}
+    # The longest age is for the pauses of a loaded machine.
+    stream_device: dict[str, object] = {"type": device, "port": port.path, "max_age_s": 10.0}
+    devices: Devices = {"device": stream_device, "board": SILENT_BOARD}
     findings = listen_to(make_config(devices, wheels="board"), port.live)
     assert not [each for each in findings if each.subject == "device" and each.level is Level.PROBLEM]
     assert "rejected: none" in only(findings, "device", "data").what
