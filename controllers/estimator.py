@@ -45,7 +45,7 @@ class Estimator:
     """Runs the parts of the estimate in the order of a cycle.
 
     `SampleIntake` passes the samples on. Here the wheels' increments become a prediction of the `PoseFilter`,
-    and measurements its corrections. `LateReadings` keeps these until the recorded motion reaches them.
+    and measurements its corrections. Positions and frames, which come late, are led back to their exposure.
     `ErrorBudget` inflates the covariance where a motion may be measured wrongly. `PoseReport` gives the pose.
 
     Args:

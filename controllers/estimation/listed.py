@@ -1,6 +1,6 @@
 """The measurements that correct the pose filter at once, in each cycle.
 
-Fixes and frames, which come late, are led back to their exposure first: `pose_fixes` and `ground_travel`.
+Positions and frames, which come late, are led back to their exposure first: `positions` and `ground`.
 """
 
 from controllers.estimation.filter.reader import Reader
