@@ -162,19 +162,23 @@ def load_again(bench: Bench) -> None:
     bench.page.driver.refresh()
 
 
+def keep_browser(page: Page) -> None:
+    """Open an empty tab behind that of the page: without any tab the browser would end."""
+    own = page.driver.current_window_handle
+    page.driver.switch_to.new_window("tab")
+    page.driver.switch_to.window(own)
+
+
 def close_page(bench: Bench) -> None:
     """The tab of the page is closed; the browser stays."""
     driver = bench.page.driver
-    own = driver.current_window_handle
-    driver.switch_to.new_window("tab")
-    other = driver.current_window_handle
-    driver.switch_to.window(own)
     driver.close()
-    driver.switch_to.window(other)
+    driver.switch_to.window(driver.window_handles[0])
 
 
 def open_page(bench: Bench) -> None:
     """The page is opened again."""
+    bench.page.driver.switch_to.new_window("tab")
     bench.page.driver.get(bench.page.url)
 
 
@@ -265,6 +269,7 @@ def losses_in(case: str, folder: Path, times: int) -> Iterator[Loss]:
     lose, mend = LOSSES[case]
     with bench_of(folder) as bench:
         page = bench.page
+        keep_browser(page)
         for _ in range(times):
             before = set(folder.glob("runs/*"))
             start_real_run(page)
