@@ -541,7 +541,8 @@ def test_nodes_of_another_make_are_configured_started_and_heard() -> None:
         wait_until(lambda: any(isinstance(sample, WheelSample) for sample in heard), advance)
         (fault,) = (sample for sample in heard if isinstance(sample, FaultSample))
         assert fault.text == "node 2 emergency: emergency 0x3210, voltage"
-        assert not driver.health().rejected
+        # An answer that comes after its question was repeated, on a busy computer, is no longer expected.
+        assert driver.health().rejected.keys() <= {"other_traffic"}
     finally:
         driver.close()
         network.disconnect()
