@@ -24,14 +24,14 @@ run: setup
 
 # One worker more than cores: some tests wait for emulated devices in real time.
 test: setup
-	$(BIN)/python -m pytest -n $$(($$(nproc) + 1)) --dist loadfile -m "not slow and not nightly"
+	$(BIN)/python -m pytest -n $$(($$(nproc) + 1)) --dist loadfile -m "not slow and not nightly" --durations 20
 
 # Processes, browsers, clusters and whole tutorials: minutes. Installs Chromium, its driver and groff where they are missing.
 test-slow: setup
 	.ci/slow_tools
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "slow and not nightly" $(SLOW_FILES)
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "slow and not nightly" --durations 40 $(SLOW_FILES)
 	# The page of `bench` in a real browser, one after the other: each needs both cores to answer in time.
-	$(BIN)/python -m pytest -n 0 -m "slow and not nightly" tests/rover_hil/bench
+	$(BIN)/python -m pytest -n 0 -m "slow and not nightly" --durations 10 tests/rover_hil/bench
 
 # What repeats a faster test on more cases: a quarter of an hour. With `make test-kernel` before a release.
 test-nightly: setup
