@@ -82,10 +82,12 @@ class _Wheel:
 
     def count(self, sums: _Sums, *, follows: bool) -> None:
         """Count a cycle; one in which the wheel does not follow as soon as it follows again."""
-        self._open = self._open.plus(sums)
+        if self._open.t_s:
+            sums, self._open = self._open.plus(sums), _Sums()
         if not follows:
+            self._open = sums
             return
-        self._newest, self._open = self._newest.plus(self._open), _Sums()
+        self._newest = self._newest.plus(sums)
         if self._newest.t_s >= self._part_s:
             self._parts.append(self._newest)
             self._newest, self._full = _Sums(), _Sums()
