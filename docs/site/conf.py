@@ -19,7 +19,9 @@ suppress_warnings = ["myst.header"]
 FOLDERS = ("tutorials", "how-to", "explanation", "reference", "contributing", "decisions")
 PAGES = ("results",)
 """Pages that are in no folder."""
-OUTSIDE = re.compile(r"\[([^\]]*)\]\((?:\.\./)*(?:CONTRIBUTING\.md|(?:examples|tests|benchmarks|rover_hil)/)[^)]*\)")
+OUTSIDE = re.compile(
+    r"\[([^\]]*)\]\((?:\.\./)*(?:CONTRIBUTING\.md|(?:examples|tests|benchmarks|rover_hil)/)[^)]*\)"
+)
 """Links to files that are not pages of the site: their text is kept."""
 
 
