@@ -34,8 +34,8 @@ TABLE_COLUMNS = 10_000
 """Columns of any table."""
 CAN_LOG_BYTES = 4096 * MEGABYTE
 """Logs of a CAN bus, unpacked; ten hours of 2,000 frames/s as text are 3 GB."""
-CAN_FRAMES = 20_000_000
-"""Frames of a log of a CAN bus; 2.8 hours of 2,000 frames/s."""
+CAN_FRAMES = 80_000_000
+"""Frames of a log of a CAN bus; eleven hours of 2,000 frames/s."""
 CAN_LINE_CHARACTERS = 65_536
 """A line of a log of a CAN bus."""
 CAN_CONTAINER_BYTES = 512 * 1024
