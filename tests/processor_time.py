@@ -1,7 +1,7 @@
 """A test that needs more than some seconds of processor time fails unless it is marked `slow` or `nightly`.
 
 Time on the clock depends on what else the machine does; that of the processor less. What is left of it is
-allowed for: a loop is timed on the same processor at the same time, and half as much again is scatter.
+allowed for: a loop is timed on the same processor at the same time, and three times that is scatter.
 """
 
 import sys
@@ -13,8 +13,8 @@ from numba.core.event import install_recorder
 
 MARKERS = ("slow", "nightly", "rover")
 LIMIT_S = 3.0
-SCATTER = 1.5
-"""Of the processor time of one test, from run to run beside other programs."""
+SCATTER = 3.0
+"""Of the processor time of one test beside other programs, which share memory, caches and cores with it."""
 
 STEPS = 1_000_000
 STEPS_S = 0.028
