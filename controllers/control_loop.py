@@ -278,11 +278,11 @@ class ControlLoop:
     def _cycle(self, now_ns: int, estimate: PoseEstimate, innovations: tuple[Innovation, ...]) -> Cycle:
         """Return what the stop rules see of this cycle."""
         estimator = self._estimator
-        wheels = estimator.wheel_evidence(estimate)
+        setpoints = WheelSetpoints(self._travel_rad_s, self._steering_rad)
         return Cycle(
             now_ns=now_ns,
             estimate=estimate,
-            wheels=wheels._replace(set=WheelSetpoints(self._travel_rad_s, self._steering_rad)),
+            wheels=estimator.wheel_evidence(estimate, setpoints),
             gyro=estimator.gyro_evidence,
             measurements=estimator.measurement_evidence(innovations),
             uncertainty=estimator.budget.evidence,

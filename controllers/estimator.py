@@ -7,11 +7,11 @@ from dataclasses import replace
 from controllers.estimation.body_velocity import BodyVelocity
 from controllers.estimation.dead_reckoning import DeadReckoned, DeadReckoning
 from controllers.estimation.filter.error_budget import Category, ErrorBudget
-from controllers.estimation.filter.guarded_filter import Innovation, Outcome
-from controllers.estimation.filter.measurement_model import Measured
-from controllers.estimation.filter.motion_history import Step
+from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.late_readings import LateReadings
+from controllers.estimation.filter.motion_history import MotionHistory, Step
 from controllers.estimation.filter.pose_filter import PoseFilter
-from controllers.estimation.filter.reader import Situation
+from controllers.estimation.filter.reader import Situation, late
 from controllers.estimation.filter.transition import Turn
 from controllers.estimation.ground.follower import GroundFollower
 from controllers.estimation.ground.travel import GroundTravel
@@ -19,6 +19,7 @@ from controllers.estimation.gyro.integrator import GyroIntegrator
 from controllers.estimation.gyro.standstill import StandstillWatch
 from controllers.estimation.gyro.standstill_follower import StandstillFollower
 from controllers.estimation.gyro.turn_source import GyroEvidence, TurnSource
+from controllers.estimation.listed import make_readers
 from controllers.estimation.measurement_evidence import MeasurementEvidence
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
@@ -29,7 +30,7 @@ from controllers.estimation.settings import FilterSettings
 from controllers.estimation.slip_compensator import SlipCompensator
 from controllers.estimation.wheels.bounds import WheelBounds
 from controllers.estimation.wheels.contradiction import WheelContradiction
-from controllers.estimation.wheels.evidence import WheelEvidence, wheel_evidence
+from controllers.estimation.wheels.evidence import WheelEvidence, WheelSetpoints, wheel_evidence
 from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.estimation.wheels.stuck_encoder import StuckEncoders
 from controllers.estimation.wheels.unobserved_motion import UnobservedMotion
@@ -37,7 +38,7 @@ from controllers.fault import Bound, Cause, Fault
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.steering import SteeringAngles
 from controllers.roles import DeviceRoles
-from drivers.clock import nanoseconds, seconds
+from drivers.clock import nanoseconds
 from drivers.samples import Sample
 
 
@@ -45,7 +46,7 @@ class Estimator:
     """Runs the parts of the estimate in the order of a cycle.
 
     `SampleIntake` passes the samples on. Here the wheels' increments become a prediction of the `PoseFilter`,
-    and measurements its corrections. Positions and frames, which come late, are led back to their exposure.
+    and measurements its corrections. `LateReadings` keeps these until the recorded motion reaches them.
     `ErrorBudget` inflates the covariance where a motion may be measured wrongly. `PoseReport` gives the pose.
 
     Args:
@@ -90,18 +91,6 @@ class Estimator:
             roles.max_age_s(roles.gyro),
             ESTIMATION.odometry.plausible_speed * self._reach.fastest_turn_rad_s,
         )
-        watch = StandstillWatch(settings)
-        self._intake = SampleIntake(
-            kinematics,
-            roles,
-            wheel_speed_limit_rad_s,
-            self.steering,
-            self.gyro,
-            watch.readings,
-            slip,
-            ground,
-        )
-        self.odometry, self._fixes = self._intake.odometry, self._intake.fixes
         self.pose_filter = PoseFilter(
             settings,
             roles.headings,
@@ -113,9 +102,23 @@ class Estimator:
         self.positions = PositionFrames(self.pose_filter, settings.gate_probability)
         self._turns = TurnSource(self.gyro, kinematics.wheel_count)
         self.budget = ErrorBudget(self.pose_filter, self._reach, None if slip is None else slip.forget_gyro)
-        self.ground = GroundFollower(
-            ground, roles.camera, self.pose_filter, self.budget, self._fixes, self._turns
+        self.ground = GroundFollower(ground, roles.camera, self.pose_filter, self.budget, self._turns)
+        self._history = MotionHistory()
+        self._motion_age_ns = nanoseconds(roles.motion_age_s)
+        self._readings = LateReadings(make_readers(self.positions, self.ground))
+        watch = StandstillWatch(settings)
+        self._intake = SampleIntake(
+            kinematics,
+            roles,
+            wheel_speed_limit_rad_s,
+            self.steering,
+            self.gyro,
+            watch.readings,
+            self._readings,
+            slip,
+            ground,
         )
+        self.odometry = self._intake.odometry
         self._unobserved = UnobservedMotion(self._reach.effects)
         self.standstill = StandstillFollower(
             settings,
@@ -141,12 +144,18 @@ class Estimator:
         self._driven_from = self.odometry.pose
         self.motion_ns: int | None = None
 
-    def wheel_evidence(self, estimate: PoseEstimate) -> WheelEvidence:
-        """Return what the stop rules see of the wheels in this cycle."""
-        evidence = wheel_evidence(
-            self.odometry, self._driven_from, estimate, self.contradiction, self.steering
+    def wheel_evidence(self, estimate: PoseEstimate, setpoints: WheelSetpoints) -> WheelEvidence:
+        """Return what the stop rules see of the wheels in this cycle; `setpoints` are of the one before."""
+        return wheel_evidence(
+            self.odometry,
+            self._driven_from,
+            estimate,
+            self.contradiction,
+            self.steering,
+            setpoints,
+            self.motion_ns,
+            is_still=self.standstill.is_still,
         )
-        return evidence._replace(motion_ns=self.motion_ns, is_still=self.standstill.is_still)
 
     @property
     def gyro_evidence(self) -> GyroEvidence:
@@ -201,14 +210,8 @@ class Estimator:
         if increment is not None and self.odometry.t_ns is not None:
             self.motion_ns = self.odometry.t_ns
             self._move_to(self.motion_ns, now_ns, increment)
-        innovations = self._correct_by_samples()
-        innovations += self.ground.follow(now_ns, is_at_standstill=self.standstill.is_at_standstill)
-        for fix, way_back in self._fixes.take():
-            if way_back is None:
-                late = Measured(fix.device, "too late")
-                innovations.append(Innovation(measured=late, outcome=Outcome.LATE))
-            else:
-                innovations += self.positions.correct(fix, way_back)
+        innovations = self._correct()
+        innovations += self.ground.compare(now_ns, is_at_standstill=self.standstill.is_at_standstill)
         innovations += self.standstill.correct_bias(self._roles.gyro)
         self.budget.limit()
         return tuple(innovations)
@@ -304,7 +307,7 @@ class Estimator:
             now_ns, self.pose_filter.gyro_bias_rad_s, is_still=self.standstill.is_at_standstill
         )
         step = self._move(increment, turn)
-        self._fixes.move(motion_ns, step)
+        self._history.move(motion_ns, step)
         if self._dead_reckoning is not None:
             self._dead_reckoning.add(step, math.sqrt(self.pose_filter.gyro_bias_rad2_s2))
         self._path_m += math.hypot(increment.x_m, increment.y_m)
@@ -338,20 +341,25 @@ class Estimator:
             self.budget.add((aside_m, aside_m, 0.0), Category.UNOBSERVED)
         return step
 
-    def _correct_by_samples(self) -> list[Innovation]:
-        """Correct by the samples that wait, if the motion is known recently enough to compare them."""
+    def _correct(self) -> list[Innovation]:
+        """Correct by the readings that the recorded motion has reached."""
         innovations: list[Innovation] = []
-        limit_ns = nanoseconds(self._roles.motion_age_s)
-        for reader, sample, t_ns in self._intake.waiting.take():
-            if self.motion_ns is not None and t_ns - self.motion_ns > limit_ns:
+        self.ground.pairs = ()
+        start_ns = self._history.start_ns
+        for t_ns, reader, sample in self._readings.take(self._history.known_ns):
+            is_at_start = start_ns is not None and 0 < start_ns - t_ns <= self._motion_age_ns
+            way_back = self._history.way_back(start_ns if is_at_start and start_ns is not None else t_ns)
+            if way_back is None:
+                reader.miss(sample)
+                innovations.append(late(sample))
                 continue
             now = Situation(
+                pose_filter=self.pose_filter,
                 settings=self._settings,
-                layout=self.pose_filter.layout,
+                history=self._history,
+                measured_ns=t_ns,
+                way_back=way_back,
                 yaw_rate_rad_s=self._velocity.yaw_rate_rad_s,
-                age_s=0.0 if self.motion_ns is None else seconds(self.motion_ns - t_ns),
             )
-            measurement = reader.read(sample, now)
-            if measurement is not None:
-                innovations += self.pose_filter.correct(*measurement)
+            innovations += reader.correct(sample, now)
         return innovations

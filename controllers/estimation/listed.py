@@ -1,9 +1,17 @@
-"""The measurements that correct the pose filter at once, in each cycle.
+"""The measurements that correct the pose filter, each led back to the time when it was measured.
 
-Positions and frames, which come late, are led back to their exposure first: `positions` and `ground`.
+A reading of the gyro at standstill has no such time: `gyro.standstill_follower` takes the newest. Slip states
+of a compensator are corrected by itself, see `slip.scomp.trace_model`.
 """
 
-from controllers.estimation.filter.reader import Reader
-from controllers.estimation.headings.heading import HeadingReader
+from typing import Any
 
-LISTED: tuple[Reader, ...] = (HeadingReader(),)
+from controllers.estimation.filter.reader import Reader
+from controllers.estimation.ground.follower import GroundFollower
+from controllers.estimation.headings.heading import HeadingReader
+from controllers.estimation.positions.frames import PositionFrames
+
+
+def make_readers(positions: PositionFrames, ground: GroundFollower) -> tuple[Reader[Any], ...]:
+    """Return the readers of all measurements; those of positions and ground keep the frames of devices."""
+    return (HeadingReader(), positions, ground)

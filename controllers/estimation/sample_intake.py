@@ -2,12 +2,10 @@
 
 from dataclasses import replace
 
-from controllers.estimation.filter.motion_history import FixQueue
-from controllers.estimation.filter.waiting_samples import WaitingSamples
+from controllers.estimation.filter.late_readings import LateReadings
 from controllers.estimation.ground.travel import GroundTravel
 from controllers.estimation.gyro.integrator import GyroIntegrator
 from controllers.estimation.gyro.standstill import InertialReadings
-from controllers.estimation.listed import LISTED
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pauses import SilenceWatch
 from controllers.estimation.slip_compensator import SlipCompensator
@@ -18,9 +16,7 @@ from controllers.motion.steering import SteeringAngles
 from controllers.roles import DeviceRoles
 from drivers.samples import (
     AccelerationSample,
-    FrameSample,
     LinkSample,
-    PoseFixSample,
     RateSample,
     Sample,
     WheelSample,
@@ -38,14 +34,13 @@ class SampleIntake:
         speed_limit_rad_s: Greatest setpoint of a wheel.
         steering: Takes the steering angles.
         gyro: Takes the yaw rates.
-        readings: Take the readings of gyro and accelerometer that may be those of a rest.
+        inertial: Takes the readings of gyro and accelerometer that may be those of a standstill.
+        readings: Takes what corrects the pose filter.
         slip: Takes all samples; None without a compensator.
-        ground: Takes frames and rates; None without a camera that measures the motion over the ground.
+        ground: Takes rates; None without a camera that measures the motion over the ground.
 
     Attributes:
         odometry: Is fed with the continuous angles of the wheels.
-        fixes: Is fed with the pose fixes.
-        waiting: Measurements that wait for the next correction.
     """
 
     def __init__(
@@ -55,11 +50,13 @@ class SampleIntake:
         speed_limit_rad_s: float,
         steering: SteeringAngles,
         gyro: GyroIntegrator,
-        readings: InertialReadings,
+        inertial: InertialReadings,
+        readings: LateReadings,
         slip: SlipCompensator | None,
         ground: GroundTravel | None,
     ) -> None:
-        self._roles, self._steering, self._gyro, self._readings = roles, steering, gyro, readings
+        self._roles, self._steering, self._gyro = roles, steering, gyro
+        self._inertial, self._readings = inertial, readings
         self._slip, self._ground = slip, ground
         self.odometry = WheelOdometry(kinematics, speed_limit_rad_s)
         wraps_rad = roles.wheel_wraps_rad or (None,) * kinematics.wheel_count
@@ -72,8 +69,6 @@ class SampleIntake:
             for device in (roles.wheels, roles.gyro)
             if device
         }
-        self.fixes = FixQueue(roles.fixes, has_camera=ground is not None)
-        self.waiting = WaitingSamples(LISTED)
 
     @property
     def reports_speed(self) -> bool:
@@ -92,14 +87,12 @@ class SampleIntake:
         if isinstance(sample, RateSample | AccelerationSample):
             if device == self._roles.gyro:
                 self._take_inertial(sample, t_ns)
-        elif isinstance(sample, PoseFixSample | FrameSample):
-            self._take_reference(sample, t_ns)
         elif isinstance(sample, LinkSample) and device == self._roles.wheels:
             # After a break the codec counts turns from zero.
             self.odometry.rebase()
             for angle in self._angles:
                 angle.reset()
-        self.waiting.add(sample, t_ns)
+        self._readings.add(sample, t_ns)
 
     def take_speed_errors_rad(self) -> list[float] | None:
         """Return the error since the last call of each angle that integrates a speed; None without one."""
@@ -118,14 +111,8 @@ class SampleIntake:
             silence.begin_anew()
         return True
 
-    def _take_reference(self, sample: PoseFixSample | FrameSample, t_ns: int) -> None:
-        if isinstance(sample, PoseFixSample):
-            self.fixes.add(sample, t_ns)
-        elif self._ground is not None and sample.device == self._roles.camera:
-            self._ground.add(sample, t_ns)
-
     def _take_inertial(self, sample: RateSample | AccelerationSample, t_ns: int) -> None:
-        self._readings.take(sample, t_ns)
+        self._inertial.take(sample, t_ns)
         if isinstance(sample, RateSample):
             self._gyro.feed(t_ns, sample.rate_z_rad_s)
             if self._ground is not None:

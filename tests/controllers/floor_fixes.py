@@ -4,6 +4,8 @@ import cmath
 from collections.abc import Sequence
 from dataclasses import replace
 
+from controllers.estimation.filter.late_readings import LateReadings
+from controllers.estimation.filter.motion_history import MotionHistory, Step, WayBack
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.slip_states import SlipStates
 from controllers.estimation.positions.frames import PositionFrames
@@ -46,3 +48,29 @@ class PositionFilter(PoseFilter):
             settings, heading_devices, position_devices, is_compensated=is_compensated, slip=slip
         )
         self.positions = PositionFrames(self, settings.gate_probability)
+
+
+class PositionQueue:
+    """Positions by one device that wait for the recorded motion."""
+
+    def __init__(self) -> None:
+        self.history = MotionHistory()
+        frames = PositionFrames(PoseFilter(FilterSettings(), (), ("overhead",)), 0.9995)
+        self._readings = LateReadings((frames,))
+
+    def add(self, fix: PoseFixSample, t_ns: int) -> None:
+        """Take a position that arrived at `t_ns`."""
+        self._readings.add(fix, t_ns)
+
+    def move(self, t_ns: int, step: Step) -> None:
+        """Record a step of the motion."""
+        self.history.move(t_ns, step)
+
+    def take(self) -> list[tuple[PoseFixSample, WayBack | None]]:
+        """Return the positions that the motion has reached, with the motion back to each."""
+        ready = self._readings.take(self.history.known_ns)
+        return [
+            (sample, self.history.way_back(t_ns))
+            for t_ns, _, sample in ready
+            if isinstance(sample, PoseFixSample)
+        ]

@@ -191,14 +191,25 @@ def test_a_heading_that_comes_late_is_compared_with_the_yaw_of_its_time() -> Non
 
 
 def test_a_heading_is_used_once() -> None:
-    loop = ControlLoop(make_settings(), ROLES)
-    heading = HeadingSample(
-        device="compass", t_ns=START_NS, heading_rad=1.0, reference=HeadingReference.MAGNETIC
-    )
-    older = replace(heading, t_ns=START_NS - MS)
-    stranger = replace(heading, device="other")
-    assert len(loop.step(START_NS, [heading, heading, older, stranger]).innovations) == 1
-    assert len(loop.step(START_NS + PERIOD_NS, [heading]).innovations) == 0
+    loop, rover = ControlLoop(make_settings(), ROLES), omni_rover(noise=Noise())
+    names: list[str] = []
+    for cycle in range(6):
+        punctual = [
+            sample
+            for sample in rover.advance(rover.t_ns + PERIOD_NS)
+            if not isinstance(sample, HeadingSample)
+        ]
+        heading = HeadingSample(
+            device="compass", t_ns=rover.t_ns, heading_rad=1.0, reference=HeadingReference.MAGNETIC
+        )
+        if cycle == 2:
+            first, older = heading, replace(heading, t_ns=rover.t_ns - MS)
+            punctual += [first, first, older, replace(heading, device="other")]
+        elif cycle == 3:
+            punctual.append(first)
+        names += [item.name for item in loop.step(rover.t_ns, punctual).innovations]
+    assert names.count("compass magnetic") == 1
+    assert not any("other" in name for name in names)
 
 
 def test_a_lagging_compass_is_compared_with_the_past() -> None:

@@ -30,10 +30,10 @@ def driven(steps: int = 20) -> tuple[PositionFilter, complex]:
     pose_filter = PositionFilter(FilterSettings(), (), (DEVICE,))
     place_m = 0j
     for _ in range(steps):
-        pose_filter.positions.correct(fix(place_m), HERE)
+        pose_filter.positions.take(fix(place_m), HERE)
         pose_filter.predict(AHEAD, NO_TURN)
         place_m += 0.1
-    assert pose_filter.positions.correct(fix(place_m), HERE)[0].accepted
+    assert pose_filter.positions.take(fix(place_m), HERE)[0].accepted
     return pose_filter, place_m
 
 
@@ -41,7 +41,7 @@ def driven(steps: int = 20) -> tuple[PositionFilter, complex]:
 def test_a_jump_moves_no_pose_and_holds_it_from_then_on(jump_m: complex) -> None:
     pose_filter, place_m = driven()
     before, variances = pose_filter.pose, pose_filter.covariance
-    accepted = [pose_filter.positions.correct(fix(place_m + jump_m), HERE)[0].accepted for _ in range(4)]
+    accepted = [pose_filter.positions.take(fix(place_m + jump_m), HERE)[0].accepted for _ in range(4)]
     assert accepted == [False, False, True, True]
     assert pose_filter.positions.jumped_m[DEVICE] == pytest.approx(jump_m, abs=0.02)
     assert pose_filter.pose.x_m == pytest.approx(before.x_m, abs=1e-3)
@@ -49,16 +49,16 @@ def test_a_jump_moves_no_pose_and_holds_it_from_then_on(jump_m: complex) -> None
     for _ in range(50):  # wheels that turn 10 % too far are still corrected
         pose_filter.predict(replace(AHEAD, x_m=0.11), NO_TURN)
         place_m += 0.1
-        assert pose_filter.positions.correct(fix(place_m + jump_m), HERE)[0].accepted
+        assert pose_filter.positions.take(fix(place_m + jump_m), HERE)[0].accepted
     assert pose_filter.pose.x_m == pytest.approx(place_m.real, abs=0.1)
 
 
 def test_places_that_return_end_the_jump() -> None:
     pose_filter, place_m = driven()
     for _ in range(3):
-        pose_filter.positions.correct(fix(place_m + 1.0), HERE)
+        pose_filter.positions.take(fix(place_m + 1.0), HERE)
     names = [
-        innovation.name for _ in range(3) for innovation in pose_filter.positions.correct(fix(place_m), HERE)
+        innovation.name for _ in range(3) for innovation in pose_filter.positions.take(fix(place_m), HERE)
     ]
     assert names.count(f"{DEVICE} jumped") == 1
     assert pose_filter.positions.jumped_m == {}
@@ -70,7 +70,7 @@ def test_wheels_that_slip_wholly_are_no_jump() -> None:
     pose_filter, place_m = driven()
     for _ in range(40):
         pose_filter.predict(AHEAD, NO_TURN)
-        pose_filter.positions.correct(fix(place_m), HERE)
+        pose_filter.positions.take(fix(place_m), HERE)
     assert pose_filter.positions.jumped_m == {}
     assert pose_filter.pose.x_m == pytest.approx(place_m.real, abs=0.3)
 
@@ -80,7 +80,7 @@ def test_motion_that_was_not_measured_is_no_jump() -> None:
     pose_filter, place_m = driven()
     pose_filter.inflate(1.5, 0.0, 0.0)
     for _ in range(4):
-        pose_filter.positions.correct(fix(place_m + 1.2), HERE)
+        pose_filter.positions.take(fix(place_m + 1.2), HERE)
     assert pose_filter.positions.jumped_m == {}
     assert pose_filter.pose.x_m == pytest.approx(place_m.real + 1.2, abs=0.1)
 

@@ -5,9 +5,9 @@ from dataclasses import astuple, replace
 
 import pytest
 
-from controllers.estimation.filter.motion_history import FixQueue, Step
+from controllers.estimation.filter.motion_history import Step
 from drivers.samples import PoseFixSample
-from tests.controllers.floor_fixes import FIX
+from tests.controllers.floor_fixes import FIX, PositionQueue
 from tests.controllers.simulated import MS
 
 STEP = Step(x_m=0.1, y_m=0.0, turn_rad=0.0, duration_s=0.1, position_m2=1e-4, yaw_rad2=1e-6)
@@ -17,8 +17,8 @@ def fix_at(t_ms: int) -> PoseFixSample:
     return replace(FIX, t_ns=(t_ms + 40) * MS, t_capture_ns=t_ms * MS)
 
 
-def queue(*fixes: PoseFixSample) -> FixQueue:
-    fix_queue = FixQueue(("overhead",))
+def queue(*fixes: PoseFixSample) -> PositionQueue:
+    fix_queue = PositionQueue()
     for fix in fixes:
         fix_queue.add(fix, fix.t_ns)
     return fix_queue
@@ -26,7 +26,6 @@ def queue(*fixes: PoseFixSample) -> FixQueue:
 
 def test_a_fix_waits_for_the_motion_up_to_its_picture() -> None:
     fix_queue = queue(fix_at(1150))
-    assert fix_queue.take() == []
     fix_queue.move(1100 * MS, STEP)
     assert fix_queue.take() == []
     fix_queue.move(1200 * MS, STEP)
@@ -84,7 +83,7 @@ def test_fixes_of_other_devices_repeated_ones_and_floods_do_no_harm() -> None:
 
 
 def test_a_picture_from_the_future_counts_as_taken_at_its_arrival() -> None:
-    fix_queue = FixQueue(("overhead",))
+    fix_queue = PositionQueue()
     fix_queue.add(fix_at(9000), 1050 * MS)
     fix_queue.move(1100 * MS, STEP)
     assert len(fix_queue.take()) == 1

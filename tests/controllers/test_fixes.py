@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from controllers.control_loop import ControlLoop
 from controllers.estimation.filter.guarded_filter import Array, Innovation, Outcome
 from controllers.estimation.filter.measurement_model import Measured
-from controllers.estimation.filter.motion_history import FixQueue, WayBack
+from controllers.estimation.filter.motion_history import WayBack
 from controllers.estimation.filter.transition import Turn
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
@@ -23,7 +23,7 @@ from controllers.roles import DeviceRoles
 from controllers.safety import Mode
 from drivers.samples import PoseFixSample, Sample
 from tests.cases import first_often
-from tests.controllers.floor_fixes import FIX, PositionFilter, on_floor
+from tests.controllers.floor_fixes import FIX, PositionFilter, PositionQueue, on_floor
 from tests.controllers.simulated import (
     LONG_WAY,
     OMNI,
@@ -50,25 +50,25 @@ def test_the_first_fix_ties_the_frames_wherever_the_rover_is(place: complex) -> 
     pose_filter = PositionFilter(FilterSettings(), (), ("overhead",))
     pose_filter.predict(replace(AHEAD, x_m=place.real, y_m=place.imag), NO_TURN)
     before = pose_filter.pose
-    first = pose_filter.positions.correct(on_floor(place, 0.0), HERE)
+    first = pose_filter.positions.take(on_floor(place, 0.0), HERE)
     assert [innovation.name for innovation in first] == ["overhead x", "overhead y", "overhead yaw"]
     assert all(innovation.accepted for innovation in first)
     assert pose_filter.pose.x_m == pytest.approx(before.x_m, abs=1e-6)
     assert pose_filter.pose.yaw_rad == pytest.approx(before.yaw_rad, abs=1e-6)
     pose_filter.predict(AHEAD, replace(NO_TURN, angle_rad=0.3))
     after = pose_filter.pose
-    second = pose_filter.positions.correct(on_floor(complex(after.x_m, after.y_m), after.yaw_rad), HERE)
+    second = pose_filter.positions.take(on_floor(complex(after.x_m, after.y_m), after.yaw_rad), HERE)
     assert [innovation.residual for innovation in second] == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
 
 
 def test_a_late_fix_is_compared_with_the_pose_of_its_time() -> None:
     pose_filter = PositionFilter(FilterSettings(), (), ("overhead",))
-    pose_filter.positions.correct(on_floor(0j, 0.0), HERE)
+    pose_filter.positions.take(on_floor(0j, 0.0), HERE)
     pose_filter.predict(AHEAD, replace(NO_TURN, angle_rad=0.4))
     # The chord of the step points 0.2 rad to the left, which is 0.2 rad to the right of the present heading.
     arm = -0.1 * cmath.rect(1.0, -0.2)
     way_back = replace(HERE, x_m=arm.real, y_m=arm.imag, turned_rad=0.4)
-    innovations = pose_filter.positions.correct(on_floor(0j, 0.0), way_back)
+    innovations = pose_filter.positions.take(on_floor(0j, 0.0), way_back)
     assert [innovation.residual for innovation in innovations] == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
 
 
@@ -76,16 +76,16 @@ def test_the_motion_since_the_picture_makes_a_fix_less_certain() -> None:
     variances = []
     for position_m2, yaw_rad2 in ((0.0, 0.0), (1e-3, 2e-3)):
         pose_filter = PositionFilter(FilterSettings(), (), ("overhead",))
-        pose_filter.positions.correct(on_floor(0j, 0.0), HERE)
+        pose_filter.positions.take(on_floor(0j, 0.0), HERE)
         way_back = replace(HERE, position_m2=position_m2, yaw_rad2=yaw_rad2)
-        innovations = pose_filter.positions.correct(on_floor(0j, 0.0), way_back)
+        innovations = pose_filter.positions.take(on_floor(0j, 0.0), way_back)
         variances.append([innovation.variance or 0.0 for innovation in innovations])
     assert np.subtract(variances[1], variances[0]) == pytest.approx([1e-3, 1e-3, 2e-3])
 
 
 def test_the_slopes_are_those_of_the_expected_fix(monkeypatch: pytest.MonkeyPatch) -> None:
     pose_filter = PositionFilter(FilterSettings(), (), ("overhead",))
-    pose_filter.positions.correct(on_floor(0j, 0.0), HERE)
+    pose_filter.positions.take(on_floor(0j, 0.0), HERE)
     pose_filter.predict(replace(AHEAD, x_m=0.7, y_m=-0.2), replace(NO_TURN, angle_rad=0.9))
     way_back = replace(HERE, x_m=-0.3, y_m=0.1, turned_rad=0.2)
     asked: list[tuple[Array, Array]] = []
@@ -101,10 +101,10 @@ def test_the_slopes_are_those_of_the_expected_fix(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(pose_filter.kalman, "update_together", note)
     state, step = pose_filter.kalman.state, 1e-6
     fix = on_floor(0.5 + 0.1j, 0.6)
-    pose_filter.positions.correct(fix, way_back)
+    pose_filter.positions.take(fix, way_back)
     for index, value in enumerate(state):
         pose_filter.kalman.assign(index, value + step)
-        pose_filter.positions.correct(fix, way_back)
+        pose_filter.positions.take(fix, way_back)
         pose_filter.kalman.assign(index, value)
         slope = (asked[0][0] - asked[-1][0]) / step
         assert asked[0][1][:, index] == pytest.approx(slope, abs=1e-5)
@@ -113,7 +113,7 @@ def test_the_slopes_are_those_of_the_expected_fix(monkeypatch: pytest.MonkeyPatc
 def settled(place: complex = 0j) -> PositionFilter:
     pose_filter = PositionFilter(FilterSettings(), (), ("overhead",))
     for _ in range(5):
-        pose_filter.positions.correct(on_floor(place, 0.0), HERE)
+        pose_filter.positions.take(on_floor(place, 0.0), HERE)
     return pose_filter
 
 
@@ -123,7 +123,7 @@ def settled(place: complex = 0j) -> PositionFilter:
 def test_a_wild_fix_is_refused_as_a_whole(wild: PoseFixSample) -> None:
     pose_filter = settled()
     before, covariance = pose_filter.pose, pose_filter.covariance
-    innovations = pose_filter.positions.correct(wild, HERE)
+    innovations = pose_filter.positions.take(wild, HERE)
     assert not any(innovation.accepted for innovation in innovations)
     assert (pose_filter.pose, pose_filter.covariance) == (before, covariance)
 
@@ -131,18 +131,18 @@ def test_a_wild_fix_is_refused_as_a_whole(wild: PoseFixSample) -> None:
 def test_fixes_that_are_not_numbers_never_move_the_estimate() -> None:
     pose_filter = PositionFilter(FilterSettings(), (), ("overhead",))
     for _ in range(5):
-        pose_filter.positions.correct(replace(FIX, yaw_rad=math.inf), HERE)
+        pose_filter.positions.take(replace(FIX, yaw_rad=math.inf), HERE)
     assert pose_filter.pose == Pose()
-    assert all(i.accepted for i in pose_filter.positions.correct(on_floor(0j, 0.0), HERE))
+    assert all(i.accepted for i in pose_filter.positions.take(on_floor(0j, 0.0), HERE))
 
 
 def test_a_rover_that_was_carried_away_is_found_again_by_the_third_fix() -> None:
     pose_filter = settled()
     moved = on_floor(0.4 + 0.3j, 0.2)
-    accepted = [pose_filter.positions.correct(moved, HERE)[0].accepted for _ in range(3)]
+    accepted = [pose_filter.positions.take(moved, HERE)[0].accepted for _ in range(3)]
     assert accepted == [False, False, True]
     for _ in range(5):
-        assert pose_filter.positions.correct(moved, HERE)[0].accepted
+        assert pose_filter.positions.take(moved, HERE)[0].accepted
     assert (pose_filter.pose.x_m, pose_filter.pose.y_m) == pytest.approx((0.4, 0.3), abs=0.01)
     assert pose_filter.pose.yaw_rad == pytest.approx(0.2, abs=0.01)
 
@@ -150,8 +150,8 @@ def test_a_rover_that_was_carried_away_is_found_again_by_the_third_fix() -> None
 def test_directly_after_a_displaced_fix_was_taken_a_wild_one_is_refused() -> None:
     pose_filter = settled()
     for _ in range(3):
-        pose_filter.positions.correct(on_floor(0.4 + 0.3j, 0.2), HERE)
-    assert not pose_filter.positions.correct(on_floor(-2.0 + 0.3j, 0.2), HERE)[0].accepted
+        pose_filter.positions.take(on_floor(0.4 + 0.3j, 0.2), HERE)
+    assert not pose_filter.positions.take(on_floor(-2.0 + 0.3j, 0.2), HERE)[0].accepted
 
 
 @pytest.mark.parametrize(("place", "stops"), [(0.4 + 0.3j, True), (0.1 + 0j, False)])
@@ -184,9 +184,9 @@ def test_single_wild_fixes_among_good_ones_are_never_taken() -> None:
     pose_filter = settled()
     wild = on_floor(0.4 + 0.3j, 0.2)
     for _ in range(6):
-        assert not pose_filter.positions.correct(wild, HERE)[0].accepted
-        assert not pose_filter.positions.correct(wild, HERE)[0].accepted
-        assert pose_filter.positions.correct(on_floor(0j, 0.0), HERE)[0].accepted
+        assert not pose_filter.positions.take(wild, HERE)[0].accepted
+        assert not pose_filter.positions.take(wild, HERE)[0].accepted
+        assert pose_filter.positions.take(on_floor(0j, 0.0), HERE)[0].accepted
     assert abs(pose_filter.pose.x_m) < 1e-3
 
 
@@ -201,12 +201,12 @@ class NoisyDrive:
         self.floor = Pose(x_m=self.rng.uniform(-3, 3), y_m=1.0, yaw_rad=self.rng.uniform(-math.pi, math.pi))
         self.bias_rad_s = self.settings.gyro_bias_rad_s * self.rng.normal()
         self.filter = PositionFilter(self.settings, (), ("overhead",))
-        self.queue = FixQueue(("overhead",))
+        self.queue = PositionQueue()
         self.place, self.yaw_rad, self.t_ns = 0j, 0.0, START_NS
         self.pending: list[PoseFixSample] = []
         self.innovations: list[tuple[Innovation, ...]] = []
         for _ in range(settling_fixes):
-            self.filter.positions.correct(self._see(), HERE)
+            self.filter.positions.take(self._see(), HERE)
 
     def drive(self, steps: int) -> None:
         for step in range(steps):
@@ -219,7 +219,7 @@ class NoisyDrive:
                 self.pending.clear()
             for fix, way_back in self.queue.take():
                 assert way_back is not None
-                self.innovations.append(self.filter.positions.correct(fix, way_back))
+                self.innovations.append(self.filter.positions.take(fix, way_back))
 
     def nees(self) -> float:
         pose, (xx, xy, xw, yy, yw, ww) = self.filter.pose, self.filter.covariance

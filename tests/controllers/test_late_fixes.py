@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from controllers.estimation.filter.motion_history import FixQueue
 from controllers.estimation.filter.state_layout import BIAS, YAW, StateLayout, X, Y, lay_out
 from controllers.estimation.filter.transition import MotionTransition, Turn
 from controllers.estimation.pose_estimate import YawSource
@@ -20,7 +19,7 @@ from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.planar import wrap_angle
 from drivers.clock import nanoseconds
 from drivers.samples import PoseFixSample
-from tests.controllers.floor_fixes import FIX, PositionFilter
+from tests.controllers.floor_fixes import FIX, PositionFilter, PositionQueue
 
 Array = NDArray[np.float64]
 
@@ -58,7 +57,7 @@ def moves(seed: int) -> list[tuple[BodyIncrement, Turn]]:
     return found
 
 
-def after(state: Array, drive: list[tuple[BodyIncrement, Turn]], queue: FixQueue | None = None) -> Array:
+def after(state: Array, drive: list[tuple[BodyIncrement, Turn]], queue: PositionQueue | None = None) -> Array:
     """Return a state after a drive."""
     motion, now = MotionTransition(SETTINGS, layout(), None), state.tolist()
     for number, (increment, turn) in enumerate(drive, 1):
@@ -85,7 +84,7 @@ def test_the_row_of_a_late_fix_is_its_derivative_through_the_motion_since(
     origin = places.origins["overhead"]
     start = np.zeros(places.size)
     start[[BIAS, origin, origin + 1, origin + 2]] = bias_rad_s, 2.0, -1.0, 2.5
-    queue = FixQueue(("overhead",))
+    queue = PositionQueue()
     now = after(start, drive, queue)
     queue.add(ARM, ARM.t_ns)
     ((fix, way_back),) = queue.take()
@@ -106,7 +105,7 @@ def test_the_row_of_a_late_fix_is_its_derivative_through_the_motion_since(
 
 
 def test_a_late_fix_of_the_yaw_teaches_the_bias_as_much_as_the_gyro_has_moved_since() -> None:
-    pose_filter, queue = PositionFilter(FilterSettings(), (), ("overhead",)), FixQueue(("overhead",))
+    pose_filter, queue = PositionFilter(FilterSettings(), (), ("overhead",)), PositionQueue()
     bias_rad_s, t_ns = 0.05, 0
     for number in range(200):
         t_ns = nanoseconds((number + 1) * PERIOD_S)
@@ -116,9 +115,7 @@ def test_a_late_fix_of_the_yaw_teaches_the_bias_as_much_as_the_gyro_has_moved_si
         if number % 10 == 9:
             queue.add(late_by(t_ns, 1.5, 0.01 * (number + 1)), t_ns)
         for fix, way_back in queue.take():
-            assert way_back is None or all(
-                one.accepted for one in pose_filter.positions.correct(fix, way_back)
-            )
+            assert way_back is None or all(one.accepted for one in pose_filter.positions.take(fix, way_back))
     assert pose_filter.gyro_bias_rad_s == pytest.approx(bias_rad_s, abs=0.003)
     assert pose_filter.pose.yaw_rad == pytest.approx(0.0, abs=3.0 * math.sqrt(pose_filter.covariance[5]))
 

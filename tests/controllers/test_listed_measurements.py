@@ -1,16 +1,17 @@
-"""A measurement that nobody has thought of: a file like `BearingReader`, and a line in `LISTED`."""
+"""A measurement that nobody has thought of: a file like `BearingReader`, and an entry in `make_readers`."""
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
-from controllers.estimation import sample_intake
+from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.measurement_model import Array, Expected, Measured
-from controllers.estimation.filter.reader import Measurement, Situation
+from controllers.estimation.filter.reader import Situation
 from controllers.estimation.filter.state_layout import YAW, X, Y
-from controllers.estimation.listed import LISTED
+from controllers.estimation.listed import make_readers
 from controllers.estimation.settings import FilterSettings
 from controllers.estimator import Estimator
 from controllers.motion.kinematics import SkidSteerKinematics
@@ -48,12 +49,19 @@ class Bearing:
 
 
 class BearingReader:
-    def source(self, sample: Sample) -> str | None:
-        return sample.device if isinstance(sample, BearingSample) else None
+    kind: ClassVar[type[Sample]] = BearingSample
 
-    def read(self, sample: Sample, now: Situation) -> Measurement | None:
-        assert isinstance(sample, BearingSample)
-        return Bearing(), (sample.bearing_rad,)
+    def source(self, sample: BearingSample) -> str:
+        return sample.device
+
+    def measured_ns(self, sample: BearingSample, t_ns: int) -> int:
+        return t_ns
+
+    def correct(self, sample: BearingSample, now: Situation) -> tuple[Innovation, ...]:
+        return now.pose_filter.correct(Bearing(), (sample.bearing_rad,))
+
+    def miss(self, sample: BearingSample) -> None:
+        pass
 
 
 def yaw_sd_rad(*, hears_beacon: bool) -> tuple[float, list[str]]:
@@ -77,7 +85,9 @@ def yaw_sd_rad(*, hears_beacon: bool) -> tuple[float, list[str]]:
 
 def test_a_measurement_is_a_reader_and_a_line_in_the_list(monkeypatch: pytest.MonkeyPatch) -> None:
     alone_rad, _ = yaw_sd_rad(hears_beacon=True)
-    monkeypatch.setattr(sample_intake, "LISTED", (*LISTED, BearingReader()))
+    monkeypatch.setattr(
+        "controllers.estimator.make_readers", lambda *parts: (*make_readers(*parts), BearingReader())
+    )
     unheard_rad, none = yaw_sd_rad(hears_beacon=False)
     heard_rad, names = yaw_sd_rad(hears_beacon=True)
     assert unheard_rad == alone_rad

@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.motion_history import MotionHistory, WayBack
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.reader import Situation
 from controllers.estimation.filter.transition import Turn
@@ -40,12 +41,18 @@ def correct_heading(
     pose_filter: PoseFilter, reference: HeadingReference, heading_rad: float, turned_since_rad: float
 ) -> Innovation:
     """Correct by a heading of the compass; `turned_since_rad` is the turn since it was measured."""
-    # A second ago, at this yaw rate.
-    now = Situation(settings=SETTINGS, layout=pose_filter.layout, yaw_rate_rad_s=turned_since_rad, age_s=1.0)
+    here = WayBack(x_m=0.0, y_m=0.0, turned_rad=turned_since_rad, position_m2=0.0, yaw_rad2=0.0)
+    now = Situation(
+        pose_filter=pose_filter,
+        settings=SETTINGS,
+        history=MotionHistory(),
+        measured_ns=0,
+        way_back=here,
+        yaw_rate_rad_s=0.0,
+    )
     sample = HeadingSample(device="compass", t_ns=0, heading_rad=heading_rad, reference=reference)
-    measurement = HeadingReader().read(sample, now)
-    assert measurement is not None
-    return pose_filter.correct(*measurement)[0]
+    (innovation,) = HeadingReader().correct(sample, now)
+    return innovation
 
 
 def correct_bias(pose_filter: PoseFilter, rate_rad_s: float) -> Innovation:

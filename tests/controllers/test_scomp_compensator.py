@@ -377,7 +377,7 @@ def test_fixes_correct_the_slip_law() -> None:
             position_std_m=0.005,
             yaw_std_rad=0.01,
         )
-        assert all(innovation.accepted for innovation in bench.filter.positions.correct(fix, here))
+        assert all(innovation.accepted for innovation in bench.filter.positions.take(fix, here))
         bench.run(0.1 / RIM_M_S)
     begin_m = bench.way.real
     bench.run(1.0 / RIM_M_S)

@@ -118,7 +118,7 @@ def test_fixes_of_a_rover_that_slips_correct_the_way_after_them() -> None:
             position_std_m=0.002,
             yaw_std_rad=0.01,
         )
-        assert all(innovation.accepted for innovation in pose_filter.positions.correct(sample, here))
+        assert all(innovation.accepted for innovation in pose_filter.positions.take(sample, here))
 
     fix(0.0)
     for number in range(1, 11):

@@ -1,20 +1,16 @@
-"""Late absolute fixes: each gets the motion from the present pose back to the pose at exposure."""
+"""The recorded motion of the rover, from the present pose back to a past one."""
 
 import cmath
-import math
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from controllers.estimation.filter.measurement_model import Array
 from controllers.estimation.filter.state_layout import YAW, X, Y
-from controllers.motion.planar import Pose, move, wrap_angle
+from controllers.motion.planar import wrap_angle
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds
 from drivers.record import record
-from drivers.samples import PoseFixSample
 
 HISTORY_NS = 2 * NANOSECONDS_PER_SECOND
-MOST_WAITING = 8
 
 
 @record(frozen=True, slots=True, kw_only=True)
@@ -73,6 +69,9 @@ class WayBack:
         return bias_rad_s * self.place_s_m - self.bias_m, bias_rad_s * self.covered_s - self.bias_rad
 
 
+AT_START = WayBack(x_m=0.0, y_m=0.0, turned_rad=0.0, position_m2=0.0, yaw_rad2=0.0)
+
+
 def pose_then(state: Array, way_back: WayBack) -> tuple[complex, float]:
     """Return place and yaw of the rover in the local frame at exposure."""
     yaw_rad = state.item(YAW)
@@ -80,149 +79,83 @@ def pose_then(state: Array, way_back: WayBack) -> tuple[complex, float]:
     return complex(state.item(X), state.item(Y)) + arm_m, yaw_rad - way_back.turned_rad
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Mark:
-    """Sums of the motion up to a time: the pose of pure dead reckoning, and the variances.
-
-    Attributes:
-        rolled_m: Place by rolling wheels with the same yaw.
-        covered_s: Time over which the gyro's bias entered; the yaw falls by it per rad/s of bias.
-        place_s_m: Derivative of the place over the bias.
-        bias_rad: Turn that the biases have taken off.
-        bias_m: Likewise of the place.
-    """
-
-    t_ns: int
-    pose: Pose
-    position_m2: float
-    yaw_rad2: float
-    rolled_m: complex = 0j
-    covered_s: float = 0.0
-    place_s_m: complex = 0j
-    bias_rad: float = 0.0
-    bias_m: complex = 0j
-
-
-class FixQueue:
-    """Waiting fixes, and the motion of the last two seconds.
+class MotionHistory:
+    """The motion of the last two seconds, to lead a late reading back to the time when it was measured.
 
     Dead reckoning is separate from the estimate, so that corrections by other measurements do not count as
-    motion.
+    motion. Recording costs little, because it is done in each cycle; the way back is summed where it is asked
+    for.
 
-    Args:
-        devices: Names of the devices that give fixes; others are ignored.
-        has_camera: Whether the motion is needed for pairs of frames, too.
+    Attributes:
+        start_ns: Begin of the first recorded motion, before which the rover was at the start; None before it,
+            and when that is forgotten.
     """
 
-    def __init__(self, devices: Sequence[str], *, has_camera: bool = False) -> None:
-        self._newest_ns: dict[str, int | None] = dict.fromkeys(devices)
-        self._is_recorded = bool(devices) or has_camera
-        self._waiting: deque[tuple[int, PoseFixSample]] = deque(maxlen=MOST_WAITING)
-        self._marks: deque[_Mark] = deque()
-
-    def add(self, fix: PoseFixSample, t_ns: int) -> None:
-        """Take a fix that arrived at `t_ns`; one that is not newer than the last has no effect."""
-        if fix.device not in self._newest_ns:
-            return
-        capture_ns = min(fix.t_capture_ns, t_ns)
-        newest_ns = self._newest_ns[fix.device]
-        if newest_ns is None or capture_ns > newest_ns:
-            self._newest_ns[fix.device] = capture_ns
-            self._waiting.append((capture_ns, fix))
+    def __init__(self) -> None:
+        self._steps: deque[tuple[int, int, Step]] = deque()
+        self._has_begun = False
+        self.start_ns: int | None = None
 
     def move(self, t_ns: int, step: Step) -> None:
         """Record the step that ended at `t_ns`; after a gap the motion starts anew."""
-        if not self._is_recorded:
-            return
+        steps = self._steps
         start_ns = t_ns - nanoseconds(step.duration_s)
-        marks = self._marks
         # Durations are rounded to less than a microsecond.
-        if not marks or abs(marks[-1].t_ns - start_ns) > 1000:
-            marks.clear()
-            marks.append(_Mark(t_ns=start_ns, pose=Pose(), position_m2=0.0, yaw_rad2=0.0))
-        last = marks[-1]
-        pose = move(last.pose, step.x_m, step.y_m, step.turn_rad)
-        bias_rad = step.bias_rad_s * step.covered_s
-        moved_m = complex(pose.x_m - last.pose.x_m, pose.y_m - last.pose.y_m)
-        marks.append(
-            _Mark(
-                t_ns=t_ns,
-                pose=pose,
-                position_m2=last.position_m2 + step.position_m2,
-                yaw_rad2=last.yaw_rad2 + step.yaw_rad2,
-                rolled_m=last.rolled_m
-                + step.rolled_m * cmath.rect(1.0, last.pose.yaw_rad + 0.5 * step.turn_rad),
-                covered_s=last.covered_s + step.covered_s,
-                place_s_m=last.place_s_m - 1j * moved_m * (last.covered_s + 0.5 * step.covered_s),
-                bias_rad=last.bias_rad + bias_rad,
-                bias_m=last.bias_m - 1j * moved_m * (last.bias_rad + 0.5 * bias_rad),
-            )
-        )
-        while marks[0].t_ns < t_ns - HISTORY_NS:
-            marks.popleft()
-
-    def take(self) -> list[tuple[PoseFixSample, WayBack | None]]:
-        """Return the fixes whose exposure the recorded motion has reached, with the motion back to it.
-
-        The motion is None for a fix from before the recorded motion.
-        """
-        if not self._marks:
-            return []
-        known_ns = self._marks[-1].t_ns
-        ready = [(capture_ns, fix) for capture_ns, fix in self._waiting if capture_ns <= known_ns]
-        for item in ready:
-            self._waiting.remove(item)
-        return [(fix, self.way_back(capture_ns)) for capture_ns, fix in ready]
+        if steps and abs(steps[-1][1] - start_ns) <= 1000:
+            start_ns = steps[-1][1]
+        else:
+            steps.clear()
+            self.start_ns = None if self._has_begun else start_ns
+            self._has_begun = True
+        steps.append((start_ns, t_ns, step))
+        while steps and steps[0][0] < t_ns - HISTORY_NS:
+            steps.popleft()
+            self.start_ns = None
 
     @property
     def known_ns(self) -> int | None:
         """Time up to which the motion is recorded; None before the first."""
-        return self._marks[-1].t_ns if self._marks else None
+        return self._steps[-1][1] if self._steps else None
 
     def way_back(self, then_ns: int) -> WayBack | None:
-        """Return the motion from the present pose back to a past one; None outside the recorded motion."""
-        marks = self._marks
-        if not marks or not marks[0].t_ns <= then_ns <= marks[-1].t_ns:
+        """Return the motion from the present pose back to a past one; None outside the recorded motion.
+
+        Before the first recorded motion the rover is where it was.
+        """
+        steps = self._steps
+        if not self._has_begun:
+            return AT_START
+        if not steps or not steps[0][0] <= then_ns <= steps[-1][1]:
             return None
-        index = len(marks) - 1
-        while index > 0 and marks[index - 1].t_ns >= then_ns:
-            index -= 1
-        then, now = _between(marks[max(index - 1, 0)], marks[index], then_ns), marks[-1]
-        x_m, y_m = then.pose.x_m - now.pose.x_m, then.pose.y_m - now.pose.y_m
-        cosine, sine = math.cos(now.pose.yaw_rad), math.sin(now.pose.yaw_rad)
-        # Seen from the present pose, which stays, the path since then turns with the bias.
-        arm_m, to_body = 1j * complex(x_m, y_m), complex(cosine, -sine)
+        place_m = rolled_m = place_s_m = bias_m = 0j
+        turned_rad = position_m2 = yaw_rad2 = covered_s = bias_rad = 0.0
+        for start_ns, end_ns, step in reversed(steps):
+            if end_ns <= then_ns:
+                break
+            # The chord of the whole step, also where only its end is needed.
+            share = min((end_ns - then_ns) / (end_ns - start_ns), 1.0)
+            chord = share * cmath.rect(1.0, -turned_rad - 0.5 * step.turn_rad)
+            moved_m = chord * complex(step.x_m, step.y_m)
+            step_bias_rad = step.bias_rad_s * step.covered_s
+            place_m -= moved_m
+            rolled_m += chord * step.rolled_m
+            # Seen from the present pose, which stays, the path since then turns with the bias.
+            place_s_m -= 1j * moved_m * (covered_s + 0.5 * step.covered_s)
+            bias_m -= 1j * moved_m * (bias_rad + 0.5 * step_bias_rad)
+            turned_rad += share * step.turn_rad
+            position_m2 += share * step.position_m2
+            yaw_rad2 += share * step.yaw_rad2
+            covered_s += share * step.covered_s
+            bias_rad += share * step_bias_rad
         return WayBack(
-            x_m=cosine * x_m + sine * y_m,
-            y_m=cosine * y_m - sine * x_m,
-            turned_rad=wrap_angle(now.pose.yaw_rad - then.pose.yaw_rad),
-            position_m2=now.position_m2 - then.position_m2,
-            yaw_rad2=now.yaw_rad2 - then.yaw_rad2,
-            rolled_m=(now.rolled_m - then.rolled_m) * cmath.rect(1.0, -now.pose.yaw_rad),
-            covered_s=now.covered_s - then.covered_s,
-            place_s_m=(then.place_s_m - now.place_s_m + now.covered_s * arm_m) * to_body,
-            bias_rad=now.bias_rad - then.bias_rad,
-            bias_m=(then.bias_m - now.bias_m + now.bias_rad * arm_m) * to_body,
+            x_m=place_m.real,
+            y_m=place_m.imag,
+            turned_rad=wrap_angle(turned_rad),
+            position_m2=position_m2,
+            yaw_rad2=yaw_rad2,
+            rolled_m=rolled_m,
+            covered_s=covered_s,
+            place_s_m=place_s_m,
+            bias_rad=bias_rad,
+            bias_m=bias_m,
         )
-
-
-def _between(before: _Mark, after: _Mark, t_ns: int) -> _Mark:
-    """Return the mark at `t_ns`, on the straight line between two."""
-    span_ns = after.t_ns - before.t_ns
-    share = 1.0 if span_ns == 0 else (t_ns - before.t_ns) / span_ns
-    start, end = before.pose, after.pose
-    return _Mark(
-        t_ns=t_ns,
-        pose=Pose(
-            x_m=start.x_m + share * (end.x_m - start.x_m),
-            y_m=start.y_m + share * (end.y_m - start.y_m),
-            yaw_rad=wrap_angle(start.yaw_rad + share * wrap_angle(end.yaw_rad - start.yaw_rad)),
-        ),
-        position_m2=before.position_m2 + share * (after.position_m2 - before.position_m2),
-        yaw_rad2=before.yaw_rad2 + share * (after.yaw_rad2 - before.yaw_rad2),
-        rolled_m=before.rolled_m + share * (after.rolled_m - before.rolled_m),
-        covered_s=before.covered_s + share * (after.covered_s - before.covered_s),
-        place_s_m=before.place_s_m + share * (after.place_s_m - before.place_s_m),
-        bias_rad=before.bias_rad + share * (after.bias_rad - before.bias_rad),
-        bias_m=before.bias_m + share * (after.bias_m - before.bias_m),
-    )

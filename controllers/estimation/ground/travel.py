@@ -16,8 +16,6 @@ from drivers.clock import nanoseconds, seconds
 from drivers.record import record
 from drivers.samples import FrameSample, RateSample
 
-MOST_WAITING = 4
-"""Frames that wait for the motion of the wheels; a camera that sends more is faster than the wheels."""
 SLIP_WINDOW_M = 0.05
 """The slip is reported over this travel of the wheels; over less than half of it there is only a velocity."""
 GREATEST_SLIP = 1.5
@@ -105,14 +103,12 @@ class SeenFrame(NamedTuple):
     """A frame up to which the motion of the wheels is known.
 
     Attributes:
-        way_back: From the present pose to that at its exposure.
         pair: Motion since the pair's first frame; None where it is not valid, or began before the recorded
             motion of the wheels. One that contradicts the wheels is not to be used.
         is_begin: Whether the next pair begins here.
         rig_fault: By how much all earlier pairs may have moved the rover wrongly; None for not at all.
     """
 
-    way_back: WayBack
     pair: GroundPair | None
     is_begin: bool
     rig_fault: Fault | None
@@ -143,7 +139,7 @@ class GroundReport:
 
 
 class GroundTravel:
-    """Frames that wait for the wheels, the pairs that were measured, and the slip that they show.
+    """The pairs of frames that were measured, and the slip that they show.
 
     Args:
         settings: Times of the camera.
@@ -154,7 +150,6 @@ class GroundTravel:
         self._meter = meter
         self._delay_ns = nanoseconds(settings.camera_delay_s)
         self._age_ns = nanoseconds(settings.greatest_age_s)
-        self._waiting: deque[tuple[int, FrameSample]] = deque(maxlen=MOST_WAITING)
         self._frame_ns: int | None = None
         self._window: deque[GroundPair] = deque()
         self._valid: GroundPair | None = None
@@ -164,36 +159,40 @@ class GroundTravel:
         self._turned: list[GroundPair] = []
         self._t_ns = 0
 
-    def add(self, frame: FrameSample, t_ns: int) -> None:
-        """Take a frame that arrived at `t_ns`; one that is not newer than the last has no effect."""
-        exposed_ns = min(frame.t_ns if frame.t_capture_ns is None else frame.t_capture_ns, t_ns)
-        exposed_ns -= self._delay_ns
-        newest_ns = self._waiting[-1][0] if self._waiting else self._frame_ns
-        if newest_ns is None or exposed_ns > newest_ns:
-            self._waiting.append((exposed_ns, frame))
+    def exposed_ns(self, frame: FrameSample, t_ns: int) -> int:
+        """Return the middle of the exposure of a frame that arrived at `t_ns`."""
+        stamp_ns = frame.t_ns if frame.t_capture_ns is None else frame.t_capture_ns
+        return min(stamp_ns, t_ns) - self._delay_ns
 
     def take_rates(self, sample: RateSample) -> None:
         """Take the turn rates of the body for the frames to come."""
         x, y, z = sample.rate_x_rad_s, sample.rate_y_rad_s, sample.rate_z_rad_s
         self._rates_rad_s = None if x is None or y is None or not math.isfinite(x + y + z) else (x, y, z)
 
-    def take(self, known_ns: int | None, way_back: Callable[[int], WayBack | None]) -> Iterator[SeenFrame]:
-        """Yield each frame up to which the motion of the wheels is known."""
-        while known_ns is not None and self._waiting and self._waiting[0][0] <= known_ns:
-            t_ns, frame = self._waiting.popleft()
-            now = way_back(t_ns)
-            before = None if self._frame_ns is None else way_back(self._frame_ns)
-            self._frame_ns = t_ns
-            if now is None:
-                self._reason = "frame older than the motion of the wheels"
-                continue
-            rolled_m, turn_rad = (0j, 0.0) if before is None else _between(before, now)
-            point_m = rolled_m + self._turned_m(turn_rad)
-            prior = WheelPrior(point_m.real, point_m.imag, turn_rad, self._rates_rad_s)
-            motion = self._meter.measure(frame, t_ns, prior)
-            pair = None if motion is None else self._pair(motion, now, way_back(motion.from_ns))
-            rig_fault = None if motion is None else motion.rig_fault
-            yield SeenFrame(now, pair, self._meter.from_ns == t_ns, rig_fault)
+    def measure(
+        self, frame: FrameSample, t_ns: int, now: WayBack, way_back: Callable[[int], WayBack | None]
+    ) -> SeenFrame:
+        """Return what a frame shows.
+
+        Args:
+            frame: Newer than the one before.
+            t_ns: Middle of its exposure.
+            now: From the present pose to that at this time.
+            way_back: Returns the same for another time; None outside the recorded motion.
+        """
+        before = None if self._frame_ns is None else way_back(self._frame_ns)
+        self._frame_ns = t_ns
+        rolled_m, turn_rad = (0j, 0.0) if before is None else _between(before, now)
+        point_m = rolled_m + self._turned_m(turn_rad)
+        prior = WheelPrior(point_m.real, point_m.imag, turn_rad, self._rates_rad_s)
+        motion = self._meter.measure(frame, t_ns, prior)
+        pair = None if motion is None else self._pair(motion, now, way_back(motion.from_ns))
+        rig_fault = None if motion is None else motion.rig_fault
+        return SeenFrame(pair, self._meter.from_ns == t_ns, rig_fault)
+
+    def miss(self) -> None:
+        """Take that a frame is older than the recorded motion."""
+        self._reason = "frame older than the motion of the wheels"
 
     def _turned_m(self, turn_rad: float) -> complex:
         """Return by how much the measured point moves, in the later axes, while the origin only turns."""

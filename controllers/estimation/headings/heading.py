@@ -2,11 +2,13 @@
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
+from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.measurement_model import Array, Expected, Measured
-from controllers.estimation.filter.reader import Measurement, Situation
+from controllers.estimation.filter.reader import Situation
 from controllers.estimation.filter.state_layout import HARMONICS, YAW
 from drivers.samples import HeadingReference, HeadingSample, Sample
 
@@ -67,23 +69,30 @@ class HeadingModel:
 class HeadingReader:
     """Reads headings: one per device and reference."""
 
-    def source(self, sample: Sample) -> tuple[str, HeadingReference] | None:
-        """Return device and reference."""
-        return (sample.device, sample.reference) if isinstance(sample, HeadingSample) else None
+    kind: ClassVar[type[Sample]] = HeadingSample
 
-    def read(self, sample: Sample, now: Situation) -> Measurement | None:
-        """Return a heading; None of a device whose offset is no state."""
-        if not isinstance(sample, HeadingSample):
-            return None
-        source = (sample.device, sample.reference)
-        offset_index = now.layout.offsets.get(source)
+    def source(self, sample: HeadingSample) -> tuple[str, HeadingReference]:
+        """Return device and reference."""
+        return (sample.device, sample.reference)
+
+    def measured_ns(self, sample: HeadingSample, t_ns: int) -> int:
+        """Return the arrival; what the device lags behind is a setting."""
+        return t_ns
+
+    def correct(self, sample: HeadingSample, now: Situation) -> tuple[Innovation, ...]:
+        """Correct by a heading; without effect for a device whose offset is no state."""
+        source, layout = (sample.device, sample.reference), now.pose_filter.layout
+        offset_index = layout.offsets.get(source)
         if offset_index is None:
-            return None
+            return ()
         model = HeadingModel(
             source=Measured(sample.device, sample.reference),
             offset_index=offset_index,
-            deviation_index=now.layout.deviations.get(source),
-            turned_since_rad=now.yaw_rate_rad_s * (now.settings.heading_lag_s + now.age_s),
+            deviation_index=layout.deviations.get(source),
+            turned_since_rad=now.way_back.turned_rad + now.yaw_rate_rad_s * now.settings.heading_lag_s,
             sd_rad=now.settings.heading_noise_rad,
         )
-        return model, (sample.heading_rad,)
+        return now.pose_filter.correct(model, (sample.heading_rad,))
+
+    def miss(self, sample: HeadingSample) -> None:
+        """Nothing: the next heading is as good."""

@@ -3,6 +3,7 @@
 import cmath
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -10,12 +11,13 @@ from controllers.estimation.filter.guarded_filter import Innovation, Outcome
 from controllers.estimation.filter.measurement_model import Measured
 from controllers.estimation.filter.motion_history import WayBack
 from controllers.estimation.filter.pose_filter import PoseFilter
+from controllers.estimation.filter.reader import Situation
 from controllers.estimation.filter.state_layout import YAW, X, Y
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.positions.jumps import PositionJumps
 from controllers.estimation.positions.pose_fix import PoseFix, has_yaw, place_then
 from controllers.motion.planar import wrap_angle
-from drivers.samples import PoseFixSample
+from drivers.samples import PoseFixSample, Sample
 
 LEAST_BASELINE_SD = 10.0
 """Two fixes without yaw turn the floor's axes from so many deviations of their difference on: to 6 deg."""
@@ -48,6 +50,8 @@ class PositionFrames:
         gate_probability: Share of consistent fixes that pass the gate.
     """
 
+    kind: ClassVar[type[Sample]] = PoseFixSample
+
     def __init__(self, pose_filter: PoseFilter, gate_probability: float) -> None:
         self._poses, self._filter = pose_filter, pose_filter.kalman
         self._origins = pose_filter.layout.origins
@@ -62,7 +66,22 @@ class PositionFrames:
         """By how much the places of each device have jumped, in the local frame; see `PositionJumps`."""
         return {device: jumps.offset_m for device, jumps in self._jumps.items() if jumps.offset_m}
 
-    def correct(self, fix: PoseFixSample, way_back: WayBack) -> tuple[Innovation, ...]:
+    def source(self, sample: PoseFixSample) -> str | None:
+        """Return the device; None for one whose frame is no state."""
+        return sample.device if sample.device in self._origins else None
+
+    def measured_ns(self, sample: PoseFixSample, t_ns: int) -> int:
+        """Return when the exposure was."""
+        return min(sample.t_capture_ns, t_ns)
+
+    def correct(self, sample: PoseFixSample, now: Situation) -> tuple[Innovation, ...]:
+        """Correct by a measured position or pose, see `take`."""
+        return self.take(sample, now.way_back)
+
+    def miss(self, sample: PoseFixSample) -> None:
+        """Nothing: the next position is as good."""
+
+    def take(self, fix: PoseFixSample, way_back: WayBack) -> tuple[Innovation, ...]:
         """Correct by a fix of the pose; `way_back` leads from the present pose to that at exposure.
 
         A fix is accepted or rejected as a whole. After two rejections in a row the rover has been moved, or

@@ -57,14 +57,21 @@ def wheel_evidence(
     estimate: PoseEstimate,
     contradiction: WheelContradiction,
     steering: SteeringAngles,
+    setpoints: WheelSetpoints,
+    motion_ns: int | None,
+    *,
+    is_still: bool,
 ) -> WheelEvidence:
     """Return what the parts of the wheels know; `driven_from` is the odometry of the cycle before."""
     pose, report = odometry.pose, contradiction.report
     driven_m = complex(pose.x_m - driven_from.x_m, pose.y_m - driven_from.y_m)
     return WheelEvidence(
+        motion_ns=motion_ns,
+        set=setpoints,
         measured_rad_s=odometry.wheel_speed_rad_s,
         distance_m=abs(driven_m),
         travel_m=driven_m * cmath.rect(1.0, estimate.yaw_rad - pose.yaw_rad),
+        is_still=is_still,
         contradiction=None if report is None else report.scaled,
         steering_rad=steering.angles_rad,
         steering_ns=steering.reported_ns,
