@@ -29,7 +29,8 @@ from controllers.safety.drive_check import DriveCheck, Finding
 from controllers.safety.reasons import Cycle, Operation
 from controllers.settings import ControlSettings, find_area_conflicts
 from controllers.slip.effort.compensator import SlipReport
-from controllers.slip.scomp.compensator import ScompReport, TraceFinder
+from controllers.slip.scomp.compensator import ScompReport
+from controllers.slip.scomp.trace_reader import TraceFinder
 from controllers.slip_estimators import make_slip_estimator
 from drivers.clock import nanoseconds, seconds
 from drivers.errors import ConfigError

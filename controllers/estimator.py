@@ -105,7 +105,7 @@ class Estimator:
         self.ground = GroundFollower(ground, roles.camera, self.pose_filter, self.budget, self._turns)
         self._history = MotionHistory()
         self._motion_age_ns = nanoseconds(roles.motion_age_s)
-        self._readings = LateReadings(make_readers(self.positions, self.ground))
+        self._readings = LateReadings(make_readers(self.positions, self.ground, slip))
         watch = StandstillWatch(settings)
         self._intake = SampleIntake(
             kinematics,
@@ -211,6 +211,8 @@ class Estimator:
             self.motion_ns = self.odometry.t_ns
             self._move_to(self.motion_ns, now_ns, increment)
         innovations = self._correct()
+        if self._slip is not None:
+            self._slip.follow(self.pose_filter)
         innovations += self.ground.compare(now_ns, is_at_standstill=self.standstill.is_at_standstill)
         innovations += self.standstill.correct_bias(self._roles.gyro)
         self.budget.limit()
@@ -329,10 +331,8 @@ class Estimator:
     def _move(self, increment: BodyIncrement, turn: Turn) -> Step:
         """Move the estimate; after a gap of the samples the path between is unknown."""
         step = self.pose_filter.predict(increment, turn)
-        if self._slip is not None:
-            if self._slip.states is not None:  # they remove their share in the prediction
-                self.budget.note_compensation(0.0, increment.x_m - step.x_m, increment.y_m - step.y_m)
-            self._slip.correct(self.pose_filter)
+        if self._slip is not None and self._slip.states is not None:  # they remove their share there
+            self.budget.note_compensation(0.0, increment.x_m - step.x_m, increment.y_m - step.y_m)
         if turn.source is YawSource.GYRO and turn.by_wheels_rad is not None:
             self.budget.count(0.0, step.yaw_rad2)
             self.budget.add((0.0, 0.0, turn.gap_error_rad), Category.UNOBSERVED)

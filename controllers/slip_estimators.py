@@ -6,7 +6,8 @@ from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.roles import DeviceRoles
 from controllers.settings import ControlSettings
 from controllers.slip.effort.compensator import EffortCompensator, SlipReport
-from controllers.slip.scomp.compensator import ScompCompensator, ScompReport, TraceFinder
+from controllers.slip.scomp.compensator import ScompCompensator, ScompReport
+from controllers.slip.scomp.trace_reader import TraceFinder
 
 
 def make_slip_estimator(

@@ -39,7 +39,7 @@ from controllers.control_loop import ControlLoop, StepOutput
 from controllers.estimation.pose_estimate import PoseEstimate
 from controllers.ftrace.reading import Rates, TraceReading
 from controllers.safety import Mode
-from controllers.slip.scomp.compensator import TraceFinder
+from controllers.slip.scomp.trace_reader import TraceFinder
 from drivers.clock import VirtualClock, nanoseconds, seconds
 from drivers.link import NoTap
 from drivers.samples import FrameSample, PoseFixSample, Sample

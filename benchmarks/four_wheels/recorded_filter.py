@@ -101,7 +101,7 @@ def estimate(drive: Recorded, parameters: ScompParameters, settings: FilterSetti
     if fixes != "no fixes":
         rows = replace(rows, fix_m=np.full((len(t_s), 2), np.nan))  # a device; its fixes follow
     recorded = RecordedSamples(rows, parameters, None)
-    estimator, _ = recorded_estimator(recorded, parameters, settings, ScompStates(parameters))
+    estimator = recorded_estimator(recorded, parameters, settings, ScompStates(parameters))
     rng = np.random.default_rng(3)
     ends = len(t_s) // 2 if fixes == "fixes in the first half" else len(t_s)
     errors: Errors = []

@@ -1,8 +1,9 @@
 """What the estimator requires of a slip compensator, and the control loop of a slip estimator."""
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
+from controllers.estimation.filter.reader import Reader
 from controllers.estimation.filter.slip_states import SlipEstimate, SlipStates
 from controllers.estimation.ground.travel import GroundPair, GroundReport
 from controllers.estimation.wheels.odometry import BodyIncrement
@@ -77,8 +78,13 @@ class SlipCompensator(Protocol):
         """Forget what the gyro has taught: it was wrong."""
         ...
 
-    def correct(self, estimate: SlipEstimate) -> None:
-        """Correct the states by what was measured since the last increment, after the filter's prediction."""
+    @property
+    def readers(self) -> tuple[Reader[Any], ...]:
+        """Of the measurements that correct its states in the pose filter."""
+        return ()
+
+    def follow(self, estimate: SlipEstimate) -> None:
+        """Take the states at the end of a cycle, after the filter's prediction and corrections."""
         ...
 
     def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:

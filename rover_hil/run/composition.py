@@ -8,7 +8,7 @@ from controllers.control_loop import ControlLoop, StepOutput
 from controllers.estimation.ground.travel import GroundMeter
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import RoverSettings
-from controllers.slip.scomp.compensator import TraceFinder
+from controllers.slip.scomp.trace_reader import TraceFinder
 from drivers.camera.settings import CameraSettings
 from drivers.clock import Clock, VirtualClock
 from drivers.device_settings import FrameDeviceSettings

@@ -78,7 +78,7 @@ def estimate_track(
         parameters, has_pitch=drive.pitch_rad is not None, has_roll=drive.roll_rad is not None
     )
     samples = RecordedSamples(drive, parameters, start_rad)
-    estimator, slip = recorded_estimator(samples, parameters, settings or sensor_noise(parameters), states)
+    estimator = recorded_estimator(samples, parameters, settings or sensor_noise(parameters), states)
     steps = estimator.pose_filter.keep_steps()
     rows: list[_Row] = []
     innovations: list[Innovation] = []
@@ -86,8 +86,6 @@ def estimate_track(
         for sample in samples.of_row(index):
             estimator.take(sample, sample.t_ns)
         innovations += estimator.advance(samples.t_ns(index))
-        if slip.trace_innovation is not None:
-            innovations.append(slip.trace_innovation)
         rows.append(_Row(len(steps) - 1, states.tilt))
         if index % 200 == 0:
             progress(index)

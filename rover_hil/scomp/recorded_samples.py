@@ -160,8 +160,8 @@ class RecordedSamples:
 
 def recorded_estimator(
     samples: RecordedSamples, parameters: ScompParameters, settings: FilterSettings, states: ScompStates
-) -> tuple[Estimator, ScompCompensator]:
-    """Return the estimator of the control loop for a recorded drive, and its compensator."""
+) -> Estimator:
+    """Return the estimator of the control loop for a recorded drive."""
     drive, roles = samples.drive, samples.roles
     kinematics = make_kinematics(_rover(parameters.rover, is_steered=drive.steering_rad is not None))
     scomp = ScompSettings(parameters=parameters, frame_period_s=0.0)
@@ -170,7 +170,7 @@ def recorded_estimator(
         np.abs(np.diff(drive.wheel_rad) / np.diff(drive.t_s)).max()
         + np.abs(np.diff(drive.wheel_yaw_rad) / np.diff(drive.t_s)).max()
     )
-    return Estimator(kinematics, settings, 1.0 + fastest_rad_s, roles, slip), slip
+    return Estimator(kinematics, settings, 1.0 + fastest_rad_s, roles, slip)
 
 
 def _rover(rover: RoverGeometry, *, is_steered: bool) -> RoverSettings:

@@ -28,6 +28,7 @@ from drivers.errors import ConfigError
 from drivers.samples import AttitudeSample, RateSample
 from tests.controllers.mobility import Wheels
 from tests.controllers.simulated import LIMITS, SKID
+from tests.controllers.slip_readings import SlipReadings
 from tests.controllers.test_scomp_compensator import SeenTrace, frame
 
 PLACES = ((0.3, 0.22), (0.3, -0.22), (-0.3, 0.22), (-0.3, -0.22))
@@ -142,6 +143,7 @@ class Bench:
         self.kinematics = make_kinematics(rover())
         self.scomp = ScompCompensator(ScompSettings(trace_age_s=1.0), roles, self.kinematics, finder)
         self.filter = PoseFilter(FilterSettings(), (), slip=self.scomp.states)
+        self.slip_readings = SlipReadings(self.scomp, self.filter)
         self.motions_m: list[complex] = []
         self.steering_rad = (steering_rad,) * 4
         self.roll_rad = roll_rad
@@ -153,12 +155,12 @@ class Bench:
         for _ in range(round(100 * duration_s)):
             self.t_ns += nanoseconds(0.01)
             if self.t_ns % nanoseconds(0.02) == 0:
-                self.scomp.feed(RateSample(device="imu", t_ns=self.t_ns, rate_z_rad_s=0.0), self.t_ns)
+                self.slip_readings.take(RateSample(device="imu", t_ns=self.t_ns, rate_z_rad_s=0.0))
                 if self.roll_rad is not None:
                     tilt = AttitudeSample(device="imu", t_ns=self.t_ns, pitch_rad=0.0, roll_rad=self.roll_rad)
-                    self.scomp.feed(tilt, self.t_ns)
+                    self.slip_readings.take(tilt)
             if self.t_ns % nanoseconds(0.2) == 0:
-                self.scomp.feed(frame("camera", self.t_ns), self.t_ns)
+                self.slip_readings.take(frame("camera", self.t_ns))
             rolled = BodyIncrement(
                 x_m=x_m,
                 y_m=y_m,
@@ -169,11 +171,11 @@ class Bench:
             )
             before = self.filter.pose
             turn = Turn(angle_rad=0.0, source=YawSource.GYRO, covered_s=0.01)
-            self.filter.predict(self.scomp.compensate(rolled, (), None), turn)
+            step = self.filter.predict(self.scomp.compensate(rolled, (), None), turn)
             after = self.filter.pose
             way_m = complex(after.x_m - before.x_m, after.y_m - before.y_m)
             self.motions_m.append(way_m * cmath.rect(1.0, -after.yaw_rad))
-            self.scomp.correct(self.filter)
+            self.slip_readings.move(self.t_ns, step)
             if rim_m_s == 0.0:
                 self.filter.correct(GyroAtStandstill(device="imu", sd_rad_s=0.01), (0.0,))
 

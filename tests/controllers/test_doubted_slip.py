@@ -44,6 +44,7 @@ class HalfOfTheWay:
     """A compensator that takes half of the way for slip."""
 
     states = None
+    readers = ()
     unsettled_m = 0j
 
     def __init__(self, share: float) -> None:
@@ -62,8 +63,8 @@ class HalfOfTheWay:
     def forget_gyro(self) -> None:
         """Forget nothing."""
 
-    def correct(self, estimate: SlipEstimate) -> None:
-        """Correct nothing."""
+    def follow(self, estimate: SlipEstimate) -> None:
+        """Follow nothing."""
 
     def body_motion(self, wheel_values: Sequence[float]) -> BodyMotion:
         """Return rest."""
@@ -152,13 +153,13 @@ def test_a_wrong_gyro_makes_the_slip_that_was_learnt_as_uncertain_as_at_the_star
     assert trace_sd_rad() == pytest.approx(start_sd_rad, rel=1e-6)
 
 
-def test_until_the_rover_has_stopped_the_trace_is_read_without_a_gyro_that_was_wrong() -> None:
+def test_until_the_rover_has_stopped_no_trace_is_compared_with_a_gyro_that_was_wrong() -> None:
     finder = SeenTrace(0.0)
     bench = Bench(finder)
     bench.run(1.0, rim_m_s=0.0)
     bench.run(5.0)
     bench.told.forget_gyro()
-    # The gyro tells a turn that the wheels do not make: with it a trace straight behind is a slip angle.
+    # With a turn that the rover does not make, a trace straight behind would be a slip angle.
     bench.run(1.0, yaw_rate_rad_s=0.3)
     angle_rad = bench.told.drift_rad
     assert abs(angle_rad) < math.radians(1.0)

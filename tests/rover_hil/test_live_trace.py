@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from controllers.slip.scomp.compensator import TraceFinder
+from controllers.slip.scomp.trace_reader import TraceFinder
 from drivers.errors import ConfigError
 from drivers.samples import FrameSample
 from rover_hil.config import Config, describe_validation_error, load_config

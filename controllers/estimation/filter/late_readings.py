@@ -18,26 +18,29 @@ class LateReadings:
     """Keeps samples that a reader knows, unless they are not newer than the last of their source.
 
     Args:
-        readers: Of the measurements, each of another kind of sample.
+        readers: Of the measurements; several may read one sample.
     """
 
     def __init__(self, readers: Sequence[Reader[Any]]) -> None:
-        self._readers: dict[type[Sample], Reader[Any]] = {reader.kind: reader for reader in readers}
+        self._readers: dict[type[Sample], list[Reader[Any]]] = {}
+        for reader in readers:
+            self._readers.setdefault(reader.kind, []).append(reader)
         self._waiting: dict[Hashable, deque[Reading]] = {}
         self._newest_ns: dict[Hashable, int] = {}
 
     def add(self, sample: Sample, t_ns: int) -> None:
         """Take a sample that arrived at `t_ns`; without effect where no reader knows it."""
-        reader = self._readers.get(type(sample))
-        source = None if reader is None else reader.source(sample)
-        if reader is None or source is None:
-            return
-        measured_ns = reader.measured_ns(sample, t_ns)
+        for reader in self._readers.get(type(sample), ()):
+            source = reader.source(sample)
+            if source is not None:
+                self._keep((reader, source), (reader.measured_ns(sample, t_ns), reader, sample))
+
+    def _keep(self, source: Hashable, reading: Reading) -> None:
+        measured_ns = reading[0]
         newest_ns = self._newest_ns.get(source)
         if newest_ns is None or measured_ns > newest_ns:
             self._newest_ns[source] = measured_ns
-            waiting = self._waiting.setdefault(source, deque(maxlen=MOST_WAITING))
-            waiting.append((measured_ns, reader, sample))
+            self._waiting.setdefault(source, deque(maxlen=MOST_WAITING)).append(reading)
 
     def take(self, known_ns: int | None) -> list[Reading]:
         """Return the readings from up to the end of the recorded motion, in the order of their times.

@@ -113,27 +113,39 @@ class MotionHistory:
             self.start_ns = None
 
     @property
+    def first_ns(self) -> int | None:
+        """Time from which the motion is recorded; None before the first."""
+        return self._steps[0][0] if self._steps else None
+
+    @property
     def known_ns(self) -> int | None:
         """Time up to which the motion is recorded; None before the first."""
         return self._steps[-1][1] if self._steps else None
 
-    def way_back(self, then_ns: int) -> WayBack | None:
+    def way_back(self, then_ns: int, from_ns: int | None = None) -> WayBack | None:
         """Return the motion from the present pose back to a past one; None outside the recorded motion.
 
         Before the first recorded motion the rover is where it was.
+
+        Args:
+            then_ns: Time of the past pose.
+            from_ns: Time of a later past pose from which the motion is seen; None for the present one.
         """
         steps = self._steps
         if not self._has_begun:
             return AT_START
         if not steps or not steps[0][0] <= then_ns <= steps[-1][1]:
             return None
+        last_ns = steps[-1][1] if from_ns is None else from_ns
         place_m = rolled_m = place_s_m = bias_m = 0j
         turned_rad = position_m2 = yaw_rad2 = covered_s = bias_rad = 0.0
         for start_ns, end_ns, step in reversed(steps):
             if end_ns <= then_ns:
                 break
-            # The chord of the whole step, also where only its end is needed.
-            share = min((end_ns - then_ns) / (end_ns - start_ns), 1.0)
+            if start_ns >= last_ns:
+                continue
+            # The chord of the whole step, also where only a part of it is needed.
+            share = (min(end_ns, last_ns) - max(start_ns, then_ns)) / (end_ns - start_ns)
             chord = share * cmath.rect(1.0, -turned_rad - 0.5 * step.turn_rad)
             moved_m = chord * complex(step.x_m, step.y_m)
             step_bias_rad = step.bias_rad_s * step.covered_s

@@ -1,15 +1,11 @@
 """States of slip that a compensator adds to those of the pose filter."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.estimation.filter.guarded_filter import Innovation
-from controllers.estimation.filter.measurement_model import MeasurementModel
-from controllers.estimation.filter.state_layout import StateLayout
 from controllers.estimation.wheels.odometry import BodyIncrement
 
 Array = NDArray[np.float64]
@@ -62,7 +58,7 @@ class SlipStates(Protocol):
 
 
 class SlipEstimate(Protocol):
-    """What a compensator sees and corrects of the pose filter."""
+    """What a compensator sees of the pose filter."""
 
     @property
     def slip_values(self) -> Array:
@@ -72,17 +68,4 @@ class SlipEstimate(Protocol):
     @property
     def gyro_bias_rad_s(self) -> float:
         """The estimated bias of the gyro."""
-        ...
-
-    @property
-    def layout(self) -> StateLayout:
-        """Where the states of slip are."""
-        ...
-
-    def correct(self, model: MeasurementModel, measured: Sequence[float]) -> tuple[Innovation, ...]:
-        """Correct by what a model measures."""
-        ...
-
-    def add_slip_variance(self, index: int, variance: float) -> None:
-        """Increase the variance of one state of slip."""
         ...

@@ -147,8 +147,8 @@ class EffortCompensator(SlipEstimator[SlipReport]):
             self.excited.forget_gyro()
             self._window_slip = same_slip(len(self._slips), 0.0, self.excited.slip.reason)
 
-    def correct(self, estimate: SlipEstimate) -> None:
-        """Correct nothing: there are no states in the pose filter."""
+    def follow(self, estimate: SlipEstimate) -> None:
+        """Follow nothing: there are no states in the pose filter."""
 
     @property
     def evidence(self) -> SlipEvidence:

@@ -3,32 +3,28 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any
 
-from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.reader import Reader
 from controllers.estimation.filter.slip_states import SlipEstimate
 from controllers.estimation.ground.travel import GroundReport
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.slip_compensator import SlipEstimator, SlipEvidence
 from controllers.estimation.wheels.odometry import BodyIncrement
-from controllers.ftrace.reading import Rates, TraceReading
+from controllers.ftrace.reading import TraceReading
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.crab import DriftSource
 from controllers.motion.kinematics import Kinematics
 from controllers.motion.steering import mean_steering_rad
 from controllers.roles import DeviceRoles
-from controllers.slip.scomp.motion_model import (
-    RESIDUAL,
-    expected_drift,
-    tilt_along,
-)
+from controllers.slip.scomp.motion_model import expected_drift, tilt_along
 from controllers.slip.scomp.parameters import SCOMP
 from controllers.slip.scomp.settings import ScompSettings
 from controllers.slip.scomp.states import ScompStates
-from controllers.slip.scomp.trace_model import TraceAngle
-from drivers.clock import nanoseconds, seconds
+from controllers.slip.scomp.trace_reader import TraceFinder, TraceReader
+from drivers.clock import seconds
 from drivers.record import record
-from drivers.samples import AttitudeSample, FrameSample, RateSample, Sample
+from drivers.samples import AttitudeSample, RateSample, Sample
 
 NO_TRACE = "no trace"
 """A reason that leaves the motion sure: without a trace the slip angle's own variance grows."""
@@ -38,22 +34,6 @@ NO_MOTION = (
     "bright, or the rover is stuck"
 )
 """The same after a travel of the wheels on which no frame gave a direction at all."""
-
-
-class TraceFinder(Protocol):
-    """Finds the trace of the rear left wheel in frames, one after the other."""
-
-    def find(
-        self, frame: FrameSample, wheel_speed_m_s: float, rates_rad_s: Rates | None
-    ) -> TraceReading | None:
-        """Return the trace in a frame; None for a frame that cannot be evaluated.
-
-        Args:
-            frame: Newer than the one before.
-            wheel_speed_m_s: Of the rim.
-            rates_rad_s: Turn rates of the body about x, y, z; None where unknown.
-        """
-        ...
 
 
 @record(frozen=True, slots=True, kw_only=True)
@@ -82,9 +62,6 @@ class ScompCompensator(SlipEstimator[ScompReport]):
         kinematics: Of the wheels.
         finder: Of the trace; None without a camera.
         states: Of slip and trace; None for those of a rover with pitch and roll.
-
-    Attributes:
-        trace_innovation: Of the trace at the last `correct`; None without a new one.
     """
 
     def __init__(
@@ -96,30 +73,24 @@ class ScompCompensator(SlipEstimator[ScompReport]):
         states: ScompStates | None = None,
     ) -> None:
         self._report: ScompReport | None = None
-        self.trace_innovation: Innovation | None = None
         self._settings = settings
         self._roles = roles
         self._kinematics = kinematics
-        self._finder = finder
         self._states = states or ScompStates(settings.parameters)
-        self._yaw_rate_rad_s = 0.0
-        self._trust = _TraceTrust(settings.trace_age_s)
+        self._traces = TraceReader(settings, roles.camera, finder, self._states)
         self._skidding = _Skidding(settings.parameters.rover.track_m)
         self._since_rate_s = 0.0
         self._is_backwards = False
-        self._is_gyro_doubted = False
         self._tilt = _Tilt()
-        self._frame: FrameSample | None = None
-        self._frame_ns: int | None = None
-        self._rates: Rates | None = None
         self._readings_rad_s: list[float] = []
-        self._since_trace_s = math.inf
-        self._blind_m = 0.0
-        self._blind_s = 0.0
-        self._blind_from_ns: int | None = None
         self._slip = self._wheel_slip_angle_rad = 0.0
         self._steering_rad: tuple[float, ...] = ()
         self._pending = _Pending()
+
+    @property
+    def readers(self) -> tuple[Reader[Any], ...]:
+        """That of the trace."""
+        return (self._traces,)
 
     @property
     def drift_rad(self) -> float:
@@ -129,21 +100,14 @@ class ScompCompensator(SlipEstimator[ScompReport]):
     @property
     def evidence(self) -> SlipEvidence:
         """What the frames of the camera show."""
-        return SlipEvidence(unmoved_m=self.unmoved_m)
+        return SlipEvidence(unmoved_m=self._traces.unmoved_m)
 
     @property
     def drift_source(self) -> DriftSource:
         """What the slip angle comes from."""
-        if self._has_trace():
+        if self._traces.has_trace:
             return DriftSource.TRACE
         return DriftSource.TILT if self._tilt.is_known else DriftSource.NONE
-
-    @property
-    def unmoved_m(self) -> float:
-        """Travel of the wheels on which frames have shown no motion of the ground; 0 where that is little."""
-        blind = SCOMP.correction
-        is_blind = self._blind_m >= blind.blind_m and self._blind_s >= blind.blind_s
-        return self._blind_m if self._finder is not None and is_blind else 0.0
 
     @property
     def states(self) -> ScompStates:
@@ -151,20 +115,18 @@ class ScompCompensator(SlipEstimator[ScompReport]):
         return self._states
 
     def feed(self, sample: Sample, t_ns: int) -> None:
-        """Take a sample of gyro or camera as of `t_ns`; other samples have no effect."""
+        """Take a sample of the gyro as of `t_ns`; other samples have no effect."""
         greatest_rad_s = ESTIMATION.pose.greatest_rate_rad_s
-        if isinstance(sample, FrameSample):
-            if self._finder is not None and sample.device == self._roles.camera:
-                self._take_frame(sample)
-        elif sample.device != self._roles.gyro:
+        if sample.device != self._roles.gyro:
             return
-        elif isinstance(sample, AttitudeSample):
+        if isinstance(sample, AttitudeSample):
             self._tilt.feed(sample, t_ns)
         elif isinstance(sample, RateSample) and abs(sample.rate_z_rad_s) <= greatest_rad_s:
             self._readings_rad_s.append(sample.rate_z_rad_s)
             x, y = sample.rate_x_rad_s, sample.rate_y_rad_s
             known = x is not None and y is not None and abs(x) + abs(y) <= greatest_rad_s
-            self._rates = (x or 0.0, y or 0.0, sample.rate_z_rad_s) if known else None
+            known = known and not self._traces.is_gyro_doubted
+            self._traces.rates_rad_s = (x or 0.0, y or 0.0, sample.rate_z_rad_s) if known else None
 
     def report(self, ground: GroundReport | None = None) -> ScompReport | None:
         """Return the newest slip; None before the first increment. A frame is reported once."""
@@ -206,13 +168,16 @@ class ScompCompensator(SlipEstimator[ScompReport]):
 
     def forget_gyro(self) -> None:
         """Do without the gyro until the rover has stopped; the pose filter doubts the states."""
-        self._is_gyro_doubted = True
+        self._traces.is_gyro_doubted = True
+        self._traces.rates_rad_s = None
 
-    def correct(self, estimate: SlipEstimate) -> None:
-        """Correct the states by the trace of the newest frame, and report the slip, see `SlipCompensator`."""
-        trace = self.trace_innovation = None
+    def follow(self, estimate: SlipEstimate) -> None:
+        """Report the slip by the corrected states, see `SlipCompensator`."""
+        if self._report is None and not self._pending.duration_s:
+            return
+        trace = None
         if self._pending.duration_s >= SCOMP.motion.step_s:
-            trace = self._step(estimate)
+            trace = self._step(estimate.gyro_bias_rad_s)
             self._slip, self._wheel_slip_angle_rad = self._states.slip_and_angle(estimate.slip_values)
         self._report = ScompReport(
             slip=self._slip,
@@ -221,115 +186,22 @@ class ScompCompensator(SlipEstimator[ScompReport]):
             reason=self._uncertainty(),
         )
 
-    def _take_frame(self, sample: FrameSample) -> None:
-        exposed_ns = _exposed_ns(sample)
-        if self._frame_ns is None or exposed_ns - self._frame_ns >= nanoseconds(
-            self._settings.frame_period_s
-        ):
-            self._frame = sample
-
-    def _step(self, estimate: SlipEstimate) -> TraceReading | None:
-        """Follow the yaw rate, and correct by the trace of the newest frame."""
+    def _step(self, gyro_bias_rad_s: float) -> TraceReading | None:
+        """Follow the motion since the last step; return the trace in the frame evaluated since then."""
         pending, self._pending = self._pending, _Pending()
         readings, self._readings_rad_s = self._readings_rad_s, []
-        if abs(pending.rim_m) < SCOMP.correction.slowest_m_s * pending.duration_s:
-            self._is_gyro_doubted = False
-        if self._is_gyro_doubted:
-            readings, self._rates = [], None
-        self._is_backwards = pending.rim_m < -SCOMP.correction.slowest_m_s * pending.duration_s
-        rate_rad_s = pending.turn_rad / pending.duration_s
+        slowest_m = SCOMP.correction.slowest_m_s * pending.duration_s
+        if abs(pending.rim_m) < slowest_m:
+            self._traces.is_gyro_doubted = False
+        if self._traces.is_gyro_doubted:
+            readings = []
+        self._is_backwards = pending.rim_m < -slowest_m
         self._since_rate_s = 0.0 if readings else self._since_rate_s + pending.duration_s
         if readings:
-            rate_rad_s = sum(readings) / len(readings) - estimate.gyro_bias_rad_s
-            self._skidding.follow(pending, rate_rad_s)
+            self._skidding.follow(pending, sum(readings) / len(readings) - gyro_bias_rad_s)
         elif self._since_rate_s > SCOMP.correction.rate_age_s:
             self._skidding.follow(pending, 0.0)  # the whole turn of the wheels may be skidding
-        share = -math.expm1(-pending.duration_s / SCOMP.correction.rate_memory_s)
-        self._yaw_rate_rad_s += share * (rate_rad_s - self._yaw_rate_rad_s)
-        self._since_trace_s += pending.duration_s
-        self._blind_m += abs(pending.rim_m)
-        frame, self._frame = self._frame, None
-        if frame is None or self._finder is None:
-            return None
-        self._frame_ns = _exposed_ns(frame)
-        reading = self._finder.find(frame, pending.rim_m / pending.duration_s, self._rates)
-        self._follow_sight(reading, self._frame_ns)
-        if reading is None or reading.theta_rad is None:
-            return reading
-        innovation = None
-        if reading.detected or (reading.source == "flow" and reading.theta_sd_rad is not None):
-            innovation = self._correct_trace(estimate, reading, reading.theta_rad, pending, bool(readings))
-        self.trace_innovation = innovation
-        if innovation is not None and innovation.accepted:
-            self._since_trace_s = 0.0
-        return reading
-
-    def _follow_sight(self, reading: TraceReading | None, frame_ns: int) -> None:
-        """Follow travel and time since a frame last showed a direction, by trace or ground."""
-        if reading is not None and reading.source in ("trace", "flow"):
-            self._blind_m, self._blind_s, self._blind_from_ns = 0.0, 0.0, None
-            return
-        if self._blind_from_ns is None:
-            self._blind_from_ns = frame_ns
-        self._blind_s = seconds(frame_ns - self._blind_from_ns)
-
-    def _has_trace(self) -> bool:
-        return self._finder is not None and self._since_trace_s <= self._settings.trace_age_s
-
-    def _correct_trace(
-        self,
-        estimate: SlipEstimate,
-        reading: TraceReading,
-        angle_rad: float,
-        pending: "_Pending",
-        is_gyro: bool,
-    ) -> Innovation | None:
-        """Correct by a trace angle, eq 2; None at a standstill.
-
-        Args:
-            estimate: The pose filter.
-            reading: In the newest frame.
-            angle_rad: Of the trace, or of the motion of the ground.
-            pending: Motion of the wheels since the last step.
-            is_gyro: Whether the yaw rate is the gyro's.
-
-        After `trace_rejected_s` with rejections alone the ground has changed: the slip angle
-        then becomes as uncertain as its difference from the reading. The gyro may be what is wrong instead:
-        the slip angle stays flagged until traces were accepted for `confirming_s`.
-        """
-        motion_m = complex(pending.x_m, pending.y_m) * self._states.motion_per_m
-        velocity_x_m_s = motion_m.real / pending.duration_s
-        if abs(velocity_x_m_s) < SCOMP.correction.slowest_m_s:
-            return None
-        parameters = self._settings.parameters
-        arm_s = parameters.rover.rear_axle_m / velocity_x_m_s
-        rate_sd_rad_s = SCOMP.motion.wheel_walk_rad_sqrt_s
-        if is_gyro:
-            rate_sd_rad_s = parameters.gyro.walk_rad_sqrt_s / math.sqrt(SCOMP.correction.rate_memory_s)
-        # The states hold the usual error of a trace; one that reports a larger deviation, or a direction
-        # without a trace, has more.
-        usual_rad = parameters.trace.noise_rad if reading.detected else 0.0
-        more_rad2 = max(0.0, (reading.theta_sd_rad or 0.0) ** 2 - usual_rad**2)
-        model = TraceAngle(
-            model=self._states.model,
-            tilt=self._states.tilt,
-            block=estimate.layout.block,
-            steering_rad=pending.steering_rad,
-            arm_s=arm_s,
-            yaw_rate_rad_s=self._yaw_rate_rad_s,
-            bias_slope_s=arm_s if is_gyro else 0.0,
-            variance_rad2=SCOMP.correction.trace_grain_rad**2 + more_rad2 + (arm_s * rate_sd_rad_s) ** 2,
-        )
-        measured = (parameters.trace.sign * angle_rad,)
-        (innovation,) = estimate.correct(model, measured)
-        residual = innovation.residual
-        if innovation.accepted:
-            self._trust.accept(reading.t_ns)
-        elif residual is not None and self._trust.is_rejected_for_long(reading.t_ns):
-            estimate.add_slip_variance(RESIDUAL, residual**2)
-            (innovation,) = estimate.correct(model, measured)
-            self._trust.begin_anew(reading.t_ns)
-        return innovation
+        return self._traces.pass_motion(pending.duration_s, pending.rim_m)
 
     def _is_sure(self) -> bool:
         """Return whether slip and slip angle are right within the variances of their states."""
@@ -342,11 +214,11 @@ class ScompCompensator(SlipEstimator[ScompReport]):
             return "backwards: outside the slip law"
         if self._skidding.is_skidding:
             return "no gyro" if self._since_rate_s > SCOMP.correction.rate_age_s else "skidding in a turn"
-        if self._trust.to_confirm_s > 0.0:
+        if not self._traces.is_confirmed:
             return "slip angle taken from the trace anew"
-        if self._finder is None or self._has_trace():
+        if not self._traces.lacks_trace:
             return ""
-        return NO_MOTION if self.unmoved_m else NO_TRACE
+        return NO_MOTION if self._traces.unmoved_m else NO_TRACE
 
 
 @dataclass(slots=True)
@@ -375,42 +247,6 @@ class _Pending:
         self.y_m += increment.y_m
         self.turn_rad += increment.turn_rad
         self.steered_rad_s += mean_steering_rad(increment.steering_rad) * increment.duration_s
-
-
-class _TraceTrust:
-    """How long traces were rejected alone, and how long they confirm a slip angle taken from them anew.
-
-    Args:
-        greatest_gap_s: Longer times without a trace confirm nothing.
-
-    Attributes:
-        to_confirm_s: Time of accepted traces that is left.
-    """
-
-    def __init__(self, greatest_gap_s: float) -> None:
-        self._greatest_gap_s = greatest_gap_s
-        self._rejected_from_ns: int | None = None
-        self._accepted_ns: int | None = None
-        self.to_confirm_s = 0.0
-
-    def accept(self, t_ns: int) -> None:
-        """Take an accepted trace: the time since the one before confirms, if none was rejected."""
-        if self._accepted_ns is not None and self._rejected_from_ns is None:
-            since_s = seconds(t_ns - self._accepted_ns)
-            if since_s <= self._greatest_gap_s:
-                self.to_confirm_s = max(0.0, self.to_confirm_s - since_s)
-        self._accepted_ns, self._rejected_from_ns = t_ns, None
-
-    def is_rejected_for_long(self, t_ns: int) -> bool:
-        """Take a rejected trace; return whether they have been rejected for `trace_rejected_s`."""
-        if self._rejected_from_ns is None:
-            self._rejected_from_ns = t_ns
-        return seconds(t_ns - self._rejected_from_ns) >= SCOMP.correction.trace_rejected_s
-
-    def begin_anew(self, t_ns: int) -> None:
-        """Require traces that confirm what was taken from one."""
-        self._accepted_ns, self._rejected_from_ns = t_ns, None
-        self.to_confirm_s = SCOMP.correction.confirming_s
 
 
 class _Skidding:
@@ -470,7 +306,3 @@ class _Tilt:
         self.roll_rad += share * (roll_rad - self.roll_rad)
         self._t_ns = t_ns
         self._is_new = True
-
-
-def _exposed_ns(frame: FrameSample) -> int:
-    return frame.t_ns if frame.t_capture_ns is None else frame.t_capture_ns

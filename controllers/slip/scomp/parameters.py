@@ -175,7 +175,6 @@ class MotionParameters:
     """Steps and noise of the prediction."""
 
     step_s: float = 0.05  # least step while driving: the states change slowly, and each step costs time
-    wheel_walk_rad_sqrt_s: float = math.radians(1.0)  # noise of the yaw by the wheels
     first_walk_sqrt_m: float = 0.004  # change of the slip law's first parameter per square root of distance
     largest_drift_rad: float = 1.3  # bound of the slip angle
     tilt_memory_s: float = 0.5  # time constant of the low-pass on pitch and roll
@@ -187,7 +186,7 @@ class CorrectionParameters:
     """Corrections by the trace."""
 
     slowest_m_s: float = 0.01  # below this speed a trace has no direction
-    rate_memory_s: float = 0.3  # time constant of the yaw rate that the trace is compared with
+    rate_memory_s: float = 0.3  # before the exposure: the trace is compared with the mean motion in this time
     rate_age_s: float = (
         0.5  # after this time without the gyro it is unknown whether the wheels skid in a turn
     )
