@@ -170,7 +170,7 @@ class Bench:
                 steering_rad=self.steering_rad,
             )
             before = self.filter.pose
-            turn = Turn(angle_rad=0.0, source=YawSource.GYRO, covered_s=0.01)
+            turn = Turn(angle_rad=0.0, source=YawSource.GYRO, covered_s=0.01, measured_s=0.01)
             step = self.filter.predict(self.scomp.compensate(rolled, (), None), turn)
             after = self.filter.pose
             way_m = complex(after.x_m - before.x_m, after.y_m - before.y_m)

@@ -151,7 +151,8 @@ class Bench:
             self.increments.append(self.told.compensate(raw, (), None))
             turn_rad = 0.01 * yaw_rate_rad_s
             step = self.filter.predict(
-                self.increments[-1], Turn(angle_rad=turn_rad, source=YawSource.GYRO, covered_s=0.01)
+                self.increments[-1],
+                Turn(angle_rad=turn_rad, source=YawSource.GYRO, covered_s=0.01, measured_s=0.01),
             )
             self.motions.append((self.way - before) * cmath.rect(1.0, -self.filter.pose.yaw_rad))
             self.slip_readings.move(self.t_ns, step)

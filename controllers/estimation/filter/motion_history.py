@@ -27,6 +27,7 @@ class Step:
         slip_sd: Standard deviation of the slip that remains, as a share of it.
         covered_s: Time over which the gyro's bias entered `turn_rad`; 0 for a turn by the wheels.
         bias_rad_s: The bias that was taken off.
+        measured_s: Time in which gyro or wheels measured `turn_rad`: of several steps at once, or of none.
     """
 
     x_m: float
@@ -39,6 +40,7 @@ class Step:
     slip_sd: float = 0.0
     covered_s: float = 0.0
     bias_rad_s: float = 0.0
+    measured_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +53,7 @@ class WayBack:
         place_s_m: Derivative of the past place over the bias, in the present body frame, left imaginary.
         bias_rad: What the biases of that time have turned the rover by, to be replaced by the present one.
         bias_m: Likewise of the past place.
+        measured_s: Time in which gyro or wheels measured the turn since then.
     """
 
     x_m: float
@@ -63,6 +66,7 @@ class WayBack:
     place_s_m: complex = 0j
     bias_rad: float = 0.0
     bias_m: complex = 0j
+    measured_s: float = 0.0
 
     def with_bias(self, bias_rad_s: float) -> tuple[complex, float]:
         """Return what another bias adds to the past place, in the present body frame, and to the past yaw."""
@@ -108,7 +112,7 @@ class MotionHistory:
             self.start_ns = None if self._has_begun else start_ns
             self._has_begun = True
         steps.append((start_ns, t_ns, step))
-        while steps and steps[0][0] < t_ns - HISTORY_NS:
+        while len(steps) > 1 and steps[0][0] < t_ns - HISTORY_NS:
             steps.popleft()
             self.start_ns = None
 
@@ -138,7 +142,7 @@ class MotionHistory:
             return None
         last_ns = steps[-1][1] if from_ns is None else from_ns
         place_m = rolled_m = place_s_m = bias_m = 0j
-        turned_rad = position_m2 = yaw_rad2 = covered_s = bias_rad = 0.0
+        turned_rad = position_m2 = yaw_rad2 = covered_s = bias_rad = measured_s = 0.0
         for start_ns, end_ns, step in reversed(steps):
             if end_ns <= then_ns:
                 break
@@ -159,6 +163,7 @@ class MotionHistory:
             yaw_rad2 += share * step.yaw_rad2
             covered_s += share * step.covered_s
             bias_rad += share * step_bias_rad
+            measured_s += share * step.measured_s
         return WayBack(
             x_m=place_m.real,
             y_m=place_m.imag,
@@ -170,4 +175,5 @@ class MotionHistory:
             place_s_m=place_s_m,
             bias_rad=bias_rad,
             bias_m=bias_m,
+            measured_s=measured_s,
         )

@@ -32,6 +32,7 @@ class Turn:
         by_wheels_rad: Part of the angle that the wheels measured in a gap of the gyro; None without a gap.
         gap_error_rad: Greatest error of this part.
         unobserved_rad2: Variance of what the gyro did not see between its readings.
+        measured_s: The time in which gyro and wheels measured the angle.
     """
 
     angle_rad: float
@@ -40,6 +41,7 @@ class Turn:
     by_wheels_rad: float | None = None
     gap_error_rad: float = 0.0
     unobserved_rad2: float = 0.0
+    measured_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -146,6 +148,7 @@ class MotionTransition:
             slip_sd=math.hypot(slip_sd, across_sd),
             covered_s=turn.covered_s,
             bias_rad_s=state[BIAS],
+            measured_s=turn.measured_s,
         )
         return Moved(state=state, transition=transition, noise=self._noise, step=step)
 

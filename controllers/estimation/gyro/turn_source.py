@@ -75,7 +75,7 @@ class TurnSource:
         if not is_still and self._gyro.is_fresh(now_ns):
             return Turn(angle_rad=0.0, source=YawSource.GYRO)
         self.yaw_source = YawSource.WHEELS
-        turn = Turn(angle_rad=self._turn_rad, source=YawSource.WHEELS)
+        turn = Turn(angle_rad=self._turn_rad, source=YawSource.WHEELS, measured_s=self._wheels.duration_s)
         self._begin()
         return turn
 
@@ -105,12 +105,17 @@ class TurnSource:
                 by_wheels_rad=by_wheels_rad,
                 gap_error_rad=ESTIMATION.pose.gap_turn_error * wheels.both_ways_rad * gap_share,
                 unobserved_rad2=unobserved_rad2,
+                measured_s=max(covered_s, wheels.duration_s),
             )
         if not has_lost_motion:
             bias_rad = bias_rad_s * covered_s
             self.turn = TurnEvidence(gyro_rad=angle_rad - bias_rad, wheels=wheels, by_wheel_rad=parts_rad)
         return Turn(
-            angle_rad=angle_rad, source=YawSource.GYRO, covered_s=covered_s, unobserved_rad2=unobserved_rad2
+            angle_rad=angle_rad,
+            source=YawSource.GYRO,
+            covered_s=covered_s,
+            unobserved_rad2=unobserved_rad2,
+            measured_s=covered_s,
         )
 
     def _begin(self) -> None:

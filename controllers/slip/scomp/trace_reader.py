@@ -1,4 +1,7 @@
-"""The trace of the rear left wheel corrects the slip angle as of the exposure of its frame."""
+"""The trace of the rear left wheel corrects the slip angle, by the motion before the exposure of its frame.
+
+Tilt and slip are those of the cycle: they change slowly.
+"""
 
 import cmath
 import math
@@ -96,7 +99,7 @@ class TraceReader:
 
     def measured_ns(self, sample: FrameSample, t_ns: int) -> int:
         """Return the time of the exposure."""
-        return t_ns if sample.t_capture_ns is None else sample.t_capture_ns
+        return t_ns if sample.t_capture_ns is None else min(sample.t_capture_ns, t_ns)
 
     def correct(self, sample: FrameSample, now: Situation) -> Iterator[Innovation]:
         """Correct by the trace; yield its innovation. Frames that come too fast are passed over."""
@@ -133,7 +136,9 @@ class TraceReader:
         """
         estimate = now.pose_filter
         motion = _motion_before(now.history, now.measured_ns, SCOMP.correction.rate_memory_s)
-        if motion is None or abs(motion.velocity_m_s.real) < SCOMP.correction.slowest_m_s:
+        if motion is None or motion.unbiased_rad_s is None:
+            return
+        if abs(motion.velocity_m_s.real) < SCOMP.correction.slowest_m_s:
             return
         parameters = self._settings.parameters
         arm_s = parameters.rover.rear_axle_m / motion.velocity_m_s.real
@@ -171,7 +176,8 @@ class _Motion(NamedTuple):
         velocity_m_s: In the body frame, left as imaginary part.
         rim_m_s: Speed at which the wheels roll, negative backwards.
         steering_rad: Direction in which they roll.
-        unbiased_rad_s: Yaw rate with the whole reading of the gyro, its bias included.
+        unbiased_rad_s: Yaw rate, the bias of the gyro included; None where neither gyro nor wheels have
+            measured it for half of the time.
         gyro_share: Share of the time in which the gyro measured it.
         rate_rad2_s2: Variance of the yaw rate.
     """
@@ -179,7 +185,7 @@ class _Motion(NamedTuple):
     velocity_m_s: complex
     rim_m_s: float
     steering_rad: float
-    unbiased_rad_s: float
+    unbiased_rad_s: float | None
     gyro_share: float
     rate_rad2_s2: float
 
@@ -196,12 +202,13 @@ def _motion_before(history: MotionHistory, then_ns: int, duration_s: float) -> _
     middle = cmath.rect(1.0, 0.5 * back.turned_rad)
     rolled_m = back.rolled_m * middle
     # A slow gyro tells the turn of several steps at once, not all of them in this time.
-    turning_s = back.covered_s if 0.5 < back.covered_s / duration_s < 2.0 else duration_s
+    is_measured = back.measured_s >= 0.5 * duration_s
+    turning_s = back.measured_s if is_measured else duration_s
     return _Motion(
         velocity_m_s=-complex(back.x_m, back.y_m) * middle / duration_s,
         rim_m_s=math.copysign(abs(rolled_m), rolled_m.real) / duration_s,
         steering_rad=cmath.phase(rolled_m),
-        unbiased_rad_s=(back.turned_rad + back.bias_rad) / turning_s,
+        unbiased_rad_s=(back.turned_rad + back.bias_rad) / turning_s if is_measured else None,
         gyro_share=back.covered_s / turning_s,
         rate_rad2_s2=back.yaw_rad2 / turning_s**2,
     )
