@@ -8,6 +8,7 @@ import pytest
 
 from controllers.estimation.filter.error_budget import Category, ErrorBudget
 from controllers.estimation.filter.pose_filter import PoseFilter
+from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.wheels.bounds import WheelBounds
 from controllers.fault import Bound, Cause, Fault, Severity
@@ -142,3 +143,22 @@ def test_a_wrong_gyro_has_misled_the_slip_compensation() -> None:
     assert bench.sds()[:2] == pytest.approx((uniform(0.3), uniform(0.2)), rel=1e-5)
     bench.budget.raise_to("gyro", Bound(gyro_rad=0.2))
     assert bench.sds()[:2] == pytest.approx((uniform(0.3), uniform(0.2)), rel=1e-5)
+
+
+def test_what_compensation_removed_long_ago_misleads_less() -> None:
+    bench = Bench()
+    bench.budget.note_compensation(0.0, 1.0, -2.0)
+    bench.budget.note_compensation(ESTIMATION.pose.misled_slip_s, 0.5, 0.0)
+    bench.budget.raise_to("gyro", Bound(gyro_rad=0.1))
+    kept = math.exp(-1.0)
+    assert bench.sds()[:2] == pytest.approx((uniform(kept + 0.5), uniform(2.0 * kept)), rel=1e-5)
+
+
+def test_unobserved_motion_is_counted_with_that_before_and_along_both_axes() -> None:
+    bench = Bench()
+    bench.budget.count(0.01, 0.02)
+    bench.budget.count(0.03, 0.04)
+    evidence = bench.budget.evidence
+    assert (evidence.unobserved_m**2, evidence.unobserved_rad**2) == pytest.approx((0.04, 0.06))
+    bench.budget.add((1.0, 2.0, 0.0), Category.UNOBSERVED)
+    assert bench.budget.evidence.unobserved_m**2 == pytest.approx(0.04 + 5.0 / 3.0, rel=1e-5)
