@@ -162,3 +162,19 @@ def test_unobserved_motion_is_counted_with_that_before_and_along_both_axes() -> 
     assert (evidence.unobserved_m**2, evidence.unobserved_rad**2) == pytest.approx((0.04, 0.06))
     bench.budget.add((1.0, 2.0, 0.0), Category.UNOBSERVED)
     assert bench.budget.evidence.unobserved_m**2 == pytest.approx(0.04 + 5.0 / 3.0, rel=1e-5)
+
+
+@pytest.mark.parametrize(("position_m2", "yaw_rad2"), [(1.0, 0.0), (0.0, 1.0)])
+def test_each_quantity_is_limited_alone(position_m2: float, yaw_rad2: float) -> None:
+    bench = Bench()
+    bench.budget.count(position_m2, yaw_rad2)
+    bench.budget.limit()
+    assert bench.budget.evidence[:2] == pytest.approx((0.0, 0.0), abs=1e-3)
+
+
+def test_what_is_undecided_is_limited_to_what_the_filter_has_left() -> None:
+    bench = Bench()
+    bench.budget.add((0.0, 0.0, 0.3), Category.UNDECIDED)
+    bench.budget.limit()
+    bench.budget.begin_cycle()
+    assert bench.budget.evidence.undecided_rad == pytest.approx(uniform(0.3), rel=1e-3)
