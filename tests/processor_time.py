@@ -1,7 +1,7 @@
 """A test that needs more than some seconds of processor time fails unless it is marked `slow` or `nightly`.
 
 Time on the clock depends on what else the machine does; that of the processor less. What is left of it is
-allowed for: a loop is timed on the same processor at the same time, and three times that is scatter.
+allowed for: a loop is timed on the same processor at the same time, and a test may take three times as long.
 """
 
 import sys

@@ -136,7 +136,7 @@ class TraceReader:
         """
         estimate = now.pose_filter
         motion = _motion_before(now.history, now.measured_ns, SCOMP.correction.rate_memory_s)
-        if motion is None or motion.unbiased_rad_s is None:
+        if motion is None or motion.biased_rad_s is None:
             return
         if abs(motion.velocity_m_s.real) < SCOMP.correction.slowest_m_s:
             return
@@ -152,7 +152,7 @@ class TraceReader:
             block=estimate.layout.block,
             steering_rad=motion.steering_rad,
             arm_s=arm_s,
-            yaw_rate_rad_s=motion.unbiased_rad_s - estimate.gyro_bias_rad_s * motion.gyro_share,
+            yaw_rate_rad_s=motion.biased_rad_s - estimate.gyro_bias_rad_s * motion.gyro_share,
             bias_slope_s=arm_s * motion.gyro_share,
             variance_rad2=SCOMP.correction.trace_grain_rad**2 + more_rad2 + arm_s**2 * motion.rate_rad2_s2,
         )
@@ -176,7 +176,7 @@ class _Motion(NamedTuple):
         velocity_m_s: In the body frame, left as imaginary part.
         rim_m_s: Speed at which the wheels roll, negative backwards.
         steering_rad: Direction in which they roll.
-        unbiased_rad_s: Yaw rate, the bias of the gyro included; None where neither gyro nor wheels have
+        biased_rad_s: Yaw rate, the bias of the gyro included; None where neither gyro nor wheels have
             measured it for half of the time.
         gyro_share: Share of the time in which the gyro measured it.
         rate_rad2_s2: Variance of the yaw rate.
@@ -185,7 +185,7 @@ class _Motion(NamedTuple):
     velocity_m_s: complex
     rim_m_s: float
     steering_rad: float
-    unbiased_rad_s: float | None
+    biased_rad_s: float | None
     gyro_share: float
     rate_rad2_s2: float
 
@@ -201,14 +201,14 @@ def _motion_before(history: MotionHistory, then_ns: int, duration_s: float) -> _
     # Seen from the pose in the middle of that time.
     middle = cmath.rect(1.0, 0.5 * back.turned_rad)
     rolled_m = back.rolled_m * middle
-    # A slow gyro tells the turn of several steps at once, not all of them in this time.
+    # A slow gyro measures the turn of several steps at once, not all of them in this time.
     is_measured = back.measured_s >= 0.5 * duration_s
     turning_s = back.measured_s if is_measured else duration_s
     return _Motion(
         velocity_m_s=-complex(back.x_m, back.y_m) * middle / duration_s,
         rim_m_s=math.copysign(abs(rolled_m), rolled_m.real) / duration_s,
         steering_rad=cmath.phase(rolled_m),
-        unbiased_rad_s=(back.turned_rad + back.bias_rad) / turning_s if is_measured else None,
+        biased_rad_s=(back.turned_rad + back.bias_rad) / turning_s if is_measured else None,
         gyro_share=back.covered_s / turning_s,
         rate_rad2_s2=back.yaw_rad2 / turning_s**2,
     )
