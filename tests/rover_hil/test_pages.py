@@ -65,11 +65,15 @@ ANSWERS = ["yes", "8192", "1", "yes", "0.06", "0.3", "yes", "left", "yes", "righ
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 def test_the_tutorial_of_an_own_rover_shows_what_its_commands_print(tmp_path: Path) -> None:
-    """The emulated rover is served as the page describes it; a pipe needs `--drive` to turn the wheels."""
+    """The emulated rover is served as the page describes it; a pipe needs `--drive` to turn the wheels.
+
+    The rate of its sensor is measured on the clock of a machine that may be busy.
+    """
     example = ROOT / "docs/examples/differential.toml"
     text = example.read_text("utf-8").replace("docs/examples/can", str(ROOT / "docs/examples/can"))
     (tmp_path / "served.toml").write_text(text, "utf-8")
     page = read_page("docs/tutorials/own_rover.md").replace("--ports ports", "--ports ports --drive")
+    page = page.replace("attitude, heading, rate at 50 Hz\n", "attitude, heading, rate at\n...\n")
     (init,) = re.findall(r"^rover-hil init .*$", page, re.MULTILINE)
     with started(tmp_path, "simulate", "served.toml") as process:
         assert process.stdout is not None
@@ -78,5 +82,8 @@ def test_the_tutorial_of_an_own_rover_shows_what_its_commands_print(tmp_path: Pa
         shown = do(before, tmp_path, {init: "\n".join(ANSWERS)})
     shown += do(f"## 4.{after}", tmp_path)
     assert len(shown) == 3
-    assert [(each.name, part) for each in shown for part in each.missing()] == []
+    assert [(each.was, part) for each in shown for part in each.missing()] == []
+    rates_hz = re.findall(r"attitude, heading, rate at (\d+) Hz", shown[0].was)
+    assert rates_hz
+    assert all(10 <= int(rate_hz) <= 60 for rate_hz in rates_hz)
     assert unknown_numbers(page, tmp_path) == set()
