@@ -57,6 +57,7 @@ class Cause(StrEnum):
     NOT_FINITE = "not finite"
     NOT_FRESH = "{}: not fresh"
     OPERATOR = "operator"
+    REPEATS = "{}: repeats"
     RIG = "rig"
     STANDING_WHEELS = "standing wheels"
     STEERING = "steering"

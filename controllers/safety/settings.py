@@ -39,6 +39,7 @@ from controllers.safety.missed_turn_rule import MissedTurnRule
 from controllers.safety.operator_rule import OperatorRule
 from controllers.safety.reasons import StopRule
 from controllers.safety.recorded_rules import StandingWheelsRule, ZeroReadingsRule
+from controllers.safety.repetition_rule import RepetitionRule
 from controllers.safety.response_rule import ResponseRule, ResponseSettings
 from controllers.safety.stall_monitor import StallMonitor
 from controllers.safety.steering_monitor import SteeringMonitor, SteeringReportRule, SteeringSettings
@@ -102,6 +103,7 @@ def make_rules(
         SupplyRule(settings, roles),
         FreshnessRule(roles, wheel_count),
         SteeringReportRule(roles),
+        RepetitionRule(roles),
         MotionRule(roles),
         FiniteEstimateRule(),
         GreatestRateRule(roles),

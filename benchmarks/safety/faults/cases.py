@@ -11,8 +11,10 @@ from benchmarks.safety.faults.injection import (
     Chance,
     Changed,
     Disturb,
+    Drifting,
     Garbage,
     Held,
+    Looped,
     LowPassed,
     Noise,
     OneIn,
@@ -22,6 +24,7 @@ from benchmarks.safety.faults.injection import (
     Repeated,
     Rotated,
     Scaled,
+    White,
     black,
     duplicate,
     flood,
@@ -208,6 +211,7 @@ def _wrong_wheels(rover: str) -> Iterator[Case]:
     yield device.lasting("one reversed", lambda: Scaled(-1.0, (0,)))
     yield device.lasting("all stuck", Held)
     yield device.lasting("one stuck", lambda: Scaled(0.0, (0,)))
+    yield device.case("loop of 0.25 s", Duty.NOTICE, duration_s=4.0, to_host=lambda _: Looped(0.25))
     yield device.lasting(
         "all scaled by 2",
         lambda: Scaled(2.0),
@@ -287,6 +291,19 @@ def _wrong_gyros(rover: str) -> Iterator[Case]:
     )
     yield device.lasting("scaled by 1.1", lambda: Scaled(1.1), NO_EXCITATION)
     yield device.lasting("low-pass 0.5 s", lambda: LowPassed(0.5), NO_EXCITATION)
+    yield device.case("last 2 s again", Duty.NOTICE, duration_s=FOR_EVER_S, to_host=lambda _: Looped(2.0))
+    yield device.case(
+        "noise without a signal",
+        Duty.NOTICE,
+        duration_s=FOR_EVER_S,
+        to_host=lambda rng: Changed(device.wire, White(rng, 0.002 * GYRO_PER_RAD_S)),
+    )
+    yield device.case(
+        "noise of 0.3 rad/s",
+        Duty.NOTICE,
+        duration_s=FOR_EVER_S,
+        to_host=lambda rng: Changed(device.wire, White(rng, 0.3 * GYRO_PER_RAD_S)),
+    )
 
 
 def _wrong_compasses() -> Iterator[Case]:
@@ -313,6 +330,7 @@ def _wrong_compasses() -> Iterator[Case]:
         lambda: Biased(2.0, (0,)),
         "the deviation of a fluxgate compass is as large, and it turns with the heading",
     )
+    yield COMPASS.case("last 2 s again", Duty.NOTICE, duration_s=FOR_EVER_S, to_host=lambda _: Looped(2.0))
     yield COMPASS.lasting("reversed", lambda: Scaled(-1.0), NO_EXCITATION)
     yield COMPASS.lasting("stuck", Held, NO_EXCITATION)
     yield COMPASS.lasting("low-pass 5 s", lambda: LowPassed(5.0), NO_EXCITATION)
@@ -352,6 +370,18 @@ def _receivers() -> Iterator[Case]:
         "stale (same place and time)", Duty.HONEST, duration_s=FOR_EVER_S, to_host=lambda _: Repeated()
     )
     yield case("no fix", Duty.HONEST, duration_s=FOR_EVER_S, to_host=lambda _: Repeated(NO_FIX))
+    yield case(
+        "position stays, time goes on",
+        Duty.NOTICE,
+        duration_s=FOR_EVER_S,
+        to_host=lambda _: Changed(GNSS.wire, Held()),
+    )
+    yield case(
+        "drift of 0.3 m/s",
+        Duty.NOTICE,
+        duration_s=FOR_EVER_S,
+        to_host=lambda _: Changed(GNSS.wire, Drifting(0.3, (1,))),
+    )
     yield case("jump of 1 m for 0.5 s", Duty.HONEST, duration_s=0.5, to_host=step(1.0))
     yield case("jump of 20 m for 0.5 s", Duty.HONEST, duration_s=0.5, to_host=step(20.0))
     yield case("multipath step of 1 m", Duty.NOTICE, duration_s=FOR_EVER_S, to_host=step(1.0))

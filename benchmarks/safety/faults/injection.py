@@ -1,6 +1,7 @@
 """Faults between emulator and driver: of single payloads, of their numbers, of the plug."""
 
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, Protocol
@@ -63,7 +64,11 @@ class Switched(Generic[PayloadT]):
 
     def __call__(self, arrival: Received[PayloadT]) -> Sequence[Received[PayloadT]]:
         """Return what arrives."""
-        return self._disturb(arrival, self._window) if self._window.holds(arrival.t_ns) else (arrival,)
+        if self._window.holds(arrival.t_ns):
+            return self._disturb(arrival, self._window)
+        if isinstance(self._disturb, Looped):
+            self._disturb.record(arrival.t_ns, arrival.payload)
+        return (arrival,)
 
 
 def inject(line: Line[PayloadT], window: Window, disturb: Disturb[PayloadT]) -> None:
@@ -156,6 +161,58 @@ class Repeated:
         if self._payload is None:
             self._payload = arrival.payload
         return [Received(arrival.t_ns, self._payload)]
+
+
+@dataclass(slots=True)
+class Looped:
+    """What came before the fault again and again: a buffer that is read twice.
+
+    Attributes:
+        period_s: So much of it.
+    """
+
+    period_s: float
+    recorded: deque[tuple[int, bytes]] = field(default_factory=deque)
+    sent: int = 0
+
+    def record(self, t_ns: int, payload: bytes) -> None:
+        """Keep what comes."""
+        self.recorded.append((t_ns, payload))
+        while t_ns - self.recorded[0][0] >= nanoseconds(self.period_s):
+            self.recorded.popleft()
+
+    def __call__(self, arrival: Received[bytes], window: Window) -> Sequence[Received[bytes]]:
+        """Return the next of what was recorded."""
+        payload = self.recorded[self.sent % len(self.recorded)][1]
+        self.sent += 1
+        return (Received(arrival.t_ns, payload),)
+
+
+@dataclass(slots=True)
+class Drifting:
+    """A value that is added to some channels grows from the begin of the fault, in units of the wire per second."""
+
+    rate: float
+    channels: tuple[int, ...]
+    begin_ns: int | None = None
+
+    def __call__(self, t_ns: int, readings: Sequence[Reading]) -> Sequence[float]:
+        """Return the values."""
+        self.begin_ns = t_ns if self.begin_ns is None else self.begin_ns
+        offset = self.rate * (t_ns - self.begin_ns) / NANOSECONDS_PER_SECOND
+        return [value + offset * (channel in self.channels) for channel, value, _ in readings]
+
+
+@dataclass(slots=True)
+class White:
+    """White noise instead of every channel, with this standard deviation in units of the wire."""
+
+    rng: np.random.Generator
+    sd: float
+
+    def __call__(self, t_ns: int, readings: Sequence[Reading]) -> Sequence[float]:
+        """Return the values."""
+        return [float(self.rng.normal(0.0, self.sd)) for _ in readings]
 
 
 @dataclass(slots=True)

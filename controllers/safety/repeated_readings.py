@@ -1,0 +1,127 @@
+"""Whether a noisy source sends a sequence of readings that it has sent before."""
+
+import math
+from collections import deque
+from collections.abc import Hashable, Iterator
+from typing import NamedTuple
+
+HISTORY = 1 << 14
+"""Readings with which the newest are compared: more than a minute of a fast gyro."""
+
+KEY = 16
+"""So many equal readings begin a repetition; fewer are found too often in coarse readings."""
+
+LEAST_DISTINCT = 8
+"""A period has so many different readings: a constant between two steps of a converter is a short tone."""
+
+LONGEST_OPERATION = 1e10
+"""Readings in which one false report is accepted: a year of ten sources with 30 readings a second each."""
+
+CHANCES = math.log(HISTORY * LONGEST_OPERATION)
+"""Logarithm of the number of pairs of a present sequence and a past one."""
+
+
+class Reading(NamedTuple):
+    """A reading as it is compared.
+
+    Attributes:
+        value: Everything that was read.
+        number: The number in it whose noise shows.
+        is_turning: Whether the numbers rose up to this one and fall from it, or the reverse.
+    """
+
+    value: Hashable
+    number: float
+    is_turning: bool
+
+
+class RepeatedReadings:
+    """Follows how long the newest readings of a source equal earlier ones.
+
+    Assumed: the noise of successive readings is independent. A number then equals an earlier one at most as
+    often as the one before it, with probability p, and n of them with p^n. A motion without noise may repeat
+    itself as a whole; it has few turning points, noise one in two of three readings: these are the n.
+    """
+
+    def __init__(self) -> None:
+        self._ring: list[Reading | None] = [None] * HISTORY
+        self._count = 0
+        self._newest: deque[Hashable] = deque(maxlen=KEY)
+        self._last_of: dict[tuple[Hashable, ...], int] = {}
+        self._lag = self._length = self._turning = 0
+        self._equal, self._pairs = 0.5, 1.0
+        self._rises: bool | None = None
+
+    def add(self, value: Hashable, number: float) -> None:
+        """Take a reading, see `Reading`."""
+        now, before = self._count, self._at(self._count - 1)
+        change = 0.0 if before is None else number - before.number
+        is_turning = change != 0.0 and self._rises is (change < 0.0)
+        if change:
+            self._rises = change > 0.0
+        self._ring[now % HISTORY] = Reading(value, number, is_turning)
+        self._count += 1
+        self._newest.append(value)
+        past = self._at(now - self._lag) if self._lag else None
+        if past is not None and past.value == value:
+            self._length += 1
+            self._turning += is_turning
+        else:
+            self._begin(now)
+        if self._lag <= 1:
+            self._equal += change == 0.0
+            self._pairs += 1.0
+        self._remember(now)
+
+    @property
+    def is_repetition(self) -> bool:
+        """Whether chance does not explain that the newest readings equal earlier ones."""
+        by_chance = -math.log(self._equal / self._pairs)
+        if self._turning * by_chance < CHANCES:
+            return False
+        return len({reading.value for reading in self._last(self._lag)}) >= LEAST_DISTINCT
+
+    @property
+    def length(self) -> int:
+        """How many of the newest readings equal earlier ones."""
+        return self._length
+
+    @property
+    def lag(self) -> int:
+        """How many readings before them those were sent; 0 where none equal."""
+        return self._lag
+
+    @property
+    def has_jump(self) -> bool:
+        """Whether a number of the repetition is larger than a quarter of the sum of all in its period.
+
+        For increments of a position that has gone back at once, and not on the way on which it came: the sum
+        is that of both ways.
+        """
+        period = sum(abs(reading.number) for reading in self._last(self._lag))
+        return any(4.0 * abs(reading.number) > period for reading in self._last(self._length))
+
+    def _at(self, index: int) -> Reading | None:
+        is_kept = max(0, self._count - HISTORY) <= index < self._count
+        return self._ring[index % HISTORY] if is_kept else None
+
+    def _last(self, count: int) -> Iterator[Reading]:
+        for index in range(self._count - min(count, HISTORY), self._count):
+            reading = self._at(index)
+            if reading is not None:
+                yield reading
+
+    def _begin(self, now: int) -> None:
+        """Look for earlier readings that the newest equal."""
+        past = self._last_of.get(tuple(self._newest)) if len(self._newest) == KEY else None
+        if past is None or now - past > HISTORY - KEY:
+            self._lag = self._length = self._turning = 0
+            return
+        self._lag, self._length = now - past, KEY
+        self._turning = sum(reading.is_turning for reading in self._last(KEY))
+
+    def _remember(self, now: int) -> None:
+        if len(self._newest) == KEY:
+            self._last_of[tuple(self._newest)] = now
+        if len(self._last_of) > 2 * HISTORY:
+            self._last_of = {key: at for key, at in self._last_of.items() if now - at < HISTORY}
