@@ -118,8 +118,8 @@ class RepetitionRule(StopRule):
             source.begin = source.begin or self._recent[0]
             if readings.is_repetition and (kind is not WheelSample or readings.has_jump):
                 text = (
-                    f"{device}: repeats {readings.length} readings that it sent {readings.lag} readings before: "
-                    "look at the device, its buffer and its driver"
+                    f"{device}: repeats {readings.length} readings that it sent {readings.lag} readings "
+                    "before: look at the device, its buffer and its driver"
                 )
                 yield Fault(device, Cause.REPEATS, text, bound=self._bound(kind, source.begin))
 

@@ -20,6 +20,7 @@ from controllers.safety.estimate_rules import (
     YawDoubtRule,
     YawDoubtSettings,
 )
+from controllers.safety.frozen_position_rule import FrozenPositionRule
 from controllers.safety.gyro_reading_rules import (
     GreatestRateRule,
     GyroJumpRule,
@@ -104,6 +105,7 @@ def make_rules(
         FreshnessRule(roles, wheel_count),
         SteeringReportRule(roles),
         RepetitionRule(roles),
+        FrozenPositionRule(roles),
         MotionRule(roles),
         FiniteEstimateRule(),
         GreatestRateRule(roles),

@@ -190,7 +190,7 @@ class Looped:
 
 @dataclass(slots=True)
 class Drifting:
-    """A value that is added to some channels grows from the begin of the fault, in units of the wire per second."""
+    """A value that grows from the begin of the fault is added to some channels; units of the wire per s."""
 
     rate: float
     channels: tuple[int, ...]

@@ -163,7 +163,8 @@ class PositionSentences:
         if match is None:
             return payload
         latitude, longitude = (_degrees(match[place]) for place in (2, 4))
-        per_degree = (self._DEGREE_M, self._DEGREE_M * math.cos(math.radians(latitude)))
+        # One size for all places of a run: a held longitude is held in degrees, too.
+        per_degree = (self._DEGREE_M, self._DEGREE_M * math.cos(math.radians(round(latitude, 1))))
         readings = [
             Reading(axis, value * size, is_total=False)
             for axis, (value, size) in enumerate(zip((latitude, longitude), per_degree, strict=True))

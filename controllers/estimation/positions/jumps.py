@@ -7,7 +7,7 @@ from drivers.record import record
 
 @record(frozen=True, slots=True, kw_only=True)
 class _Agreed:
-    """The newest fix that agreed: what it left of its difference, its deviation, the path until then."""
+    """A fix that agreed: what it left of its difference, its deviation, the path until then."""
 
     residual_m: complex
     std_m: float
@@ -22,6 +22,10 @@ class PositionJumps:
     or somebody has carried the rover. That later places move as the wheels do says that the receiver
     agrees with itself. It does not say which place is true.
 
+    Places that move slowly while the wheels stand are no jump from one fix to the next, and the estimate
+    would follow them. So they are compared with the first place, too, since the wheels have rolled farther
+    than its noise: a receiver drifts, or the rover slides or is towed.
+
     Args:
         gate_sd: Noise is smaller than so many of its standard deviations.
 
@@ -33,13 +37,20 @@ class PositionJumps:
     def __init__(self, gate_sd: float) -> None:
         self._gate_sd = gate_sd
         self._agreed: _Agreed | None = None
+        self._stood: _Agreed | None = None
+        self._residual_m: complex | None = None
+        self._followed_m = 0j
         self._off_m: complex | None = None
         self.offset_m = 0j
 
     def agree(self, residual_m: complex, std_m: float, path_m: float) -> None:
         """Take a fix that was used, as the estimate is after it; see `is_off`."""
-        self._agreed = _Agreed(residual_m=residual_m, std_m=std_m, path_m=path_m)
+        agreed = self._agreed = _Agreed(residual_m=residual_m, std_m=std_m, path_m=path_m)
         self._off_m = None
+        if self._residual_m is not None:
+            self._followed_m += self._residual_m - residual_m
+        if self._stood is None or path_m - self._stood.path_m > self._gate_sd * std_m:
+            self._stood, self._followed_m = agreed, 0j
 
     def is_off(self, residual_m: complex, std_m: float, path_m: float) -> bool:
         """Return whether a fix is off the one that agreed by more than the rover can have moved.
@@ -52,18 +63,23 @@ class PositionJumps:
             std_m: Deviation of the fix alone, per axis.
             path_m: What the wheels have rolled until now, and what was not measured.
         """
-        before = self._agreed
+        before, self._residual_m = self._agreed, residual_m
         if before is None:
             return False
         moved_m = abs(residual_m - before.residual_m)
         if self._off_m is not None:
             return abs(residual_m - self._off_m) < moved_m
         is_off = moved_m > path_m - before.path_m + self._gate_sd * math.hypot(std_m, before.std_m)
+        stood = self._stood
+        if stood is not None and not is_off:
+            reach_m = path_m - stood.path_m + self._gate_sd * math.hypot(std_m, stood.std_m)
+            is_off = abs(residual_m + self._followed_m - stood.residual_m) > reach_m
         self._off_m = residual_m if is_off else None
         return is_off
 
     def jump(self, offset_m: complex, std_m: float) -> None:
         """Add a jump in the local frame; one that leads back within the noise ends it."""
+        self._stood = None
         self.offset_m += offset_m
         if abs(self.offset_m) <= self._gate_sd * math.sqrt(2.0) * std_m:
             self.offset_m = 0j

@@ -1,0 +1,84 @@
+"""Stop rule about a receiver whose position stays while the rover drives."""
+
+import math
+from collections.abc import Iterator
+
+from controllers.fault import Bound, Cause, Fault
+from controllers.roles import DeviceRoles
+from controllers.safety.reasons import Cycle, StopRule
+from controllers.safety.repeated_readings import LONGEST_OPERATION
+from drivers.safety_event import WHEN_GONE, Outcome, SafetyEvent
+from drivers.samples import PoseFixSample, Sample
+
+
+class _Receiver:
+    """How often successive positions were equal while the wheels rolled, and how often the newest are.
+
+    Attributes:
+        place_m: The newest position.
+        equal: Successive positions that were equal before the newest, and a half.
+        pairs: All of them, and one.
+        count: How often the newest position has come again.
+        path_m: Rolled since it first came.
+    """
+
+    def __init__(self) -> None:
+        self.place_m = complex(math.nan)
+        self.equal, self.pairs = 0.5, 1.0
+        self.count = 0
+        self.path_m = 0.0
+
+    def take(self, place_m: complex) -> None:
+        """Take a position while the wheels roll."""
+        if place_m == self.place_m:
+            self.count += 1
+            return
+        self.equal += self.count
+        self.pairs += self.count + 1
+        self.place_m, self.count, self.path_m = place_m, 0, 0.0
+
+    @property
+    def is_frozen(self) -> bool:
+        """Whether chance does not explain that the position stays."""
+        return self.count * -math.log(self.equal / self.pairs) >= math.log(LONGEST_OPERATION)
+
+
+class FrozenPositionRule(StopRule):
+    """Stops while a receiver sends one position, with new times, although the wheels roll."""
+
+    observes = (PoseFixSample,)
+
+    events = (
+        SafetyEvent(
+            Outcome.STOPS,
+            "A receiver repeats one position while the wheels roll, although its positions differed before.",
+            "`…: the same position … times while the wheels rolled … m: …`",
+            (
+                "tests/controllers/safety/test_frozen_position_rule.py::"
+                "test_a_receiver_whose_position_stays_is_named",
+            ),
+            within="the positions that rule out chance: 6 after 80 different ones, 34 from the start",
+            clears=WHEN_GONE,
+        ),
+    )
+
+    def __init__(self, roles: DeviceRoles) -> None:
+        self._receivers = {device: _Receiver() for device in roles.fixes}
+        self._is_still = True
+
+    def observe(self, sample: Sample, t_ns: int) -> None:
+        """Take a position of a receiver."""
+        if isinstance(sample, PoseFixSample) and sample.device in self._receivers and not self._is_still:
+            self._receivers[sample.device].take(complex(sample.x_m, sample.y_m))
+
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
+        """Return a reason for each receiver whose position stays."""
+        self._is_still = cycle.wheels.is_still
+        for device, receiver in self._receivers.items():
+            receiver.path_m += cycle.wheels.distance_m
+            if receiver.is_frozen:
+                text = (
+                    f"{device}: the same position {receiver.count} times while the wheels rolled "
+                    f"{receiver.path_m:.2f} m: look at the receiver"
+                )
+                yield Fault(device, Cause.FROZEN_POSITION, text, bound=Bound(position_m=receiver.path_m))
