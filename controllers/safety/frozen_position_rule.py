@@ -28,10 +28,10 @@ class _Receiver:
         self.count = 0
         self.path_m = 0.0
 
-    def take(self, place_m: complex) -> None:
-        """Take a position while the wheels roll."""
+    def take(self, place_m: complex, *, is_still: bool) -> None:
+        """Take a position; at standstill it may stay."""
         if place_m == self.place_m:
-            self.count += 1
+            self.count += not is_still
             return
         self.equal += self.count
         self.pairs += self.count + 1
@@ -68,8 +68,9 @@ class FrozenPositionRule(StopRule):
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take a position of a receiver."""
-        if isinstance(sample, PoseFixSample) and sample.device in self._receivers and not self._is_still:
-            self._receivers[sample.device].take(complex(sample.x_m, sample.y_m))
+        if isinstance(sample, PoseFixSample) and sample.device in self._receivers:
+            place_m = complex(sample.x_m, sample.y_m)
+            self._receivers[sample.device].take(place_m, is_still=self._is_still)
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason for each receiver whose position stays."""

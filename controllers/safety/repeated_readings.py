@@ -14,6 +14,9 @@ KEY = 16
 LEAST_DISTINCT = 8
 """A period has so many different readings: a constant between two steps of a converter is a short tone."""
 
+LEAST_TURNING = 0.1
+"""Share of the changes after which noise turns back: two in three, fewer behind a low-pass; motion, less."""
+
 LONGEST_OPERATION = 1e10
 """Readings in which one false report is accepted: a year of ten sources with 30 readings a second each."""
 
@@ -27,11 +30,13 @@ class Reading(NamedTuple):
     Attributes:
         value: Everything that was read.
         number: The number in it whose noise shows.
+        is_change: Whether it differs from the number before.
         is_turning: Whether the numbers rose up to this one and fall from it, or the reverse.
     """
 
     value: Hashable
     number: float
+    is_change: bool
     is_turning: bool
 
 
@@ -40,7 +45,7 @@ class RepeatedReadings:
 
     Assumed: the noise of successive readings is independent. A number then equals an earlier one at most as
     often as the one before it, with probability p, and n of them with p^n. A motion without noise may repeat
-    itself as a whole; it has few turning points, noise one in two of three readings: these are the n.
+    itself as a whole; it has few turning points, noise two in three readings: these are the n.
     """
 
     def __init__(self) -> None:
@@ -48,7 +53,7 @@ class RepeatedReadings:
         self._count = 0
         self._newest: deque[Hashable] = deque(maxlen=KEY)
         self._last_of: dict[tuple[Hashable, ...], int] = {}
-        self._lag = self._length = self._turning = 0
+        self._lag = self._length = self._changes = self._turning = 0
         self._equal, self._pairs = 0.5, 1.0
         self._rises: bool | None = None
 
@@ -59,12 +64,13 @@ class RepeatedReadings:
         is_turning = change != 0.0 and self._rises is (change < 0.0)
         if change:
             self._rises = change > 0.0
-        self._ring[now % HISTORY] = Reading(value, number, is_turning)
+        self._ring[now % HISTORY] = Reading(value, number, change != 0.0, is_turning)
         self._count += 1
         self._newest.append(value)
         past = self._at(now - self._lag) if self._lag else None
         if past is not None and past.value == value:
             self._length += 1
+            self._changes += change != 0.0
             self._turning += is_turning
         else:
             self._begin(now)
@@ -77,7 +83,7 @@ class RepeatedReadings:
     def is_repetition(self) -> bool:
         """Whether chance does not explain that the newest readings equal earlier ones."""
         by_chance = -math.log(self._equal / self._pairs)
-        if self._turning * by_chance < CHANCES:
+        if self._turning * by_chance < CHANCES or self._turning < LEAST_TURNING * self._changes:
             return False
         return len({reading.value for reading in self._last(self._lag)}) >= LEAST_DISTINCT
 
@@ -115,9 +121,10 @@ class RepeatedReadings:
         """Look for earlier readings that the newest equal."""
         past = self._last_of.get(tuple(self._newest)) if len(self._newest) == KEY else None
         if past is None or now - past > HISTORY - KEY:
-            self._lag = self._length = self._turning = 0
+            self._lag = self._length = self._changes = self._turning = 0
             return
         self._lag, self._length = now - past, KEY
+        self._changes = sum(reading.is_change for reading in self._last(KEY))
         self._turning = sum(reading.is_turning for reading in self._last(KEY))
 
     def _remember(self, now: int) -> None:

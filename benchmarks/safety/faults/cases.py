@@ -16,6 +16,7 @@ from benchmarks.safety.faults.injection import (
     Held,
     Looped,
     LowPassed,
+    Multiplied,
     Noise,
     OneIn,
     Painted,
@@ -294,9 +295,16 @@ def _wrong_gyros(rover: str) -> Iterator[Case]:
     yield device.case("last 2 s again", Duty.NOTICE, duration_s=FOR_EVER_S, to_host=lambda _: Looped(2.0))
     yield device.case(
         "noise without a signal",
-        Duty.NOTICE,
+        Duty.HONEST,
         duration_s=FOR_EVER_S,
         to_host=lambda rng: Changed(device.wire, White(rng, 0.002 * GYRO_PER_RAD_S)),
+    )
+    yield device.case(
+        "noise without a signal or excitation",
+        Duty.HONEST,
+        duration_s=FOR_EVER_S,
+        to_host=lambda rng: Changed(device.wire, White(rng, 0.002 * GYRO_PER_RAD_S)),
+        is_excited=False,
     )
     yield device.case(
         "noise of 0.3 rad/s",
@@ -329,6 +337,9 @@ def _wrong_compasses() -> Iterator[Case]:
         "biased 2 deg",
         lambda: Biased(2.0, (0,)),
         "the deviation of a fluxgate compass is as large, and it turns with the heading",
+    )
+    yield COMPASS.case(
+        "100 times as often", Duty.NOTICE, duration_s=FOR_EVER_S, to_host=lambda _: Multiplied(100)
     )
     yield COMPASS.case("last 2 s again", Duty.NOTICE, duration_s=FOR_EVER_S, to_host=lambda _: Looped(2.0))
     yield COMPASS.lasting("reversed", lambda: Scaled(-1.0), NO_EXCITATION)
@@ -382,6 +393,13 @@ def _receivers() -> Iterator[Case]:
         duration_s=FOR_EVER_S,
         to_host=lambda _: Changed(GNSS.wire, Drifting(0.3, (1,))),
     )
+    for fault, factor in (("north mirrored", -1.0), ("north half", 0.5)):
+        yield case(
+            fault,
+            Duty.HONEST,
+            duration_s=FOR_EVER_S,
+            to_host=lambda _, factor=factor: Changed(GNSS.wire, Scaled(factor, (0,))),
+        )
     yield case("jump of 1 m for 0.5 s", Duty.HONEST, duration_s=0.5, to_host=step(1.0))
     yield case("jump of 20 m for 0.5 s", Duty.HONEST, duration_s=0.5, to_host=step(20.0))
     yield case("multipath step of 1 m", Duty.NOTICE, duration_s=FOR_EVER_S, to_host=step(1.0))

@@ -106,6 +106,18 @@ def flood(arrival: Received[bytes], window: Window) -> Sequence[Received[bytes]]
     return (arrival,) * 500
 
 
+@dataclass(frozen=True, slots=True)
+class Multiplied:
+    """Delivers every payload several times, spread over a hundredth of a second."""
+
+    count: int
+
+    def __call__(self, arrival: Received[bytes], window: Window) -> Sequence[Received[bytes]]:
+        """Return the copies."""
+        step_ns = nanoseconds(0.01) // self.count
+        return [Received(arrival.t_ns + copy * step_ns, arrival.payload) for copy in range(self.count)]
+
+
 @dataclass(slots=True)
 class OneIn:
     """Lets one of `count` payloads pass."""

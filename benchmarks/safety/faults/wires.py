@@ -166,7 +166,7 @@ class PositionSentences:
         # One size for all places of a run: a held longitude is held in degrees, too.
         per_degree = (self._DEGREE_M, self._DEGREE_M * math.cos(math.radians(round(latitude, 1))))
         readings = [
-            Reading(axis, value * size, is_total=False)
+            Reading(axis, value * size, is_total=True)
             for axis, (value, size) in enumerate(zip((latitude, longitude), per_degree, strict=True))
         ]
         values = [value / size for value, size in zip(change(t_ns, readings), per_degree, strict=True)]

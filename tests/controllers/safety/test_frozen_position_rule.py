@@ -1,0 +1,70 @@
+"""A receiver whose position stays while the rover drives."""
+
+import pytest
+
+from controllers.fault import Bound, Cause, Fault
+from controllers.roles import DeviceRoles
+from controllers.safety.frozen_position_rule import FrozenPositionRule
+from drivers.clock import nanoseconds
+from drivers.samples import PoseFixSample
+from tests.cases import first_often
+from tests.controllers.safety.cycles import make_cycle
+
+ROLES = DeviceRoles(wheels="wheels", required={}, fixes=("gnss",))
+
+
+def driven(
+    rule: FrozenPositionRule, places_m: list[float], *, is_still: bool = False, device: str = "gnss"
+) -> list[list[Fault]]:
+    """Return the faults after each position, five a second, 2 cm apart by the wheels."""
+    found = []
+    for index, x_m in enumerate(places_m):
+        t_ns = nanoseconds(0.2 * index)
+        rule.observe(
+            PoseFixSample(
+                device=device, t_ns=t_ns, x_m=x_m, y_m=1.0, yaw_rad=0.0, position_std_m=0.02,
+                yaw_std_rad=10.0, t_capture_ns=t_ns,
+            ),
+            t_ns,
+        )  # fmt: skip
+        distance_m = 0.0 if is_still else 0.02
+        found.append(list(rule.check(make_cycle(now_ns=t_ns, is_still=is_still, distance_m=distance_m))))
+    return found
+
+
+@pytest.mark.parametrize(("different", "most"), first_often([(80, 6), (20, 9), (0, 34)]))
+def test_a_receiver_whose_position_stays_is_named(different: int, most: int) -> None:
+    rule = FrozenPositionRule(ROLES)
+    driven(rule, [-1.0])  # the first is taken at standstill
+    assert not any(driven(rule, [0.02 * index for index in range(different)]))
+    faults = driven(rule, [5.0] * (most + 2))
+    first = next(index for index, each in enumerate(faults) if each)
+    assert first <= most
+    (fault,) = faults[-1]
+    assert (fault.source, fault.cause) == ("gnss", Cause.FROZEN_POSITION)
+    assert fault.text.startswith(f"gnss: the same position {most + 1} times while the wheels rolled 0.")
+    assert fault.bound == Bound(position_m=pytest.approx(0.02 * (most + 2)))
+    # While the rover waits the fault stays; another position ends it.
+    assert driven(rule, [5.0] * 5, is_still=True)[-1]
+    rule.check(make_cycle(now_ns=0, distance_m=0.0))
+    assert not any(driven(rule, [5.1]))
+
+
+def test_at_standstill_a_position_may_stay() -> None:
+    rule = FrozenPositionRule(ROLES)
+    driven(rule, [0.02 * index for index in range(80)])
+    rule.check(make_cycle(now_ns=0, is_still=True))
+    assert not any(driven(rule, [5.0] * 500, is_still=True))
+
+
+def test_positions_that_are_often_equal_may_be_equal() -> None:
+    """A receiver with coarse digits on a slow rover: two in three are as the one before."""
+    rule = FrozenPositionRule(ROLES)
+    assert not any(driven(rule, [float(index // 3) for index in range(300)]))
+    assert not any(driven(rule, [500.0] * 30))
+
+
+def test_other_devices_are_not_judged() -> None:
+    rule = FrozenPositionRule(ROLES)
+    driven(rule, [0.02 * index for index in range(80)])
+    assert not any(driven(rule, [5.0] * 50, device="tracker"))

@@ -1,0 +1,111 @@
+"""Devices that send again what they have sent before are named, with what that may have made wrong."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
+from controllers.fault import Bound, Cause, Fault
+from controllers.roles import DeviceRoles
+from controllers.safety.repetition_rule import RepetitionRule
+from drivers.clock import nanoseconds
+from drivers.samples import (
+    HeadingReference,
+    HeadingSample,
+    PoseFixSample,
+    RateSample,
+    Sample,
+    WheelSample,
+)
+from tests.controllers.safety.cycles import make_cycle
+
+ROLES = DeviceRoles(wheels="board", required={}, gyro="imu", headings=("compass",), fixes=("gnss",))
+STEP_S = 0.02
+SPEED_RAD_S = 3.0
+NOISE = np.random.default_rng(11).normal(size=(4000, 2)).tolist()
+
+
+def make_sample(device: str, index: int, t_ns: int) -> Sample:
+    """Return a reading of a rover that drives straight on."""
+    x, y = NOISE[index]
+    if device == "imu":
+        return RateSample(device="imu", t_ns=t_ns, rate_z_rad_s=0.01 * x, rate_x_rad_s=0.01 * y)
+    if device == "compass":
+        heading_rad = round(0.02 * x, 3)
+        return HeadingSample(
+            device="compass", t_ns=t_ns, heading_rad=heading_rad, reference=HeadingReference.MAGNETIC
+        )
+    if device == "board":
+        return WheelSample(
+            device="board", t_ns=t_ns, wheel=0, position_rad=SPEED_RAD_S * STEP_S * index + 0.002 * x
+        )
+    return PoseFixSample(
+        device="gnss", t_ns=t_ns, x_m=0.01 * index + 0.01 * x, y_m=0.01 * y, yaw_rad=0.0,
+        position_std_m=0.01, yaw_std_rad=10.0, t_capture_ns=t_ns,
+    )  # fmt: skip
+
+
+def driven(rule: RepetitionRule, device: str, indices: list[int], from_cycle: int = 0) -> list[list[Fault]]:
+    """Return the faults of each cycle, in which the device sends one of its readings."""
+    found = []
+    for cycle, index in enumerate(indices, from_cycle):
+        t_ns = nanoseconds(1.0 + STEP_S * cycle)
+        rule.observe(make_sample(device, index, t_ns), t_ns)
+        turn = TurnEvidence(gyro_rad=0.2 * STEP_S, wheels=WheelTurn(duration_s=STEP_S, left_rad=0.5 * STEP_S))
+        found.append(
+            list(
+                rule.check(
+                    make_cycle(
+                        now_ns=t_ns, turn=turn, distance_m=0.01, commanded_rad_s=(SPEED_RAD_S, -SPEED_RAD_S)
+                    )
+                )
+            )
+        )
+    return found
+
+
+@pytest.mark.parametrize("device", ["imu", "compass", "board", "gnss"])
+@pytest.mark.parametrize("period", [13, 200])
+def test_a_device_that_repeats_its_readings_is_named(device: str, period: int) -> None:
+    rule = RepetitionRule(ROLES)
+    healthy = [*range(600)]
+    assert not any(driven(rule, device, healthy))
+    again = [*itertools.islice(itertools.cycle(healthy[-period:]), 200)]
+    faults = driven(rule, device, again, 600)
+    first = next(index for index, each in enumerate(faults) if each)
+    assert first < 60
+    ((fault,), *_) = faults[first:]
+    assert (fault.source, fault.cause) == (device, Cause.REPEATS)
+    assert f"{device}: repeats" in fault.text
+    assert f"{period} readings before" in fault.text
+    # Live readings end it.
+    assert not any(driven(rule, device, [*range(800, 900)], 800))
+
+
+@pytest.mark.parametrize("device", ["imu", "compass", "board", "gnss"])
+def test_the_bound_contains_what_was_driven_since_the_first_repeated_reading(device: str) -> None:
+    rule = RepetitionRule(ROLES)
+    driven(rule, device, [*range(300)])
+    faults = driven(rule, device, [*range(200, 280)], 300)
+    ((*_, fault),) = faults[-1:]
+    repeated_s, early_s = 80 * STEP_S, 2.0  # the begin is known to two seconds
+    bound = fault.bound
+    expected = {
+        "imu": Bound(gyro_rad=0.3),
+        "compass": Bound(yaw_rad=0.5),
+        "board": Bound(wheel_rad=(SPEED_RAD_S, -SPEED_RAD_S)),
+        "gnss": Bound(position_m=0.5),
+    }[device]
+    for name, per_s in expected._asdict().items():
+        actual = getattr(bound, name)
+        pairs = zip(actual, per_s, strict=True) if name == "wheel_rad" else [(actual, per_s)]
+        for value, rate in pairs:
+            assert abs(rate) * repeated_s - 1e-9 <= abs(value) <= abs(rate) * (repeated_s + early_s)
+            assert value * rate >= 0.0
+
+
+def test_devices_without_a_role_are_not_judged() -> None:
+    rule = RepetitionRule(DeviceRoles(wheels="wheels", required={}))
+    for device in ("imu", "compass", "board", "gnss"):
+        assert not any(driven(rule, device, [*range(100), *range(100)]))
