@@ -18,20 +18,22 @@ class _Receiver:
         place_m: The newest position.
         equal: Successive positions that were equal before the newest, and a half.
         pairs: All of them, and one.
-        count: How often the newest position has come again.
+        count: How often the newest position has come again after the wheels rolled.
         path_m: Rolled since it first came.
+        rolled_m: Rolled since the newest position.
     """
 
     def __init__(self) -> None:
         self.place_m = complex(math.nan)
         self.equal, self.pairs = 0.5, 1.0
         self.count = 0
-        self.path_m = 0.0
+        self.path_m = self.rolled_m = 0.0
 
     def take(self, place_m: complex, *, is_still: bool) -> None:
         """Take a position; at standstill it may stay."""
+        rolled_m, self.rolled_m = self.rolled_m, 0.0
         if place_m == self.place_m:
-            self.count += not is_still
+            self.count += rolled_m > 0.0 and not is_still
             return
         self.equal += self.count
         self.pairs += self.count + 1
@@ -77,6 +79,7 @@ class FrozenPositionRule(StopRule):
         self._is_still = cycle.wheels.is_still
         for device, receiver in self._receivers.items():
             receiver.path_m += cycle.wheels.distance_m
+            receiver.rolled_m += cycle.wheels.distance_m
             if receiver.is_frozen:
                 text = (
                     f"{device}: the same position {receiver.count} times while the wheels rolled "
