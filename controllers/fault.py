@@ -34,6 +34,7 @@ class Cause(StrEnum):
     DEAD_GYRO = "gyro dead"
     DEVICE_FAULT = "{}: fault"
     DISPLACED_POSITION = "{} displaced"
+    FLOOD = "{}: flood"
     FROZEN_POSITION = "{}: position stays"
     GROUND_AGAINST_WHEELS = "ground against wheels"
     GYRO_BEYOND_WHEELS = "gyro difference"

@@ -20,6 +20,7 @@ from controllers.safety.estimate_rules import (
     YawDoubtRule,
     YawDoubtSettings,
 )
+from controllers.safety.flood_rule import FloodRule
 from controllers.safety.frozen_position_rule import FrozenPositionRule
 from controllers.safety.gyro_reading_rules import (
     GreatestRateRule,
@@ -104,6 +105,7 @@ def make_rules(
         SupplyRule(settings, roles),
         FreshnessRule(roles, wheel_count),
         SteeringReportRule(roles),
+        FloodRule(roles),
         RepetitionRule(roles),
         FrozenPositionRule(roles),
         MotionRule(roles),

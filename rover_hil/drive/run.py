@@ -102,7 +102,7 @@ def run_rover(
         connection as operator,
         Live(console=messages, transient=True, auto_refresh=False) as display,
     ):
-        show = around.display(display, messages, note)
+        show = around.display(display, messages, config, note)
 
         try:
             if virtual:

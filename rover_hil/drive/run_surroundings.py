@@ -9,6 +9,7 @@ from rich.text import Text
 
 from controllers.control_loop import StepOutput
 from controllers.safety import Mode
+from controllers.unwatched_yaw import find_unwatched_yaw
 from drivers.clock import PacedClock, nanoseconds, seconds
 from drivers.driver import DeviceState, Health
 from drivers.errors import ConfigError
@@ -91,13 +92,17 @@ class LostDevices:
         return told
 
 
-def display(live: Live, messages: Terminal, note: str) -> StatusDisplay:
-    """Return what shows the state of a run; a note is printed once, when the run has begun."""
-    notes = [note] if note else []
+def display(live: Live, messages: Terminal, config: Config, note: str) -> StatusDisplay:
+    """Return what shows the state of a run.
+
+    Once, when it has begun, a note is printed, and that nothing would notice a wrong yaw.
+    """
+    unwatched = find_unwatched_yaw(config, config.device_roles())
+    notes = [*filter(None, (str(unwatched or ""), note))]
     lost = LostDevices()
 
     def show(output: StepOutput, healths: Sequence[Health]) -> None:
-        if notes:
+        while notes:
             messages.print(notes.pop(), soft_wrap=True)
         lines = [_status_line(output), *map(Text, lost.lines(output, healths))]
         if can_tell():  # a terminal that ctrl-S has stopped would hold the loop

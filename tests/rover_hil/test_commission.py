@@ -213,8 +213,11 @@ def test_a_real_run_without_a_passed_commissioning_does_not_excite_the_yaw(
     command("run", "robotino", "--out", "a")
     assert command.error.count("the yaw excitation is off, and slip is not compensated") == 1
     assert "excite_real_rover = true in [slip]" in command.error
+    # Without it nothing compares the turns of the gyro with others.
+    assert command.error.count("yaw unwatched: nothing in this mission would notice that imu") == 1
     command("run", "robotino", "--virtual", "--out", "a")
     assert "excitation" not in command.error
+    assert "unwatched" not in command.error
     assert [each.slip is None for each in driven] == [True, False]
 
 
