@@ -70,7 +70,7 @@ def test_the_screen_shows_lost_devices_and_warnings() -> None:
     console = Terminal(file=printed, soft_wrap=True)
     console.width = 200
     with Live(console=console, auto_refresh=False) as live:
-        show = display(live, console, "")
+        show = display(live, console, config_with(), "")
         show(at(0.0), [health("camera", DeviceState.STREAMING)])
         show(at(5.0, suspicion="wheel 0: turns at 40 %"), [health("camera", DeviceState.FAILED)])
     shown = printed.getvalue()

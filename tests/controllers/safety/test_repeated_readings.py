@@ -13,7 +13,8 @@ from tests.cases import first_often
 
 def noisy(count: int, steps_per_sd: float, seed: int) -> list[float]:
     """Return noise in steps of a converter."""
-    return np.round(steps_per_sd * np.random.default_rng(seed).normal(size=count)).tolist()
+    values: list[float] = np.round(steps_per_sd * np.random.default_rng(seed).normal(size=count)).tolist()
+    return values
 
 
 def until_found(readings: RepeatedReadings, values: list[float]) -> int | None:
@@ -61,7 +62,8 @@ def test_what_repeats_lawfully_is_no_repetition(values: list[float]) -> None:
 
 
 def positions(increments: list[float]) -> list[float]:
-    return np.cumsum(increments).tolist()
+    angles: list[float] = np.cumsum(increments).tolist()
+    return angles
 
 
 def fed(values: list[float]) -> RepeatedReadings:
