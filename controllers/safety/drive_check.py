@@ -5,10 +5,23 @@ from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle
 from controllers.safety.rule_set import RuleSet
 from controllers.safety.settings import SafetySettings, make_drive_rules
+from drivers.clock import nanoseconds
 from drivers.record import record
 from drivers.samples import Sample
 
 OF_HEALTHY_ROVERS = (Severity.UNCERTAIN, Severity.RECOVERABLE)
+
+AGAINST_WHEELS = (
+    Cause.GYRO_BEYOND_WHEELS,
+    Cause.GYRO_DOES_NOT_FOLLOW,
+    Cause.MISSED_TURN,
+    Cause.DEAD_GYRO,
+    Cause.TURN,
+)
+"""What a comparison of the gyro with the wheels finds: a wheel that is measured wrongly explains it, too."""
+
+EXPLAINED_NS = nanoseconds(3.0)
+"""So long after a fault of the wheels the comparisons still contain their wrong angles; chosen by hand."""
 
 
 @record(frozen=True, slots=True, kw_only=True)
@@ -26,6 +39,9 @@ class Finding:
 
 class DriveCheck:
     """Asks the rules that do not depend on setpoints, and says what they find when it begins.
+
+    While the wheels are known to be measured wrongly, and shortly after, the gyro is not blamed for what a
+    comparison with them finds.
 
     Args:
         settings: Thresholds.
@@ -45,6 +61,8 @@ class DriveCheck:
         self, settings: SafetySettings, roles: DeviceRoles, wheel_count: int, heading_lag_s: float
     ) -> None:
         self._rules = RuleSet(make_drive_rules(settings, roles, wheel_count, heading_lag_s))
+        self._wheels = roles.wheels
+        self._wheels_ns: int | None = None
         self._since_ns: dict[tuple[str, Cause], int] = {}
         self._is_past: dict[tuple[str, Cause], bool] = {}
         self.findings: tuple[Finding, ...] = ()
@@ -63,7 +81,7 @@ class DriveCheck:
             cycle: What they see.
             estimated: Why the wheels may not measure the motion, by the estimator; None for no such fault.
         """
-        faults = self._rules.faults(cycle)
+        faults = self._unexplained(self._rules.faults(cycle), estimated, cycle.now_ns)
         confirmed = [fault for fault in faults if self._is_confirmed(fault)]
         found = [*confirmed, *([] if estimated is None else [estimated])]
         lasting = [fault._replace(since_ns=self._since_ns.get(fault.key, cycle.now_ns)) for fault in found]
@@ -81,6 +99,15 @@ class DriveCheck:
         for key in recoverable.union(self._is_past):
             # It is confirmed where it comes again after it had ended.
             self._is_past[key] = self._is_past.get(key, False) or key not in recoverable
+
+    def _unexplained(self, faults: list[Fault], estimated: Fault | None, now_ns: int) -> list[Fault]:
+        """Return the faults that a fault of the wheels does not explain."""
+        is_estimated = estimated is not None and estimated.cause is Cause.STUCK_ENCODER
+        if is_estimated or any(fault.source == self._wheels and fault.adds_uncertainty for fault in faults):
+            self._wheels_ns = now_ns
+        if self._wheels_ns is None or now_ns - self._wheels_ns > EXPLAINED_NS:
+            return faults
+        return [fault for fault in faults if fault.cause not in AGAINST_WHEELS]
 
     def _is_confirmed(self, fault: Fault) -> bool:
         """Return whether a fault is a finding; a healthy rover may show some once."""

@@ -109,6 +109,44 @@ def test_opposite_turns_are_told_with_both_numbers_and_the_region_contains_both_
     assert "this drive does not show which" in Path("report/report.html").read_text("utf-8")
 
 
+class DeadEncoder:
+    """The left encoder does not count for ten seconds; then it counts on, or knows the whole angle again."""
+
+    def __init__(self, *, counts_on: bool) -> None:
+        self._counts_on = counts_on
+        self._held_rad = self._true_rad = 0.0
+
+    def __call__(self, t_s: float, angles: list[float], speeds: list[float]) -> list[States]:
+        left_rad, right_rad = angles
+        if t_s < 6.0:
+            self._held_rad = left_rad
+        if t_s < 16.0:
+            self._true_rad = left_rad
+        if 6.0 <= t_s < 16.0:
+            return [States(list(JOINTS), [self._held_rad, right_rad], [0.0, speeds[1]])]
+        if t_s >= 16.0 and self._counts_on:
+            left_rad += self._held_rad - self._true_rad
+        return [States(list(JOINTS), [left_rad, right_rad], speeds)]
+
+
+@pytest.mark.parametrize("counts_on", first_often([True, False]))
+def test_an_encoder_that_is_dead_for_a_while_is_the_only_finding(
+    command: Command, tmp_path: Path, counts_on: bool
+) -> None:
+    """The gyro is not blamed for the angle that the wheels miss, nor after the encoder works again."""
+    segments = ((0.0, 0.0, 1.0), (0.3, 0.0, 10.0), (0.3, 0.15, 14.0), (0.3, -0.1, 8.0), (0.0, 0.0, 1.0))
+    bag = Bag(segments=segments, change=DeadEncoder(counts_on=counts_on))
+    track = write_bag(tmp_path / "bag", bag)
+    assert import_it(command, tmp_path / "bag") == 0, command.error
+    begun = [finding for finding in findings_of(command) if finding["t_s"] is not None]
+    assert [finding["name"] for finding in begun] == ["wheels contradicted"]
+    assert str(begun[0]["text"]).startswith("wheel 0 does not turn")
+    end = end_of(Path("drive.mcap"))
+    assert end.contains(track.end)
+    rolled_m = 0.3 * 32.0
+    assert math.sqrt(end.covariance[0] + end.covariance[3]) < 0.65 * rolled_m
+
+
 @field_reports
 def test_the_wrong_gyro_of_the_field_reports_is_told(command: Command) -> None:
     assert import_it(command, FIELD_BAGS / "gyro_wrong_sign") == 0, command.error
