@@ -24,7 +24,7 @@ class _Receiver:
     """
 
     def __init__(self) -> None:
-        self.place_m = complex(math.nan)
+        self.place_m: complex | None = None
         self.equal, self.pairs = 0.5, 1.0
         self.count = 0
         self.path_m = self.rolled_m = 0.0
@@ -35,8 +35,9 @@ class _Receiver:
         if place_m == self.place_m:
             self.count += rolled_m > 0.0 and not is_still
             return
-        self.equal += self.count
-        self.pairs += self.count + 1
+        if self.place_m is not None:
+            self.equal += self.count
+            self.pairs += self.count + 1
         self.place_m, self.count, self.path_m = place_m, 0, 0.0
 
     @property

@@ -300,13 +300,6 @@ def _wrong_gyros(rover: str) -> Iterator[Case]:
         to_host=lambda rng: Changed(device.wire, White(rng, 0.002 * GYRO_PER_RAD_S)),
     )
     yield device.case(
-        "noise without a signal or excitation",
-        Duty.HONEST,
-        duration_s=FOR_EVER_S,
-        to_host=lambda rng: Changed(device.wire, White(rng, 0.002 * GYRO_PER_RAD_S)),
-        is_excited=False,
-    )
-    yield device.case(
         "noise of 0.3 rad/s",
         Duty.NOTICE,
         duration_s=FOR_EVER_S,

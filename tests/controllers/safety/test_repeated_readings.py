@@ -1,4 +1,4 @@
-"""Readings that come again are told from noise, tones, standstill and motion that repeats itself."""
+"""Readings that come again are distinguished from noise, tones, standstill and repeated motion."""
 
 import math
 
