@@ -145,7 +145,7 @@ def drive_with_a_late_fix(loop: ControlLoop, rover: SimulatedRover) -> list[str]
     fix = PoseFixSample(
         device="overhead",
         t_ns=rover.t_ns,
-        x_m=1e-3 * seconds(rover.t_ns),
+        x_m=1e-3 * rover.t_ns / SECOND_NS,
         y_m=0.0,
         yaw_rad=0.0,
         position_std_m=0.01,
