@@ -1,4 +1,4 @@
-"""Stop rule about a device that sends many more readings than at first."""
+"""Stop rule about a device that sends many more readings than at its start."""
 
 from collections.abc import Iterator
 
@@ -10,26 +10,30 @@ from drivers.safety_event import WHEN_GONE, Outcome, SafetyEvent
 from drivers.samples import HeadingSample, PoseFixSample, RateSample, Sample, WheelSample
 
 FACTOR = 6
-"""So many times the readings of the first second are too many: 3 s that arrive at once, and as many again."""
+"""So many times the readings of a second are too many: 3 s that arrive at once, and as many again."""
+
+START_SECONDS = 3
+"""The second of these with the most readings is the measure: a device may begin slowly."""
 
 LEAST = 20
 """Fewer readings in a second are never too many."""
 
 
 class _Count:
-    """Readings of a device in its first second, and in the present one.
+    """Readings of a device in a second of its start, and in the present one.
 
     Attributes:
         begin_ns: Begin of the present second.
         count: Readings in it.
-        first: Readings in the first second; None until it is over.
+        usual: Greatest number of readings in a second of the start.
+        seconds: Of the start, so far.
         is_flooded: Whether the second before had too many.
     """
 
     def __init__(self, begin_ns: int) -> None:
         self.begin_ns = begin_ns
         self.count = 0
-        self.first: int | None = None
+        self.usual = self.seconds = 0
         self.is_flooded = False
 
     def add(self, t_ns: int) -> None:
@@ -42,18 +46,24 @@ class _Count:
         if now_ns - self.begin_ns < NANOSECONDS_PER_SECOND:
             return
         self.is_flooded = self.has_too_many
-        if self.first is None:
-            self.first = self.count
+        if self.seconds < START_SECONDS:
+            self.usual = max(self.usual, self.count)
+            self.seconds += 1
         self.begin_ns, self.count = now_ns, 0
 
     @property
     def has_too_many(self) -> bool:
         """Whether the present second has too many."""
-        return self.first is not None and self.count > max(LEAST, FACTOR * self.first)
+        return self.seconds == START_SECONDS and self.count > self.most
+
+    @property
+    def most(self) -> int:
+        """Greatest number of readings in a second that is not too large."""
+        return max(LEAST, FACTOR * self.usual)
 
 
 class FloodRule(StopRule):
-    """Stops while a device sends many more readings than in the first second.
+    """Stops while a device sends many more readings than at its start.
 
     Every reading corrects the estimate as if its error were its own: a thousand copies of one heading make
     the yaw as certain as a thousand headings.
@@ -64,9 +74,9 @@ class FloodRule(StopRule):
     events = (
         SafetyEvent(
             Outcome.STOPS,
-            "A gyro, wheels, a compass or a receiver sends more than six times as many readings as in the "
-            "first second.",
-            "`…: more than … readings in a second, … in the first: …`",
+            "A gyro, wheels, a compass or a receiver sends more than six times as many readings in a "
+            "second as at its start.",
+            "`…: more than … readings in a second, … at its start: …`",
             (
                 "tests/controllers/safety/test_flood_rule.py::"
                 "test_a_device_that_sends_many_times_as_often_is_named",
@@ -101,7 +111,7 @@ class FloodRule(StopRule):
             count.advance(cycle.now_ns)
             if count.has_too_many or count.is_flooded:
                 text = (
-                    f"{device}: more than {max(LEAST, FACTOR * (count.first or 0))} readings in a second, "
-                    f"{count.first} in the first: look at the device and its settings"
+                    f"{device}: more than {count.most} readings in a second, {count.usual} at its start: "
+                    "look at the device and its settings"
                 )
                 yield Fault(device, Cause.FLOOD, text)
