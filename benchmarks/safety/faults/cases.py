@@ -295,7 +295,7 @@ def _wrong_gyros(rover: str) -> Iterator[Case]:
     yield device.case("last 2 s again", Duty.NOTICE, duration_s=FOR_EVER_S, to_host=lambda _: Looped(2.0))
     yield device.case(
         "noise without a signal",
-        Duty.HONEST,
+        Duty.HONEST if has_heading else Duty.NOTICE,
         duration_s=FOR_EVER_S,
         to_host=lambda rng: Changed(device.wire, White(rng, 0.002 * GYRO_PER_RAD_S)),
     )
