@@ -11,6 +11,9 @@ HISTORY = 1 << 14
 KEY = 16
 """So many equal readings begin a repetition; fewer are found too often in coarse readings."""
 
+MEMORY = 256
+"""Of the share of equal successive numbers, in readings: a rover at rest has another one than in motion."""
+
 LEAST_DISTINCT = 8
 """A period has so many different readings: a constant between two steps of a converter is a short tone."""
 
@@ -52,9 +55,9 @@ class RepeatedReadings:
         self._ring: list[Reading | None] = [None] * HISTORY
         self._count = 0
         self._newest: deque[Hashable] = deque(maxlen=KEY)
-        self._last_of: dict[tuple[Hashable, ...], int] = {}
+        self._last_of: dict[int, int] = {}
         self._lag = self._length = self._changes = self._turning = 0
-        self._equal, self._pairs = 0.5, 1.0
+        self._equal = 0.5
         self._rises: bool | None = None
 
     def add(self, value: Hashable, number: float) -> None:
@@ -74,15 +77,14 @@ class RepeatedReadings:
             self._turning += is_turning
         else:
             self._begin(now)
-        if self._lag <= 1:
-            self._equal += change == 0.0
-            self._pairs += 1.0
+        if before is not None and self._lag <= 1:
+            self._equal += ((change == 0.0) - self._equal) / min(now + 1, MEMORY)
         self._remember(now)
 
     @property
     def is_repetition(self) -> bool:
         """Whether chance does not explain that the newest readings equal earlier ones."""
-        by_chance = -math.log(self._equal / self._pairs)
+        by_chance = -math.log(max(self._equal, 1.0 / MEMORY))
         if self._turning * by_chance < CHANCES or self._turning < LEAST_TURNING * self._changes:
             return False
         return len({reading.value for reading in self._last(self._lag)}) >= LEAST_DISTINCT
@@ -119,16 +121,21 @@ class RepeatedReadings:
 
     def _begin(self, now: int) -> None:
         """Look for earlier readings that the newest equal."""
-        past = self._last_of.get(tuple(self._newest)) if len(self._newest) == KEY else None
-        if past is None or now - past > HISTORY - KEY:
+        past = self._last_of.get(hash(tuple(self._newest))) if len(self._newest) == KEY else None
+        if past is None or now - past > HISTORY - KEY or not self._are_equal(now, past):
             self._lag = self._length = self._changes = self._turning = 0
             return
         self._lag, self._length = now - past, KEY
         self._changes = sum(reading.is_change for reading in self._last(KEY))
         self._turning = sum(reading.is_turning for reading in self._last(KEY))
 
+    def _are_equal(self, now: int, past: int) -> bool:
+        """Return whether the readings up to two indices are equal: their hash is."""
+        pairs = ((self._at(now - back), self._at(past - back)) for back in range(KEY))
+        return all(a is not None and b is not None and a.value == b.value for a, b in pairs)
+
     def _remember(self, now: int) -> None:
         if len(self._newest) == KEY:
-            self._last_of[tuple(self._newest)] = now
+            self._last_of[hash(tuple(self._newest))] = now
         if len(self._last_of) > 2 * HISTORY:
             self._last_of = {key: at for key, at in self._last_of.items() if now - at < HISTORY}

@@ -61,6 +61,14 @@ def test_what_repeats_lawfully_is_no_repetition(values: list[float]) -> None:
     assert until_found(RepeatedReadings(), values) is None
 
 
+def test_a_long_rest_hides_no_repetition_after_it() -> None:
+    readings, values = RepeatedReadings(), noisy(600, 50.0, 9)
+    assert until_found(readings, [0.0] * 5000 + values) is None
+    found = until_found(readings, values[-300:])
+    assert found is not None
+    assert found < 120
+
+
 def positions(increments: list[float]) -> list[float]:
     angles: list[float] = np.cumsum(increments).tolist()
     return angles
