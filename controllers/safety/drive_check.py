@@ -81,10 +81,12 @@ class DriveCheck:
             cycle: What they see.
             estimated: Why the wheels may not measure the motion, by the estimator; None for no such fault.
         """
-        faults = self._unexplained(self._rules.faults(cycle), estimated, cycle.now_ns)
+        found = self._rules.faults(cycle)
+        recoverable = {fault.key for fault in found if fault.severity in OF_HEALTHY_ROVERS}
+        faults = self._unexplained(found, estimated, cycle.now_ns)
         confirmed = [fault for fault in faults if self._is_confirmed(fault)]
-        found = [*confirmed, *([] if estimated is None else [estimated])]
-        lasting = [fault._replace(since_ns=self._since_ns.get(fault.key, cycle.now_ns)) for fault in found]
+        told = [*confirmed, *([] if estimated is None else [estimated])]
+        lasting = [fault._replace(since_ns=self._since_ns.get(fault.key, cycle.now_ns)) for fault in told]
         self._since_ns = {fault.key: fault.since_ns for fault in lasting}
         self.findings = tuple(
             Finding(cause=fault.name, text=fault.text) for fault in lasting if fault.since_ns == cycle.now_ns
@@ -95,15 +97,15 @@ class DriveCheck:
         )
         self.unconfirmed = next(unconfirmed, "")
         self.is_open |= any(fault.bound.is_motion_unknown for fault in confirmed)
-        recoverable = {fault.key for fault in faults if fault.severity in OF_HEALTHY_ROVERS}
         for key in recoverable.union(self._is_past):
             # It is confirmed where it comes again after it had ended.
             self._is_past[key] = self._is_past.get(key, False) or key not in recoverable
 
     def _unexplained(self, faults: list[Fault], estimated: Fault | None, now_ns: int) -> list[Fault]:
         """Return the faults that a fault of the wheels does not explain."""
+        wrong = {(self._wheels, Cause.REPEATS), ("wheels", Cause.STANDING_WHEELS)}
         is_estimated = estimated is not None and estimated.cause is Cause.STUCK_ENCODER
-        if is_estimated or any(fault.source == self._wheels and fault.adds_uncertainty for fault in faults):
+        if is_estimated or any(fault.key in wrong for fault in faults):
             self._wheels_ns = now_ns
         if self._wheels_ns is None or now_ns - self._wheels_ns > EXPLAINED_NS:
             return faults

@@ -7,7 +7,7 @@ from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, StopRule
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.safety_event import WHEN_GONE, Outcome, SafetyEvent
-from drivers.samples import HeadingSample, PoseFixSample, RateSample, Sample, WheelSample
+from drivers.samples import HeadingSample, LinkSample, PoseFixSample, RateSample, Sample, WheelSample
 
 FACTOR = 6
 """So many times the readings of a second are too many: 3 s that arrive at once, and as many again."""
@@ -15,8 +15,8 @@ FACTOR = 6
 START_SECONDS = 3
 """The second of these with the most readings is the measure: a device may begin slowly."""
 
-LEAST = 20
-"""Fewer readings in a second are never too many."""
+LEAST = 500
+"""Fewer readings in a second are never too many: a drive may send the faster the faster its wheels turn."""
 
 
 class _Count:
@@ -66,16 +66,17 @@ class FloodRule(StopRule):
     """Stops while a device sends many more readings than at its start.
 
     Every reading corrects the estimate as if its error were its own: a thousand copies of one heading make
-    the yaw as certain as a thousand headings.
+    the yaw as certain as a thousand headings. The stop comes before many are used, so nothing is added to the
+    covariance.
     """
 
-    observes = (RateSample, WheelSample, HeadingSample, PoseFixSample)
+    observes = (RateSample, WheelSample, HeadingSample, PoseFixSample, LinkSample)
 
     events = (
         SafetyEvent(
             Outcome.STOPS,
             "A gyro, wheels, a compass or a receiver sends more than six times as many readings in a "
-            "second as at its start.",
+            "second as at its start, and more than 500.",
             "`…: more than … readings in a second, … at its start: …`",
             (
                 "tests/controllers/safety/test_flood_rule.py::"
@@ -98,6 +99,9 @@ class FloodRule(StopRule):
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Count a reading of a device that the estimate uses."""
         kind = type(sample)
+        if isinstance(sample, LinkSample):  # another device, or the same one, begins
+            for key in [key for key in self._counts if key[0] == sample.device]:
+                del self._counts[key]
         if sample.device not in self._used.get(kind, ()):
             return
         count = self._counts.get((sample.device, kind))

@@ -3,7 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Hashable, Iterator
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 HISTORY = 1 << 14
 """Readings with which the newest are compared: more than a minute of a fast gyro."""
@@ -15,9 +15,9 @@ MEMORY = 256
 """Of the share of equal successive numbers, in readings: a rover at rest has another one than in motion."""
 
 LEAST_DISTINCT = 8
-"""A period has so many different readings: a constant between two steps of a converter is a short tone."""
+"""It has so many different readings: a constant between two steps of a converter is a short tone."""
 
-LEAST_TURNING = 0.1
+LEAST_TURNING = 0.2
 """Share of the changes after which noise turns back: two in three, fewer behind a low-pass; motion, less."""
 
 LONGEST_OPERATION = 1e10
@@ -27,47 +27,58 @@ CHANCES = math.log(HISTORY * LONGEST_OPERATION)
 """Logarithm of the number of pairs of a present sequence and a past one."""
 
 
-class Reading(NamedTuple):
+ContextT = TypeVar("ContextT")
+
+
+class Reading(NamedTuple, Generic[ContextT]):
     """A reading as it is compared.
 
     Attributes:
         value: Everything that was read.
-        number: The number in it whose noise shows.
+        number: Shows its noise: a number in it, or its increment.
+        context: Of it, for the caller.
+        path: Sum of the magnitudes of the numbers up to this one.
         is_change: Whether it differs from the number before.
         is_turning: Whether the numbers rose up to this one and fall from it, or the reverse.
     """
 
     value: Hashable
     number: float
+    context: ContextT
+    path: float
     is_change: bool
     is_turning: bool
 
 
-class RepeatedReadings:
+class RepeatedReadings(Generic[ContextT]):
     """Follows how long the newest readings of a source equal earlier ones.
 
-    Assumed: the noise of successive readings is independent. A number then equals an earlier one at most as
-    often as the one before it, with probability p, and n of them with p^n. A motion without noise may repeat
-    itself as a whole; it has few turning points, noise two in three readings: these are the n.
+    Assumed: all readings are of one quantity, and the noise of successive ones is independent. A number then
+    equals an earlier one at most as often as the one before it, with probability p, and n of them with p^n. A
+    motion without noise may repeat itself as a whole; it has few turning points, noise two in three readings:
+    these are the n.
     """
 
     def __init__(self) -> None:
-        self._ring: list[Reading | None] = [None] * HISTORY
+        self._ring: list[Reading[ContextT] | None] = [None] * HISTORY
         self._count = 0
         self._newest: deque[Hashable] = deque(maxlen=KEY)
         self._last_of: dict[int, int] = {}
         self._lag = self._length = self._changes = self._turning = 0
         self._equal = 0.5
         self._rises: bool | None = None
+        self._largest = 0.0
+        self._has_distinct = False
 
-    def add(self, value: Hashable, number: float) -> None:
+    def add(self, value: Hashable, number: float, context: ContextT) -> None:
         """Take a reading, see `Reading`."""
         now, before = self._count, self._at(self._count - 1)
         change = 0.0 if before is None else number - before.number
         is_turning = change != 0.0 and self._rises is (change < 0.0)
         if change:
             self._rises = change > 0.0
-        self._ring[now % HISTORY] = Reading(value, number, change != 0.0, is_turning)
+        path = abs(number) + (0.0 if before is None else before.path)
+        self._ring[now % HISTORY] = Reading(value, number, context, path, change != 0.0, is_turning)
         self._count += 1
         self._newest.append(value)
         past = self._at(now - self._lag) if self._lag else None
@@ -75,6 +86,7 @@ class RepeatedReadings:
             self._length += 1
             self._changes += change != 0.0
             self._turning += is_turning
+            self._largest = max(self._largest, abs(number))
         else:
             self._begin(now)
         if before is not None and self._lag <= 1:
@@ -87,7 +99,31 @@ class RepeatedReadings:
         by_chance = -math.log(max(self._equal, 1.0 / MEMORY))
         if self._turning * by_chance < CHANCES or self._turning < LEAST_TURNING * self._changes:
             return False
-        return len({reading.value for reading in self._last(self._lag)}) >= LEAST_DISTINCT
+        self._has_distinct = self._has_distinct or self._is_distinct()
+        return self._has_distinct
+
+    def _is_distinct(self) -> bool:
+        """Return whether the repetition has enough different readings, as far as the longest useful look."""
+        distinct: set[Hashable] = set()
+        for reading in self._last(min(self._length, MEMORY)):
+            distinct.add(reading.value)
+            if len(distinct) >= LEAST_DISTINCT:
+                return True
+        return False
+
+    @property
+    def first(self) -> ContextT | None:
+        """The context of the first reading that equals an earlier one; None where there is none."""
+        return self._context(self._count - self._length) if self._length else None
+
+    @property
+    def copied(self) -> ContextT | None:
+        """The context of the reading that this one equals, or of the oldest that is kept."""
+        return self._context(self._count - self._length - self._lag) if self._length else None
+
+    def _context(self, index: int) -> ContextT | None:
+        reading = self._at(max(index, self._count - HISTORY))
+        return None if reading is None else reading.context
 
     @property
     def length(self) -> int:
@@ -106,14 +142,16 @@ class RepeatedReadings:
         For increments of a position that has gone back at once, and not on the way on which it came: the sum
         is that of both ways.
         """
-        period = sum(abs(reading.number) for reading in self._last(self._lag))
-        return any(4.0 * abs(reading.number) > period for reading in self._last(self._length))
+        newest, before = self._at(self._count - 1), self._at(self._count - 1 - self._lag)
+        if newest is None or before is None or not self._lag:
+            return False
+        return 4.0 * self._largest > newest.path - before.path
 
-    def _at(self, index: int) -> Reading | None:
+    def _at(self, index: int) -> Reading[ContextT] | None:
         is_kept = max(0, self._count - HISTORY) <= index < self._count
         return self._ring[index % HISTORY] if is_kept else None
 
-    def _last(self, count: int) -> Iterator[Reading]:
+    def _last(self, count: int) -> Iterator[Reading[ContextT]]:
         for index in range(self._count - min(count, HISTORY), self._count):
             reading = self._at(index)
             if reading is not None:
@@ -121,6 +159,7 @@ class RepeatedReadings:
 
     def _begin(self, now: int) -> None:
         """Look for earlier readings that the newest equal."""
+        self._has_distinct = False
         past = self._last_of.get(hash(tuple(self._newest))) if len(self._newest) == KEY else None
         if past is None or now - past > HISTORY - KEY or not self._are_equal(now, past):
             self._lag = self._length = self._changes = self._turning = 0
@@ -128,6 +167,7 @@ class RepeatedReadings:
         self._lag, self._length = now - past, KEY
         self._changes = sum(reading.is_change for reading in self._last(KEY))
         self._turning = sum(reading.is_turning for reading in self._last(KEY))
+        self._largest = max(abs(reading.number) for reading in self._last(KEY))
 
     def _are_equal(self, now: int, past: int) -> bool:
         """Return whether the readings up to two indices are equal: their hash is."""

@@ -1,19 +1,20 @@
 """Stop rule about a device that repeats readings which it has sent before."""
 
-from collections import deque
-from collections.abc import Iterator
+import math
+from collections.abc import Hashable, Iterator
 from typing import NamedTuple
 
 from controllers.fault import Bound, Cause, Fault
+from controllers.motion.planar import wrap_angle
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, StopRule
 from controllers.safety.repeated_readings import KEY, RepeatedReadings
-from drivers.clock import nanoseconds, seconds
+from drivers.clock import seconds
 from drivers.safety_event import AFTER_A_WAIT, Outcome, SafetyEvent
 from drivers.samples import HeadingSample, PoseFixSample, RateSample, Sample, WheelSample
 
-BEGUN_NS = nanoseconds(2.0)
-"""A repetition is noticed so late at most, by the readings that begin it."""
+DIGITS = 9
+"""Of an increment in m or rad that count."""
 
 
 class _Travel(NamedTuple):
@@ -35,18 +36,16 @@ class _Travel(NamedTuple):
 
 
 class _Source:
-    """Readings of one device, of a wheel where it has several.
+    """Readings of one quantity of a device.
 
     Attributes:
-        device: Name.
-        readings: Repeated ones.
-        begin: What was measured before the repetition.
+        readings: Compared with earlier ones.
+        newest: The newest number whose increments show the noise.
     """
 
-    def __init__(self, device: str) -> None:
-        self.device = device
-        self.readings = RepeatedReadings()
-        self.begin: _Travel | None = None
+    def __init__(self) -> None:
+        self.readings: RepeatedReadings[_Travel] = RepeatedReadings()
+        self.newest: float | None = None
 
 
 class RepetitionRule(StopRule):
@@ -75,53 +74,52 @@ class RepetitionRule(StopRule):
 
     def __init__(self, roles: DeviceRoles) -> None:
         self._roles = roles
-        self._sources: dict[tuple[type[Sample], str, int], _Source] = {}
-        self._positions_rad: dict[int, float] = {}
+        self._sources: dict[tuple[type[Sample], str, Hashable], _Source] = {}
         self._travel = _Travel(0)
-        self._recent: deque[_Travel] = deque((self._travel,))
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take a reading of a device that the estimate uses."""
         if isinstance(sample, RateSample) and sample.device == self._roles.gyro:
             value = (sample.rate_x_rad_s, sample.rate_y_rad_s, sample.rate_z_rad_s)
-            self._source(sample).readings.add(value, sample.rate_z_rad_s)
+            self._source(sample).readings.add(value, sample.rate_z_rad_s, self._travel)
         elif isinstance(sample, HeadingSample) and sample.device in self._roles.headings:
-            self._source(sample).readings.add(sample.heading_rad, sample.heading_rad)
+            self._add(self._source(sample, sample.reference), sample.heading_rad, math.tau)
         elif isinstance(sample, PoseFixSample) and sample.device in self._roles.fixes:
-            self._source(sample).readings.add((sample.x_m, sample.y_m), sample.x_m)
+            for axis, place_m in enumerate((sample.x_m, sample.y_m)):
+                self._add(self._source(sample, axis), place_m)
         elif isinstance(sample, WheelSample) and sample.device == self._roles.wheels:
-            self._take_wheel(sample)
+            wraps_rad = dict(enumerate(self._roles.wheel_wraps_rad)).get(sample.wheel)
+            if sample.position_rad is not None:
+                self._add(self._source(sample, sample.wheel), sample.position_rad, wraps_rad)
 
-    def _take_wheel(self, sample: WheelSample) -> None:
-        position_rad = sample.position_rad
-        if position_rad is None:
-            return
-        increment_rad = position_rad - self._positions_rad.get(sample.wheel, position_rad)
-        self._positions_rad[sample.wheel] = position_rad
-        self._source(sample, sample.wheel).readings.add(position_rad, increment_rad)
+    def _add(self, source: _Source, number: float, wraps: float | None = None) -> None:
+        """Take a reading whose increments show its noise; after `wraps` it begins anew."""
+        increment = 0.0 if source.newest is None else number - source.newest
+        if wraps is not None and math.isfinite(wraps):
+            increment = wrap_angle(increment * math.tau / wraps) * wraps / math.tau
+        source.newest = number
+        # What rounding leaves of equal increments is no noise.
+        source.readings.add(number, round(increment, DIGITS), self._travel)
 
-    def _source(self, sample: Sample, part: int = 0) -> _Source:
-        key = (type(sample), sample.device, part)
-        source = self._sources.get(key)
-        if source is None:
-            source = self._sources[key] = _Source(sample.device)
-        return source
+    def _source(self, sample: Sample, part: Hashable = None) -> _Source:
+        return self._sources.setdefault((type(sample), sample.device, part), _Source())
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
-        """Return a reason for each source that repeats itself."""
+        """Return a reason for each device that repeats itself."""
         self._follow(cycle)
+        named: set[str] = set()
         for (kind, device, _), source in self._sources.items():
             readings = source.readings
-            if readings.length < KEY:
-                source.begin = None
+            if device in named or readings.length < KEY or not readings.is_repetition:
                 continue
-            source.begin = source.begin or self._recent[0]
-            if readings.is_repetition and (kind is not WheelSample or readings.has_jump):
-                text = (
-                    f"{device}: repeats {readings.length} readings that it sent {readings.lag} readings "
-                    "before: look at the device, its buffer and its driver"
-                )
-                yield Fault(device, Cause.REPEATS, text, bound=self._bound(kind, source.begin))
+            if kind is WheelSample and not readings.has_jump:
+                continue
+            named.add(device)
+            text = (
+                f"{device}: repeats {readings.length} readings that it sent {readings.lag} readings "
+                "before: look at the device, its buffer and its driver"
+            )
+            yield Fault(device, Cause.REPEATS, text, bound=self._bound(kind, readings))
 
     def _follow(self, cycle: Cycle) -> None:
         """Sum up what the devices measure."""
@@ -136,13 +134,16 @@ class RepetitionRule(StopRule):
             wheels_rad=before.wheels_rad + (0.0 if turn is None else turn.wheels.turn_rad),
             wheel_rad=tuple(a + duration_s * b for a, b in zip(turned_rad, speeds_rad_s, strict=False)),
         )
-        self._recent.append(self._travel)
-        while cycle.now_ns - self._recent[0].t_ns > BEGUN_NS:
-            self._recent.popleft()
 
-    def _bound(self, kind: type[Sample], begin: _Travel) -> Bound:
-        """Return what a device may have made wrong since then; the truth is between gyro, wheels and rest."""
+    def _bound(self, kind: type[Sample], readings: RepeatedReadings[_Travel]) -> Bound:
+        """Return what a device may have made wrong since the first repeated reading.
+
+        Rates and increments are wrong from there on; headings and positions are as old as what they copy. The
+        true turn is between that by gyro, that by wheels and none.
+        """
         now = self._travel
+        is_absolute = kind in (HeadingSample, PoseFixSample)
+        begin = (readings.copied if is_absolute else readings.first) or now
         by_gyro_rad, by_wheels_rad = now.gyro_rad - begin.gyro_rad, now.wheels_rad - begin.wheels_rad
         if kind is RateSample:
             return Bound(gyro_rad=max(abs(by_gyro_rad), abs(by_gyro_rad - by_wheels_rad)))

@@ -23,8 +23,8 @@ class PositionJumps:
     agrees with itself. It does not say which place is true.
 
     Places that move slowly while the wheels stand are no jump from one fix to the next, and the estimate
-    would follow them. So they are compared with the first place, too, since the wheels have rolled farther
-    than its noise: a receiver drifts, or the rover slides or is towed.
+    would follow them. So they are compared with the first place after the wheels last rolled farther than its
+    noise, too: a receiver drifts, or the rover slides or is towed.
 
     Args:
         gate_sd: Noise is smaller than so many of its standard deviations.
@@ -41,6 +41,7 @@ class PositionJumps:
         self._residual_m: complex | None = None
         self._followed_m = 0j
         self._off_m: complex | None = None
+        self._left_m = 0j
         self.offset_m = 0j
 
     def agree(self, residual_m: complex, std_m: float, path_m: float) -> None:
@@ -66,16 +67,18 @@ class PositionJumps:
         before, self._residual_m = self._agreed, residual_m
         if before is None:
             return False
-        moved_m = abs(residual_m - before.residual_m)
         if self._off_m is not None:
-            return abs(residual_m - self._off_m) < moved_m
-        is_off = moved_m > path_m - before.path_m + self._gate_sd * math.hypot(std_m, before.std_m)
-        stood = self._stood
-        if stood is not None and not is_off:
-            reach_m = path_m - stood.path_m + self._gate_sd * math.hypot(std_m, stood.std_m)
-            is_off = abs(residual_m + self._followed_m - stood.residual_m) > reach_m
-        self._off_m = residual_m if is_off else None
-        return is_off
+            return abs(residual_m - self._off_m) < abs(residual_m - self._left_m)
+        references = [(before, before.residual_m)]
+        if self._stood is not None:
+            references.append((self._stood, self._stood.residual_m - self._followed_m))
+        for reference, left_m in references:
+            reach_m = path_m - reference.path_m + self._gate_sd * math.hypot(std_m, reference.std_m)
+            if abs(residual_m - left_m) > reach_m:
+                self._off_m, self._left_m = residual_m, left_m
+                return True
+        self._off_m = None
+        return False
 
     def jump(self, offset_m: complex, std_m: float) -> None:
         """Add a jump in the local frame; one that leads back within the noise ends it."""

@@ -17,10 +17,10 @@ def noisy(count: int, steps_per_sd: float, seed: int) -> list[float]:
     return values
 
 
-def until_found(readings: RepeatedReadings, values: list[float]) -> int | None:
+def until_found(readings: RepeatedReadings[int], values: list[float]) -> int | None:
     """Return after how many readings they are a repetition."""
     for index, value in enumerate(values, 1):
-        readings.add(value, value)
+        readings.add(value, value, index)
         if readings.is_repetition:
             return index
     return None
@@ -34,13 +34,16 @@ def test_noise_of_any_resolution_is_no_repetition(seed: int, steps_per_sd: float
 
 @pytest.mark.parametrize(("steps_per_sd", "most"), first_often([(50.0, 20), (3.0, 60), (1.5, 120)]))
 def test_a_buffer_that_is_read_again_is_found(steps_per_sd: float, most: int) -> None:
-    readings, values = RepeatedReadings(), noisy(400, steps_per_sd, 7)
+    readings: RepeatedReadings[int] = RepeatedReadings()
+    values = noisy(400, steps_per_sd, 7)
     assert until_found(readings, values) is None
     found = until_found(readings, values)
     assert found is not None
     assert KEY <= found <= most
     assert readings.lag == 400
     assert readings.length >= found
+    # The first reading of the second time, and of the first.
+    assert (readings.first, readings.copied) == (1, 1)
     # Live readings end it at once.
     assert until_found(readings, [1000.5]) is None
     assert readings.length == readings.lag == 0
@@ -62,7 +65,8 @@ def test_what_repeats_lawfully_is_no_repetition(values: list[float]) -> None:
 
 
 def test_a_long_rest_hides_no_repetition_after_it() -> None:
-    readings, values = RepeatedReadings(), noisy(600, 50.0, 9)
+    readings: RepeatedReadings[int] = RepeatedReadings()
+    values = noisy(600, 50.0, 9)
     assert until_found(readings, [0.0] * 5000 + values) is None
     found = until_found(readings, values[-300:])
     assert found is not None
@@ -74,11 +78,12 @@ def positions(increments: list[float]) -> list[float]:
     return angles
 
 
-def fed(values: list[float]) -> RepeatedReadings:
+def fed(values: list[float]) -> RepeatedReadings[None]:
     """Return what positions of a wheel leave, as the rule feeds them."""
-    readings, before = RepeatedReadings(), values[0]
+    readings: RepeatedReadings[None] = RepeatedReadings()
+    before = values[0]
     for value in values:
-        readings.add(value, value - before)
+        readings.add(value, value - before, None)
         before = value
     return readings
 
@@ -97,7 +102,7 @@ def test_a_loop_of_positions_jumps_back_and_a_wheel_that_rolls_forth_and_back_do
 
 
 def test_the_memory_is_bounded() -> None:
-    readings = RepeatedReadings()
+    readings: RepeatedReadings[int] = RepeatedReadings()
     values = noisy(3 * HISTORY, 1000.0, 5)
     assert until_found(readings, values) is None
     assert len(readings._last_of) <= 2 * HISTORY + 1

@@ -1,6 +1,7 @@
 """Devices that send again what they have sent before are named, with what that may have made wrong."""
 
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -89,7 +90,8 @@ def test_the_bound_contains_what_was_driven_since_the_first_repeated_reading(dev
     driven(rule, device, [*range(300)])
     faults = driven(rule, device, [*range(200, 280)], 300)
     ((*_, fault),) = faults[-1:]
-    repeated_s, early_s = 80 * STEP_S, 2.0  # the begin is known to two seconds
+    # Rates and increments are wrong since the first repeated reading; what is absolute is older.
+    repeated_s = (180 if device in ("compass", "gnss") else 80) * STEP_S
     bound = fault.bound
     expected = {
         "imu": Bound(gyro_rad=0.3),
@@ -101,8 +103,42 @@ def test_the_bound_contains_what_was_driven_since_the_first_repeated_reading(dev
         actual = getattr(bound, name)
         pairs = zip(actual, per_s, strict=True) if name == "wheel_rad" else [(actual, per_s)]
         for value, rate in pairs:
-            assert abs(rate) * repeated_s - 1e-9 <= abs(value) <= abs(rate) * (repeated_s + early_s)
+            assert abs(value) == pytest.approx(abs(rate) * repeated_s, abs=abs(rate) * 2.1 * STEP_S)
             assert value * rate >= 0.0
+
+
+@pytest.mark.parametrize("variation_rad", [0.0, 0.06])
+def test_two_headings_of_one_device_are_two_quantities(variation_rad: float) -> None:
+    """A compass at rest, in steps of 0.1 deg, that sends magnetic and true headings in turn."""
+    rule = RepetitionRule(ROLES)
+    for cycle in range(3000):
+        t_ns = nanoseconds(1.0 + 0.1 * cycle)
+        heading_rad = math.radians(round(0.1 * NOISE[cycle][0], 1))
+        for reference, offset_rad in (
+            (HeadingReference.MAGNETIC, 0.0),
+            (HeadingReference.TRUE, variation_rad),
+        ):
+            rule.observe(
+                HeadingSample(
+                    device="compass", t_ns=t_ns, heading_rad=heading_rad + offset_rad, reference=reference
+                ),
+                t_ns,
+            )
+        assert not [*rule.check(make_cycle(now_ns=t_ns))]
+
+
+@pytest.mark.parametrize("noise_deg", [0.0, 0.1])
+def test_a_rover_that_turns_steadily_does_not_repeat_itself(noise_deg: float) -> None:
+    """A compass in whole degrees comes to the same numbers in each turn."""
+    rule = RepetitionRule(ROLES)
+    for cycle in range(3000):
+        t_ns = nanoseconds(1.0 + 0.1 * cycle)
+        heading_rad = math.radians(round(3.0 * cycle + noise_deg * NOISE[cycle][0]) % 360 - 180)
+        sample = HeadingSample(
+            device="compass", t_ns=t_ns, heading_rad=heading_rad, reference=HeadingReference.MAGNETIC
+        )
+        rule.observe(sample, t_ns)
+        assert not [*rule.check(make_cycle(now_ns=t_ns))]
 
 
 def test_devices_without_a_role_are_not_judged() -> None:
