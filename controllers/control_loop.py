@@ -32,6 +32,7 @@ from controllers.slip.effort.compensator import SlipReport
 from controllers.slip.scomp.compensator import ScompReport
 from controllers.slip.scomp.trace_reader import TraceFinder
 from controllers.slip_estimators import make_slip_estimator
+from controllers.unwatched_yaw import find_unwatched_yaw
 from drivers.clock import nanoseconds, seconds
 from drivers.errors import ConfigError
 from drivers.record import record
@@ -137,6 +138,7 @@ class ControlLoop:
             roles,
             self._slip,
             None if meter is None or ground is None else GroundTravel(ground, meter),
+            is_yaw_watched=find_unwatched_yaw(settings, roles) is None,
         )
         watched = (settings.safety, roles, kinematics.wheel_count, settings.filter.heading_lag_s)
         self._supervisor = SafetySupervisor(*watched)

@@ -19,6 +19,7 @@ from controllers.estimation.gyro.integrator import GyroIntegrator
 from controllers.estimation.gyro.standstill import StandstillWatch
 from controllers.estimation.gyro.standstill_follower import StandstillFollower
 from controllers.estimation.gyro.turn_source import GyroEvidence, TurnSource
+from controllers.estimation.gyro.unwatched_turn import UNWATCHED_YAW, UnwatchedTurn
 from controllers.estimation.listed import make_readers
 from controllers.estimation.measurement_evidence import MeasurementEvidence
 from controllers.estimation.parameters import ESTIMATION
@@ -57,6 +58,7 @@ class Estimator:
         slip: Removes slip from the wheels' motion; None where the wheels are assumed to roll.
         ground: Measures the motion over the ground in the frames of the camera; None without one. Where it
             is valid it takes the place of `slip`.
+        is_yaw_watched: Whether something would notice a wrong yaw, see `unwatched_yaw`.
 
     Attributes:
         odometry: Wheel odometry.
@@ -79,6 +81,8 @@ class Estimator:
         roles: DeviceRoles,
         slip: SlipCompensator | None = None,
         ground: GroundTravel | None = None,
+        *,
+        is_yaw_watched: bool = True,
     ) -> None:
         self._slip, self._settings, self._roles = slip, settings, roles
         self._speed_limit_rad_s = wheel_speed_limit_rad_s
@@ -132,6 +136,7 @@ class Estimator:
         )
         self._stuck = StuckEncoders(settings, kinematics.wheel_count)
         self._stuck_fault: Fault | None = None
+        self._unwatched = None if is_yaw_watched else UnwatchedTurn(settings.slip_distance_m)
         self._velocity = BodyVelocity(
             self.odometry, self.gyro, self._turns, self.pose_filter, slip, self.ground
         )
@@ -314,6 +319,7 @@ class Estimator:
             self._dead_reckoning.add(step, math.sqrt(self.pose_filter.gyro_bias_rad2_s2))
         self._path_m += math.hypot(increment.x_m, increment.y_m)
         self._find_stuck_encoders(increment)
+        self._account_for_unwatched_yaw(increment)
 
     def _find_stuck_encoders(self, increment: BodyIncrement) -> None:
         self._stuck.note(increment.turned_rad)
@@ -327,6 +333,18 @@ class Estimator:
             self.budget.clear(Cause.STUCK_ENCODER)
         else:
             self.budget.raise_to(fault.cause, fault.bound)
+
+    def _account_for_unwatched_yaw(self, increment: BodyIncrement) -> None:
+        if self._unwatched is None:
+            return
+        self._unwatched.drive(math.hypot(increment.x_m, increment.y_m))
+        turn = self._turns.turn
+        if turn is None:
+            return
+        if self._unwatched.add(turn):
+            self.budget.clear(UNWATCHED_YAW)
+        else:
+            self.budget.raise_to(UNWATCHED_YAW, Bound(yaw_rad=self._unwatched.error_rad))
 
     def _move(self, increment: BodyIncrement, turn: Turn) -> Step:
         """Move the estimate; after a gap of the samples the path between is unknown."""
