@@ -103,7 +103,7 @@ class Estimator:
             has_ground=ground is not None,
             slip=None if slip is None else slip.states,
         )
-        self.positions = PositionFrames(self.pose_filter, settings.gate_probability)
+        self.positions = PositionFrames(self.pose_filter, settings)
         self._turns = TurnSource(self.gyro, kinematics.wheel_count)
         self.budget = ErrorBudget(self.pose_filter, self._reach, None if slip is None else slip.forget_gyro)
         self.ground = GroundFollower(ground, roles.camera, self.pose_filter, self.budget, self._turns)
@@ -169,7 +169,9 @@ class Estimator:
 
     def measurement_evidence(self, innovations: tuple[Innovation, ...]) -> MeasurementEvidence:
         """Return what the stop rules see of the measurements in this cycle."""
-        return MeasurementEvidence(innovations, self.positions.jumped_m, self.ground.pairs)
+        return MeasurementEvidence(
+            innovations, self.positions.jumped_m, self.ground.pairs, self.positions.unexpected_m
+        )
 
     @property
     def fault(self) -> Fault | None:
@@ -316,6 +318,10 @@ class Estimator:
         step = self._move(increment, turn)
         self._history.move(motion_ns, step)
         if self._dead_reckoning is not None:
+            way_m = complex(
+                *((step.x_m, step.y_m) if increment.is_measured else (increment.x_m, increment.y_m))
+            )
+            self.positions.drive(way_m, step.turn_rad)
             self._dead_reckoning.add(step, math.sqrt(self.pose_filter.gyro_bias_rad2_s2))
         self._path_m += math.hypot(increment.x_m, increment.y_m)
         self._find_stuck_encoders(increment)

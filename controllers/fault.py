@@ -33,6 +33,7 @@ class Cause(StrEnum):
     CONTRADICTED_ESTIMATE = "{}"
     DEAD_GYRO = "gyro dead"
     DEVICE_FAULT = "{}: fault"
+    DIFFERENT_MOTION = "{} and wheels differ"
     DISPLACED_POSITION = "{} displaced"
     FLOOD = "{}: flood"
     FROZEN_POSITION = "{}: position stays"

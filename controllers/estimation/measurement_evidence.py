@@ -16,8 +16,11 @@ class MeasurementEvidence(NamedTuple):
         jumped_m: By how much the positions by each device have jumped, in the local frame; without those that
             agree with the estimate.
         ground_pairs: Motions over the ground that a camera has measured.
+        unexpected_m: By how much the positions by each device differ from dead reckoning, in the local frame;
+            only where the expected slip does not explain it.
     """
 
     innovations: tuple[Innovation, ...] = ()
     jumped_m: Mapping[str, complex] = MappingProxyType({})
     ground_pairs: tuple[GroundPair, ...] = ()
+    unexpected_m: Mapping[str, complex] = MappingProxyType({})

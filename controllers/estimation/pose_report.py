@@ -7,6 +7,7 @@ from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.gyro.turn_source import TurnSource
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
 from controllers.estimation.positions.frames import PositionFrames
+from controllers.estimation.positions.relation import APART_SD
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.slip_compensator import SlipCompensator
 from controllers.estimation.wheels.bounds import WheelBounds
@@ -18,14 +19,14 @@ from drivers.clock import seconds
 class PoseReport:
     """Adds to the filter's pose the turn that waits, and to its covariance what no state holds.
 
-    That is the age of the motion, the slip that is not settled, fixes that jump, wheels that are silent, and
-    the delay of the gyro.
+    That is the age of the motion, the slip that is not settled, fixes that jump or do not move as the wheels
+    do, wheels that are silent, and the delay of the gyro.
 
     Args:
         settings: Noise of the gyro's delay.
         roles: Ages of the devices.
         pose_filter: Pose and covariance.
-        positions: By how much measured positions have jumped.
+        positions: By how much measured positions have jumped, or may be wrong.
         turns: Turn that waits for motion of the wheels or a reading of the gyro.
         velocity: Of the body.
         reach: How far the wheels can have moved the body.
@@ -73,7 +74,9 @@ class PoseReport:
         toward = cmath.rect(1.0, yaw_rad)
         since_m = age_s * complex(velocity_x_m_s, velocity_y_m_s) * toward
         unsettled_m = 0j if self._slip is None else self._slip.unsettled_m * toward
-        for along_m in (since_m, unsettled_m, *self._positions.jumped_m.values()):
+        # The region contains both places, that by the device and that by dead reckoning.
+        apart_m = (*self._positions.jumped_m.values(), *self._positions.doubted_m.values())
+        for along_m in (since_m, unsettled_m, *(each_m / APART_SD for each_m in apart_m)):
             xx, xy, yy = xx + along_m.real**2, xy + along_m.real * along_m.imag, yy + along_m.imag**2
         if not is_commanded and age_s > self._wheel_age_s:  # the wheels are silent, and somebody else drives
             x_m, y_m, turn_rad = self._reach.beside_gyro(self._reach.at_limit_rad(age_s))

@@ -270,6 +270,35 @@ class FixJumpRule(StopRule):
                 yield Fault(device, Cause.JUMPED_POSITION, text)
 
 
+class DifferentMotionRule(StopRule):
+    """Shows that positions and wheels move differently: more slip than is expected, or wrong positions."""
+
+    is_for_drives = False
+
+    events = (
+        SafetyEvent(
+            Outcome.CONTINUES,
+            "Positions without a yaw (GNSS) move otherwise than the wheels, by more than the slip that the "
+            "filter expects. Beyond how far the wheels rolled the positions have jumped.",
+            "Warning; the region of the estimate contains both places until both move alike again.",
+            (
+                "tests/controllers/test_position_relation.py::"
+                "test_a_scale_of_the_positions_is_reported_and_the_region_contains_both_places",
+            ),
+            settings=("filter.unsure_slip_sd", "filter.slip_distance_m"),
+        ),
+    )
+
+    def check(self, cycle: Cycle) -> Iterator[Fault]:
+        """Return a warning for each device whose positions differ by too much."""
+        for device, apart_m in cycle.measurements.unexpected_m.items():
+            text = (
+                f"{device} and the wheels: their ways differ by {abs(apart_m):.2f} m, more than the slip "
+                "that [filter] expects: wheels that slip more, or wrong positions"
+            )
+            yield Fault(device, Cause.DIFFERENT_MOTION, text, Severity.WARNING)
+
+
 class MotionRule(StopRule):
     """Stops when no motion of the wheels has been measured for `motion_age_s` of the roles.
 

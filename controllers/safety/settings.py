@@ -11,6 +11,7 @@ from controllers.safety.dead_gyro_rule import DeadGyroRule
 from controllers.safety.device_rules import BumperRule, BumperSettings, FaultRule, FreshnessRule, LinkRule
 from controllers.safety.entrapment import EntrapmentRule, EntrapmentSettings
 from controllers.safety.estimate_rules import (
+    DifferentMotionRule,
     DisplacedFixRule,
     FiniteEstimateRule,
     FixJumpRule,
@@ -123,6 +124,7 @@ def make_rules(
         InnovationMonitor(settings),
         DisplacedFixRule(settings),
         FixJumpRule(settings),
+        DifferentMotionRule(),
         StallMonitor(settings, wheel_count),
         ResponseRule(settings, roles, wheel_count),
         EntrapmentRule(settings, roles),

@@ -8,8 +8,10 @@ from controllers.estimation.filter.late_readings import LateReadings
 from controllers.estimation.filter.motion_history import MotionHistory, Step, WayBack
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.slip_states import SlipStates
+from controllers.estimation.filter.transition import Turn
 from controllers.estimation.positions.frames import PositionFrames
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.planar import Pose, wrap_angle
 from drivers.samples import PoseFixSample
 
@@ -47,7 +49,13 @@ class PositionFilter(PoseFilter):
         super().__init__(
             settings, heading_devices, position_devices, is_compensated=is_compensated, slip=slip
         )
-        self.positions = PositionFrames(self, settings.gate_probability)
+        self.positions = PositionFrames(self, settings)
+
+    def predict(self, increment: BodyIncrement, turn: Turn) -> Step:
+        """Move by the wheels' increment, also by dead reckoning."""
+        step = super().predict(increment, turn)
+        self.positions.drive(complex(increment.x_m, increment.y_m), step.turn_rad)
+        return step
 
 
 class PositionQueue:
@@ -55,7 +63,7 @@ class PositionQueue:
 
     def __init__(self) -> None:
         self.history = MotionHistory()
-        frames = PositionFrames(PoseFilter(FilterSettings(), (), ("overhead",)), 0.9995)
+        frames = PositionFrames(PoseFilter(FilterSettings(), (), ("overhead",)), FilterSettings())
         self._readings = LateReadings((frames,))
 
     def add(self, fix: PoseFixSample, t_ns: int) -> None:

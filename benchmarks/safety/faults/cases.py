@@ -97,6 +97,7 @@ class Case:
         why: Of a fault that cannot be noticed: why not.
         safety: Keys of [safety] that the rover has for this case.
         zero_bar_s: Zero setpoints must come this long after the fault, and a warning before; None for no bar.
+        also: A fault of another device at the same time; of it only what it does counts.
     """
 
     rover: str
@@ -116,6 +117,7 @@ class Case:
     why: str = ""
     safety: Mapping[str, float] = field(default_factory=dict)
     zero_bar_s: float | None = None
+    also: "Case | None" = None
 
     @property
     def is_of_device(self) -> bool:

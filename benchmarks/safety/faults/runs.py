@@ -62,6 +62,8 @@ def install(case: Case, world: World, window: Window) -> None:
         inject(world.byte_devices[case.device].to_device, window, case.to_device(rng))
     if case.frames is not None:
         inject(world.image_devices[case.device].to_host, window, case.frames(rng))
+    if case.also is not None:
+        install(case.also, world, window)
 
 
 class FaultTimer:
@@ -104,9 +106,14 @@ class PausedClock(VirtualClock):
         super().sleep_until(deadline_ns)
 
 
-def run_case(case: Case, path: Path, watched_s: float = WATCHED_S) -> tuple[RunResult, Window]:
-    """Run a case on simulated time into a log, truth included; return the result and when the fault was."""
-    config = rover_config(case)
+def run_case(
+    case: Case, path: Path, watched_s: float = WATCHED_S, config: Config | None = None
+) -> tuple[RunResult, Window]:
+    """Run a case on simulated time into a log, truth included; return the result and when the fault was.
+
+    Another configuration may take the place of the shipped one.
+    """
+    config = rover_config(case) if config is None else config
     clock = PausedClock(case.pause_s)
     with ExitStack() as resources:
         log = resources.enter_context(

@@ -16,6 +16,8 @@ from controllers.estimation.filter.state_layout import YAW, X, Y
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.positions.jumps import PositionJumps
 from controllers.estimation.positions.pose_fix import PoseFix, has_yaw, place_then
+from controllers.estimation.positions.relation import PositionRelation
+from controllers.estimation.settings import FilterSettings
 from controllers.motion.planar import wrap_angle
 from drivers.samples import PoseFixSample, Sample
 
@@ -47,17 +49,19 @@ class PositionFrames:
 
     Args:
         pose_filter: With states for the origin of each device.
-        gate_probability: Share of consistent fixes that pass the gate.
+        settings: Gate of consistent fixes, and the slip that is expected.
     """
 
     kind: ClassVar[type[Sample]] = PoseFixSample
 
-    def __init__(self, pose_filter: PoseFilter, gate_probability: float) -> None:
+    def __init__(self, pose_filter: PoseFilter, settings: FilterSettings) -> None:
         self._poses, self._filter = pose_filter, pose_filter.kalman
         self._origins = pose_filter.layout.origins
         # The chance of two normal deviates beyond this distance is that of the gate.
-        gate_sd = math.sqrt(-2.0 * math.log1p(-gate_probability))
+        gate_sd = math.sqrt(-2.0 * math.log1p(-settings.gate_probability))
         self._jumps = {device: PositionJumps(gate_sd) for device in self._origins}
+        self._relations = {device: PositionRelation(settings, gate_sd) for device in self._origins}
+        self._reckoned_m = 0j
         self._rejections: dict[str, int] = {}
         self._unoriented: dict[str, _Unoriented] = {}
 
@@ -65,6 +69,22 @@ class PositionFrames:
     def jumped_m(self) -> dict[str, complex]:
         """By how much the places of each device have jumped, in the local frame; see `PositionJumps`."""
         return {device: jumps.offset_m for device, jumps in self._jumps.items() if jumps.offset_m}
+
+    @property
+    def doubted_m(self) -> dict[str, complex]:
+        """By how much the places of each device may be wrong, in the local frame; see `PositionRelation`."""
+        return {device: each.doubted_m for device, each in self._relations.items() if each.doubted_m}
+
+    @property
+    def unexpected_m(self) -> dict[str, complex]:
+        """These of the devices whose places differ by more than the expected slip from dead reckoning."""
+        doubted_m = self.doubted_m.items()
+        return {device: each_m for device, each_m in doubted_m if self._relations[device].is_unexpected}
+
+    def drive(self, way_m: complex, turn_rad: float) -> None:
+        """Take a motion of the body by wheels and gyro, before the pose is corrected."""
+        yaw_rad = self._filter.value(YAW) - 0.5 * turn_rad
+        self._reckoned_m += way_m * cmath.rect(1.0, yaw_rad)
 
     def source(self, sample: PoseFixSample) -> str | None:
         """Return the device; None for one whose frame is no state."""
@@ -100,7 +120,7 @@ class PositionFrames:
             self._assign_origin(origin, fix, way_back)
         model = PoseFix(fix=fix, way_back=way_back, origin_index=origin)
         jumps, std_m, residual_m = self._jumps[fix.device], _alone_std_m(model), self._residual(model)
-        has_jumped = not has_yaw(fix) and jumps.is_off(residual_m, std_m, self._poses.path_m)
+        has_jumped = not has_yaw(fix) and self._has_jumped(model, residual_m, std_m)
         if has_jumped:
             innovations: tuple[Innovation, ...] = tuple(
                 Innovation(
@@ -136,11 +156,38 @@ class PositionFrames:
         jumps.agree(self._residual(model), std_m, self._poses.path_m)
         return (*corrected, *report[: len(innovations) - 1])
 
+    def _has_jumped(self, model: PoseFix, residual_m: complex, std_m: float) -> bool:
+        """Compare a fix with those before; return whether it is farther off than the wheels rolled."""
+        self._relate(model, std_m)
+        device, path_m = model.fix.device, self._poses.path_m
+        return self._jumps[device].is_off(residual_m, std_m, path_m) or bool(
+            self._relations[device].impossible_m
+        )
+
+    def _relate(self, model: PoseFix, std_m: float) -> None:
+        """Compare a fix with dead reckoning."""
+        fix, state = model.fix, self._filter.state
+        reckoned = np.array([self._reckoned_m.real, self._reckoned_m.imag, state[YAW]])
+        then_m, _ = place_then(reckoned, fix, model.way_back)
+        relation, covariance = self._relations[fix.device], self._filter.covariance
+        yaw_index = model.origin_index + YAW
+        yaw_rad2 = covariance[YAW][YAW] + covariance[yaw_index][yaw_index] + 2.0 * covariance[YAW][yaw_index]
+        relation.take(
+            complex(fix.x_m, fix.y_m),
+            then_m,
+            std_m,
+            self._poses.path_m,
+            axes=cmath.rect(1.0, -state[yaw_index]),
+            yaw_sd_rad=math.sqrt(max(0.0, yaw_rad2)),
+        )
+
     def _take_jump(self, model: PoseFix) -> tuple[Innovation, ...]:
         """Let the origin take the jump of the places, as certain as one fix is."""
         fix, origin, state = model.fix, model.origin_index, self._filter.state
         residual_m, std_m, jumps = self._residual(model), _alone_std_m(model), self._jumps[model.fix.device]
-        jumps.jump(residual_m * cmath.rect(1.0, -state[origin + YAW]), std_m)
+        relation = self._relations[fix.device]
+        jumps.jump(relation.impossible_m or residual_m * cmath.rect(1.0, -state[origin + YAW]), std_m)
+        relation.begin_anew()
         for index, part_m in ((origin + X, residual_m.real), (origin + Y, residual_m.imag)):
             self._filter.assign(index, state[index] + part_m)
             self._filter.add_variance(index, std_m**2)

@@ -1,0 +1,171 @@
+"""Relation of the positions by a device to dead reckoning: do both move alike?"""
+
+import math
+from collections import deque
+
+from controllers.estimation.settings import FilterSettings
+from drivers.record import record
+
+WINDOW_M = 4.0
+"""Positions are compared with those on this path behind them: eight times the distance of the usual slip."""
+
+SPACING_M = 0.1
+"""Between two that are kept."""
+
+EXPECTED_SD = 1.0
+"""A difference within so many deviations of the expected slip is slip, and no conflict."""
+
+UNEXPECTED_SD = math.sqrt(-2.0 * math.log(0.05))
+"""One beyond is reported: it is outside the 95 % region of the expected slip."""
+
+ALIKE = math.cos(math.pi / 4.0)
+"""Only travel within 45 deg of the direction of a conflict, or of the opposite one, ends it."""
+
+APART_SD = math.sqrt(-2.0 * math.log(0.05))
+"""The other place is so many standard deviations off the estimate: the 95 % region just contains it."""
+
+
+@record(frozen=True, slots=True, kw_only=True)
+class _Place:
+    """Where the device was, by itself and by dead reckoning.
+
+    Attributes:
+        place_m: By itself, on its own axes.
+        reckoned_m: By dead reckoning, in the local frame.
+        std_m: Deviation of a position, per axis.
+        path_m: Rolled by the wheels until then, and what was not measured.
+    """
+
+    place_m: complex
+    reckoned_m: complex
+    std_m: float
+    path_m: float
+
+
+@record(frozen=True, slots=True, kw_only=True)
+class _Axes:
+    """Turns the axes of a device onto those of the local frame.
+
+    Attributes:
+        turn: As a number of magnitude 1.
+        sd_rad: Standard deviation of its angle.
+    """
+
+    turn: complex
+    sd_rad: float
+
+    def apart_m(self, now: _Place, before: _Place) -> complex:
+        """Return the way by the device less that by dead reckoning, in the local frame."""
+        return self.turn * (now.place_m - before.place_m) - (now.reckoned_m - before.reckoned_m)
+
+
+class PositionRelation:
+    """Compares the motion by positions with that by wheels and gyro, over a path.
+
+    Assumed: the wheels slip by a share of their travel that changes slowly, as the filter assumes, and not
+    backwards; the noise of the positions is known; the yaw is as uncertain as the filter says. A difference
+    that this slip does not explain has two explanations: more slip, or wrong positions. Until both move alike
+    again in that direction, the positions may be wrong by the whole difference. Slip never moves the rover
+    farther than the wheels roll: beyond that the positions are wrong, or the rover was carried.
+
+    Args:
+        settings: Slip that is expected.
+        gate_sd: Noise is smaller than so many of its standard deviations.
+
+    Attributes:
+        doubted_m: By how much the positions may be wrong, in the local frame; 0 without a conflict.
+        is_unexpected: Whether the difference is larger than the expected slip makes it.
+        impossible_m: Difference of the newest place where it is larger than the way that the wheels rolled;
+            else 0.
+    """
+
+    def __init__(self, settings: FilterSettings, gate_sd: float) -> None:
+        self._slip_sd, self._slip_distance_m = settings.unsure_slip_sd, settings.slip_distance_m
+        self._gate_sd = gate_sd
+        self._places: deque[_Place] = deque()
+        self._begin: _Place | None = None
+        self._newest: _Place | None = None
+        self.doubted_m = self.impossible_m = 0j
+        self.is_unexpected = False
+
+    def take(
+        self,
+        place_m: complex,
+        reckoned_m: complex,
+        std_m: float,
+        path_m: float,
+        *,
+        axes: complex,
+        yaw_sd_rad: float,
+    ) -> None:
+        """Take a position.
+
+        Args:
+            place_m: By the device, on its own axes.
+            reckoned_m: Of the same place by dead reckoning, without a correction of the place.
+            std_m: Deviation of the position alone, per axis.
+            path_m: Rolled by the wheels until then, and what was not measured.
+            axes: Turns the axes of the device onto those of the local frame.
+            yaw_sd_rad: Standard deviation of this angle and of the yaw together.
+        """
+        now = self._newest = _Place(place_m=place_m, reckoned_m=reckoned_m, std_m=std_m, path_m=path_m)
+        turned = _Axes(turn=axes, sd_rad=yaw_sd_rad)
+        while self._places and path_m - self._places[0].path_m > WINDOW_M:
+            self._places.popleft()
+        beyond = (each for each in self._places if self._is_impossible(now, each, turned))
+        self.impossible_m = max((turned.apart_m(now, each) for each in beyond), key=abs, default=0j)
+        if self._begin is None:
+            self._begin = self._find_conflict(now, turned)
+        elif self._moves_alike(now, self._begin, turned):
+            self._begin, self.doubted_m, self.is_unexpected = None, 0j, False
+        if self._begin is not None:
+            self.doubted_m = turned.apart_m(now, self._begin)
+            places = (self._begin, *self._places)
+            self.is_unexpected |= any(self._deviations(now, each, turned) > UNEXPECTED_SD for each in places)
+        if not self._places or path_m - self._places[-1].path_m >= max(SPACING_M, std_m):
+            self._places.append(now)
+
+    def begin_anew(self) -> None:
+        """Forget the places before the newest: the positions have jumped to it."""
+        self._places = deque([] if self._newest is None else [self._newest])
+        self._begin, self.doubted_m, self.is_unexpected = None, 0j, False
+
+    def _find_conflict(self, now: _Place, axes: _Axes) -> _Place | None:
+        """Return the place since which the difference is least expected; None where slip explains it."""
+        worst = max(self._places, key=lambda before: self._deviations(now, before, axes), default=None)
+        is_conflict = worst is not None and self._deviations(now, worst, axes) > EXPECTED_SD
+        return worst if is_conflict else None
+
+    def _moves_alike(self, now: _Place, begin: _Place, axes: _Axes) -> bool:
+        """Return whether the newest travel, twice the distance of the slip, agrees and has the direction."""
+        newest = (each for each in reversed(self._places) if now.path_m - each.path_m >= self._least_m)
+        before = next(newest, None)
+        if before is None or before.path_m < begin.path_m:
+            return False
+        travel_m, conflict_m = now.reckoned_m - before.reckoned_m, before.reckoned_m - begin.reckoned_m
+        along_m2 = (travel_m * conflict_m.conjugate()).real
+        is_along = abs(along_m2) > ALIKE * abs(travel_m) * abs(conflict_m)
+        return is_along and self._deviations(now, before, axes) < EXPECTED_SD
+
+    @property
+    def _least_m(self) -> float:
+        return 2.0 * self._slip_distance_m
+
+    def _is_impossible(self, now: _Place, before: _Place, axes: _Axes) -> bool:
+        noise_m = self._gate_sd * math.hypot(now.std_m, before.std_m)
+        return abs(axes.apart_m(now, before)) > now.path_m - before.path_m + noise_m
+
+    def _deviations(self, now: _Place, before: _Place, axes: _Axes) -> float:
+        """Return the difference over what is expected: the root of the sum of squares along and across.
+
+        Only across the travel a wrong yaw shifts the place.
+        """
+        travel_m = now.reckoned_m - before.reckoned_m
+        share = (now.path_m - before.path_m) / self._slip_distance_m
+        slip_m2 = 2.0 * (self._slip_sd * self._slip_distance_m) ** 2 * (share + math.expm1(-share))
+        along_m2 = slip_m2 + now.std_m**2 + before.std_m**2
+        across_m2 = along_m2 + (axes.sd_rad * abs(travel_m)) ** 2
+        apart_m = axes.apart_m(now, before)
+        if travel_m:
+            apart_m *= travel_m.conjugate() / abs(travel_m)
+        return math.sqrt(apart_m.real**2 / along_m2 + apart_m.imag**2 / across_m2)
