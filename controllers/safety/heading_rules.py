@@ -11,7 +11,7 @@ from pydantic import Field
 
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.parameters import ESTIMATION
-from controllers.fault import Bound, Cause, Fault
+from controllers.fault import Bound, Cause, Fault, Severity
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle, StopRule
 from drivers.clock import nanoseconds, seconds
@@ -56,12 +56,49 @@ REJECTIONS = 3
 
 
 class _Heading(NamedTuple):
-    """A heading and what the gyro had turned by then, since any time, as late as the heading device."""
+    """A heading and what the gyro had turned by then, since any time, as late as the heading device.
+
+    Attributes:
+        offset_rad: The heading less the turn by the gyro without the bias, as that was estimated.
+    """
 
     t_ns: int
     heading_rad: float
     gyro_rad: float
     bias_rad_s: float
+    offset_rad: float
+
+
+class _Doubt:
+    """How far headings and gyro have come apart, since noise first did not explain it.
+
+    It ends when they have been together again for some time: two errors may meet for a moment.
+
+    Args:
+        duration_s: So long.
+
+    Attributes:
+        apart_rad: 0 without a doubt.
+    """
+
+    def __init__(self, duration_s: float) -> None:
+        self._duration_ns = nanoseconds(duration_s)
+        self._begin_rad: float | None = None
+        self._apart_ns = 0
+        self.apart_rad = 0.0
+
+    def take(self, now_ns: int, first_rad: float, last_rad: float, least_rad: float) -> None:
+        """Take mean offsets of the begin and of the end of a comparison, and what noise explains."""
+        if self._begin_rad is None and abs(math.remainder(last_rad - first_rad, math.tau)) > least_rad:
+            self._begin_rad = first_rad
+        if self._begin_rad is None:
+            return
+        apart_rad = abs(math.remainder(last_rad - self._begin_rad, math.tau))
+        self.apart_rad = max(self.apart_rad, apart_rad)
+        if apart_rad > least_rad:
+            self._apart_ns = now_ns
+        elif now_ns - self._apart_ns > self._duration_ns:
+            self._begin_rad, self.apart_rad = None, 0.0
 
 
 class HeadingTurnRule(StopRule):
@@ -70,6 +107,9 @@ class HeadingTurnRule(StopRule):
     Two sensors cannot outvote each other: the reason names both. While the rover does not turn, a wrong sign
     cannot be seen. The bias is that of the begin of the comparison, as later ones contain the fault. What the
     filter rejects does not count: `GreatestRateRule` and `InnovationMonitor` judge it.
+
+    What noise does not explain, but an error of the headings may, leaves the yaw as uncertain as both have
+    come apart, until they are together again.
 
     Errors of headings may be correlated, such as the deviation along a line: averages do not reduce them,
     and the scatter does not show them. They count with the noise of one heading. It is taken from the
@@ -113,11 +153,12 @@ class HeadingTurnRule(StopRule):
         self._arrived: list[tuple[RateSample | HeadingSample, int]] = []
         self._rate: tuple[int, float] | None = None
         self._gyro_rad = 0.0
-        self._late_rad = 0.0
+        self._late_rad = self._bias_rad = 0.0
         self._headings: dict[str, deque[_Heading]] = {}
         self._noise_rad2: dict[str, float] = {}
         self._rejections = Counter[str]()
         self._found: dict[str, tuple[tuple[int, int], Fault | None]] = {}
+        self._doubts: dict[str, _Doubt] = {}
 
     def observe(self, sample: Sample, t_ns: int) -> None:
         """Take a reading of the gyro or a heading; `check` uses it when the filter has judged it."""
@@ -140,9 +181,19 @@ class HeadingTurnRule(StopRule):
             span_ns = (headings[0].t_ns, headings[-1].t_ns)
             if name not in self._found or self._found[name][0] != span_ns:  # pragma: no mutate
                 self._found[name] = (span_ns, self._compare(name, headings))
-            reason = self._found[name][1]
+            reason = self._found[name][1] or self._doubtful(name)
             if reason is not None:
                 yield reason
+
+    def _doubtful(self, name: str) -> Fault | None:
+        doubt = self._doubts.get(name)
+        if doubt is None or not doubt.apart_rad:
+            return None
+        text = (
+            f"{self._roles.gyro}: {doubt.apart_rad:.3f} rad apart from {name}, more than its noise explains"
+        )
+        bound = Bound(gyro_rad=doubt.apart_rad)
+        return Fault(str(self._roles.gyro), Cause.GYRO_HEADING, text, Severity.SYMPTOM, bound)
 
     def _take_arrived(self, cycle: Cycle) -> None:
         """Take what arrived in this cycle, except what the filter rejected."""
@@ -154,11 +205,11 @@ class HeadingTurnRule(StopRule):
         }
         for sample, t_ns in self._arrived:
             if isinstance(sample, RateSample):
-                self._turn(t_ns, sample.rate_z_rad_s)
+                self._turn(t_ns, sample.rate_z_rad_s, cycle.estimate.gyro_bias_rad_s)
             elif (name := f"{sample.device} {sample.reference}") not in rejected:
-                self._take(
-                    name, _Heading(t_ns, sample.heading_rad, self._late_rad, cycle.estimate.gyro_bias_rad_s)
-                )
+                bias_rad_s, late_rad = cycle.estimate.gyro_bias_rad_s, self._late_rad
+                offset_rad = sample.heading_rad - late_rad + self._bias_rad
+                self._take(name, _Heading(t_ns, sample.heading_rad, late_rad, bias_rad_s, offset_rad))
         self._arrived.clear()
         for innovation in cycle.measurements.innovations:
             self._judge(innovation)
@@ -172,7 +223,7 @@ class HeadingTurnRule(StopRule):
         if self._rejections[name] >= REJECTIONS:
             self._headings.pop(name, None)
 
-    def _turn(self, t_ns: int, rate_rad_s: float) -> None:
+    def _turn(self, t_ns: int, rate_rad_s: float, bias_rad_s: float) -> None:
         """Integrate the gyro; a gap begins new comparisons."""
         if abs(rate_rad_s) >= self._greatest_rad_s:
             return
@@ -186,6 +237,7 @@ class HeadingTurnRule(StopRule):
             self._rate = before
         else:
             self._gyro_rad += 0.5 * (before[1] + rate_rad_s) * elapsed_s
+            self._bias_rad += bias_rad_s * elapsed_s
             share = -math.expm1(-elapsed_s / self._lag_s) if self._lag_s else 1.0
             self._late_rad += share * (self._gyro_rad - self._late_rad)
 
@@ -195,7 +247,12 @@ class HeadingTurnRule(StopRule):
         if headings and heading.t_ns < before.t_ns + nanoseconds(LEAST_STEP_S):
             return
         step_rad = math.remainder(heading.heading_rad - before.heading_rad, math.tau)
-        headings.append(heading._replace(heading_rad=before.heading_rad + step_rad))
+        turned_rad = before.heading_rad + step_rad - heading.heading_rad
+        headings.append(
+            heading._replace(
+                heading_rad=heading.heading_rad + turned_rad, offset_rad=heading.offset_rad + turned_rad
+            )
+        )
         _keep(headings, self._settings.heading_turn_s + AVERAGE_S)
 
     def _compare(self, name: str, headings: deque[_Heading]) -> Fault | None:
@@ -221,11 +278,15 @@ class HeadingTurnRule(StopRule):
             _scatter_rad2([heading.heading_rad - gyro_rad(heading) for heading in part]) / len(part)
             for part in (first, last)
         )
-        limit_rad = (
+        least_rad = (
             self._settings.heading_difference_rad
             + self._settings.heading_share * greatest_rad
-            + STANDARD_ERRORS * (math.sqrt(scatter_rad2) + math.sqrt(2.0 * noise_rad2))
+            + STANDARD_ERRORS * math.sqrt(scatter_rad2)
         )
+        offsets_rad = (fmean(heading.offset_rad for heading in part) for part in (first, last))
+        doubt = self._doubts.setdefault(name, _Doubt(self._settings.heading_turn_s))
+        doubt.take(last_ns, *offsets_rad, least_rad)
+        limit_rad = least_rad + STANDARD_ERRORS * math.sqrt(2.0 * noise_rad2)
         if abs(difference_rad) <= limit_rad:
             return None
         text = (

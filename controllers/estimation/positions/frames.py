@@ -120,6 +120,7 @@ class PositionFrames:
             self._assign_origin(origin, fix, way_back)
         model = PoseFix(fix=fix, way_back=way_back, origin_index=origin)
         jumps, std_m, residual_m = self._jumps[fix.device], _alone_std_m(model), self._residual(model)
+        self._relate(model, std_m)
         has_jumped = not has_yaw(fix) and self._has_jumped(model, residual_m, std_m)
         if has_jumped:
             innovations: tuple[Innovation, ...] = tuple(
@@ -129,6 +130,7 @@ class PositionFrames:
                 for part, apart_m in (("x", residual_m.real), ("y", residual_m.imag))
             )
         else:
+            self._expect_motion(fix)
             innovations = self._filter.correct(model, model.measured)
         if innovations[0].accepted:
             self._rejections[fix.device] = 0
@@ -156,9 +158,18 @@ class PositionFrames:
         jumps.agree(self._residual(model), std_m, self._poses.path_m)
         return (*corrected, *report[: len(innovations) - 1])
 
+    def _expect_motion(self, fix: PoseFixSample) -> None:
+        """Inflate the place by what positions without a yaw have moved otherwise than the wheels.
+
+        Else the filter would explain it by the axes of the device, which are known the worst.
+        """
+        grown_m = self._relations[fix.device].grown_m
+        if grown_m and not has_yaw(fix):
+            self._filter.add_variance(X, grown_m**2)
+            self._filter.add_variance(Y, grown_m**2)
+
     def _has_jumped(self, model: PoseFix, residual_m: complex, std_m: float) -> bool:
-        """Compare a fix with those before; return whether it is farther off than the wheels rolled."""
-        self._relate(model, std_m)
+        """Return whether a fix without a yaw is farther off those before than the wheels rolled."""
         device, path_m = model.fix.device, self._poses.path_m
         return self._jumps[device].is_off(residual_m, std_m, path_m) or bool(
             self._relations[device].impossible_m
@@ -179,6 +190,7 @@ class PositionFrames:
             self._poses.path_m,
             axes=cmath.rect(1.0, -state[yaw_index]),
             yaw_sd_rad=math.sqrt(max(0.0, yaw_rad2)),
+            has_yaw=has_yaw(fix),
         )
 
     def _take_jump(self, model: PoseFix) -> tuple[Innovation, ...]:

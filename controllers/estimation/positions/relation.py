@@ -21,8 +21,8 @@ UNEXPECTED_SD = math.sqrt(-2.0 * math.log(0.05))
 ALIKE = math.cos(math.pi / 4.0)
 """Only travel within 45 deg of the direction of a conflict, or of the opposite one, ends it."""
 
-APART_SD = math.sqrt(-2.0 * math.log(0.05))
-"""The other place is so many standard deviations off the estimate: the 95 % region just contains it."""
+APART_SD = 2.0
+"""The other place is so many standard deviations off the estimate: in the 95 % region, which reaches 2.4."""
 
 
 @record(frozen=True, slots=True, kw_only=True)
@@ -62,6 +62,9 @@ class _Axes:
 class PositionRelation:
     """Compares the motion by positions with that by wheels and gyro, over a path.
 
+    Positions with a yaw are believed while the wheels roll: of them only what is farther than these rolled is
+    a conflict.
+
     Assumed: the wheels slip by a share of their travel that changes slowly, as the filter assumes, and not
     backwards; the noise of the positions is known; the yaw is as uncertain as the filter says. A difference
     that this slip does not explain has two explanations: more slip, or wrong positions. Until both move alike
@@ -75,6 +78,7 @@ class PositionRelation:
     Attributes:
         doubted_m: By how much the positions may be wrong, in the local frame; 0 without a conflict.
         is_unexpected: Whether the difference is larger than the expected slip makes it.
+        grown_m: By how much `doubted_m` has changed with the newest place.
         impossible_m: Difference of the newest place where it is larger than the way that the wheels rolled;
             else 0.
     """
@@ -86,6 +90,7 @@ class PositionRelation:
         self._begin: _Place | None = None
         self._newest: _Place | None = None
         self.doubted_m = self.impossible_m = 0j
+        self.grown_m = 0.0
         self.is_unexpected = False
 
     def take(
@@ -97,6 +102,7 @@ class PositionRelation:
         *,
         axes: complex,
         yaw_sd_rad: float,
+        has_yaw: bool,
     ) -> None:
         """Take a position.
 
@@ -107,19 +113,24 @@ class PositionRelation:
             path_m: Rolled by the wheels until then, and what was not measured.
             axes: Turns the axes of the device onto those of the local frame.
             yaw_sd_rad: Standard deviation of this angle and of the yaw together.
+            has_yaw: Whether the yaw was measured, too.
         """
         now = self._newest = _Place(place_m=place_m, reckoned_m=reckoned_m, std_m=std_m, path_m=path_m)
         turned = _Axes(turn=axes, sd_rad=yaw_sd_rad)
         while self._places and path_m - self._places[0].path_m > WINDOW_M:
             self._places.popleft()
-        beyond = (each for each in self._places if self._is_impossible(now, each, turned))
-        self.impossible_m = max((turned.apart_m(now, each) for each in beyond), key=abs, default=0j)
+        beyond = [each for each in self._places if self._is_impossible(now, each, turned)]
+        farthest = max(beyond, key=lambda each: abs(turned.apart_m(now, each)), default=None)
+        self.impossible_m = 0j if farthest is None else turned.apart_m(now, farthest)
+        before_m = self.doubted_m
         if self._begin is None:
-            self._begin = self._find_conflict(now, turned)
+            self._begin = farthest if has_yaw else self._find_conflict(now, turned)
         elif self._moves_alike(now, self._begin, turned):
             self._begin, self.doubted_m, self.is_unexpected = None, 0j, False
+        self.grown_m = 0.0
         if self._begin is not None:
             self.doubted_m = turned.apart_m(now, self._begin)
+            self.grown_m = abs(self.doubted_m - before_m)
             places = (self._begin, *self._places)
             self.is_unexpected |= any(self._deviations(now, each, turned) > UNEXPECTED_SD for each in places)
         if not self._places or path_m - self._places[-1].path_m >= max(SPACING_M, std_m):

@@ -48,6 +48,7 @@ class Bench:
         self.noise_rad = noise_rad
         self.is_accepted = True
         self.innovations: list[Innovation] = []
+        self.apart_rad = 0.0
 
     @property
     def now_s(self) -> float:
@@ -77,7 +78,10 @@ class Bench:
             rejected_rad_s=rejected_rad_s,
         )
         self.innovations.clear()
-        return list(self.rule.check(cycle))
+        faults = list(self.rule.check(cycle))
+        symptoms = [fault for fault in faults if fault.severity is Severity.SYMPTOM]
+        self.apart_rad = symptoms[0].bound.gyro_rad if symptoms else 0.0
+        return [fault for fault in faults if fault.severity is not Severity.SYMPTOM]
 
     def drive(
         self, duration_s: float, true_rad_s: Turn, gyro_rad_s: Turn, *, bias_rad_s: float = 0.0
@@ -529,3 +533,37 @@ def test_a_yaw_rate_of_a_heading_device_is_not_taken_for_a_heading() -> None:
     bench = Bench()
     bench.observe(rate(0.5, device="compass"))
     assert list(bench.rule.check(make_cycle(now_ns=nanoseconds(1.0)))) == []
+
+
+def test_a_shift_that_noise_does_not_explain_leaves_the_yaw_doubtful() -> None:
+    """Below the limit of the stop, where a magnetic field or the gyro may have shifted: the size of it."""
+    bench = Bench(scatter_rad=0.005, noise_rad=0.05)
+    assert bench.drive(20.0, constant(0.0), constant(0.0)) is None
+    assert bench.apart_rad == 0.0
+    bench.late_rad += 0.05
+    bench.heading_rad += 0.05
+    assert bench.drive(4.0, constant(0.0), constant(0.0)) is None
+    assert bench.apart_rad == pytest.approx(0.05, abs=0.01)
+    assert bench.drive(60.0, constant(0.0), constant(0.0)) is None
+    assert bench.apart_rad == pytest.approx(0.05, abs=0.01)
+
+
+@pytest.mark.parametrize(("rest_s", "is_doubted"), [(5.0, True), (12.0, False)])
+def test_the_doubt_ends_when_both_have_been_together_again_for_some_time(
+    rest_s: float, is_doubted: bool
+) -> None:
+    bench = Bench(scatter_rad=0.002, noise_rad=0.05)
+    bench.drive(10.0, constant(0.0), constant(0.0))
+    for shift_rad, duration_s in ((0.05, 3.0), (-0.05, rest_s)):
+        bench.heading_rad += shift_rad
+        bench.late_rad += shift_rad
+        assert bench.drive(duration_s, constant(0.0), constant(0.0)) is None
+    assert bool(bench.apart_rad) is is_doubted
+
+
+def test_a_drive_with_turns_and_noise_alone_leaves_no_doubt() -> None:
+    bench = Bench(scatter_rad=0.01, noise_rad=0.02)
+    turn = lambda t_s: 0.3 * math.sin(0.7 * t_s)  # noqa: E731
+    for _ in range(600):
+        assert bench.drive(0.2, turn, turn) is None
+        assert bench.apart_rad == 0.0
