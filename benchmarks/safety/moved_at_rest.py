@@ -3,11 +3,11 @@
     python -m benchmarks.safety.moved_at_rest [--runs 20]
 
 The differential rover with a receiver drives for 22 s around a corner, the Robotino with an overhead camera
-for 6 s. They stop because their wheels are silent for a second, and stay stopped. Two seconds later they slide
-(0.02 to 0.1 m/s for 3 to 8 s) or are carried (0.5 to 3 m in 2 s; the Robotino 0.4 m, so that the camera sees it)
-without a turn. The wheels do not roll, the accelerometer does not show it. Four seconds after that the region
-is compared with the truth: exit code 1 where it contains it in fewer than 95 % of the runs, or where its radius
-has grown by more than 0.2 m and twice the way.
+for 6 s. They stop because their wheels are silent for a second, and stay stopped. Two seconds later they
+slide (0.02 to 0.1 m/s for 3 to 8 s) or are carried (0.5 to 3 m in 2 s; the Robotino 0.4 m, so that the
+camera sees it) without a turn. The wheels do not roll, the accelerometer does not show it. Four seconds
+after that the region is compared with the truth: exit code 1 where it contains it in fewer than 95 % of the
+runs, or where its radius has grown by more than 0.2 m and twice the way.
 """
 
 import argparse
