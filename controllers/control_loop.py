@@ -247,7 +247,7 @@ class ControlLoop:
         return StepOutput(
             t_ns=now_ns,
             mode=self._mode(),
-            reason="" if self._follower is None else self._supervisor.reason,
+            reason="" if self._follower is None else self._reason,
             estimate=estimate,
             odometry=odometry.pose,
             odometry_rebases=odometry.rebases,
@@ -286,9 +286,14 @@ class ControlLoop:
     @property
     def _announcement(self) -> str:
         is_over = self._supervisor.mode in (Mode.FINISHED, Mode.EMERGENCY_STOP)
-        if self._maneuvers is None or is_over:
-            return ""
-        return self._manoeuvre.announcement or self._maneuvers.announcement
+        return "" if self._maneuvers is None or is_over else self._maneuvers.announcement
+
+    @property
+    def _reason(self) -> str:
+        """Why the rover is stopped; with what the check manoeuvre shows where another stop has ended it."""
+        reason, failure = self._supervisor.reason, self._manoeuvre.failure
+        is_over = self._supervisor.mode is Mode.EMERGENCY_STOP
+        return f"{reason}; {failure}" if is_over and failure not in reason else reason
 
     def _mode(self) -> Mode:
         if self._follower is None:
@@ -333,6 +338,8 @@ class ControlLoop:
             maneuvers.back_out.stop(supervisor.stop_cause)
         if supervisor.mode is Mode.EMERGENCY_STOP:
             self._manoeuvre.judge()
+        elif supervisor.mode is Mode.SAFE_STOP:
+            self._manoeuvre.wait(now_ns)
         if supervisor.mode is not Mode.RUNNING or self._is_paused:
             return None
         guidance = self._lead(now_ns, estimate, cycle.wheels.distance_m, maneuvers)
@@ -377,8 +384,8 @@ class ControlLoop:
         twist = guidance.velocity_x_m_s, guidance.velocity_y_m_s, guidance.yaw_rate_rad_s
         excitation_rad_s, changes_rad_s = 0.0, None
         if self._slip is not None:
-            is_turning = bool(self._manoeuvre.announcement)
-            is_turning |= self._maneuvers is not None and bool(self._maneuvers.turn.announcement)
+            is_finding_out = self._maneuvers is not None and bool(self._maneuvers.turn.announcement)
+            is_turning = self._manoeuvre.is_driving or is_finding_out
             is_measured = self._estimator.ground.is_measured
             twist, excitation_rad_s = self._slip.excite(
                 seconds(now_ns), twist, is_turning=is_turning, is_measured=is_measured

@@ -22,9 +22,9 @@ from controllers.check_manoeuvre.verdict import (
 from controllers.check_manoeuvre.words import Compared, words_of
 from controllers.roles import DeviceRoles
 
-WINDOW_S = 0.5
-"""Increments of two integrated sources are compared over this time."""
-LEAST_ROTATION_RAD = math.radians(5.0)
+WINDOW_S = 0.2
+"""Increments of two integrated sources are compared over this time: several delays of a gyro."""
+LEAST_ROTATION_RAD = math.radians(2.0)
 """Sources are not compared over less."""
 LEAST_TRAVEL_M = 0.05
 """Nor over less."""
@@ -51,7 +51,10 @@ def compare(tracks: Tracks, roles: DeviceRoles, *, skids: bool) -> tuple[SourceC
     """
     with_wheels = WITH_SKIDDING_WHEELS if skids else WITH_WHEELS
     rotations = _compare_rotations(tracks.rotations(), roles.wheels, with_wheels)
-    places = [_compare_places(track, tracks, roles) for track in tracks.places()]
+    is_decided = roles.wheels in confirmed_by(rotations)
+    places = [
+        _compare_places(track, tracks, roles.wheels, is_decided=is_decided) for track in tracks.places()
+    ]
     return (*rotations, *places, *_compare_travel(tracks, roles))
 
 
@@ -63,42 +66,45 @@ def confirmed_by(checks: Sequence[SourceCheck]) -> frozenset[str]:
 
 
 def _compare_rotations(tracks: Sequence[RotationTrack], wheels: str, with_wheels: Range) -> list[SourceCheck]:
+    if len(tracks) == 1:
+        return [_alone(wheels)]
     pairs = {
         (one, other): _rotation_pair(tracks[one], tracks[other], WITHOUT_WHEELS if one else with_wheels)
         for other in range(len(tracks))
         for one in range(other)
     }
-    group = _largest_group(
-        len(tracks), [ends for ends, pair in pairs.items() if pair.verdict is Verdict.AGREES]
-    )
+    agreeing = [ends for ends, pair in pairs.items() if pair.verdict is Verdict.AGREES]
+    group = _largest_group(len(tracks), agreeing)
     checks = []
     for number, track in enumerate(tracks):
-        others = [other for other in (group or [0]) if other != number]
-        if not others:
-            if len(tracks) == 1:
-                checks.append(_alone(track.device))
-            continue  # no group: the wheels are named with each of the others
-        against = next(
-            (other for other in others if pairs[_ends(number, other)].verdict is Verdict.AGREES), others[0]
-        )
-        pair = pairs[_ends(number, against)]
-        relation = pair.relation
-        moved = min(_moved(track.angle_rad), _moved(tracks[against].angle_rad)) if relation is None else 0.0
-        compared = Compared(
-            device=track.device,
-            quantity="rotation",
-            against=tracks[against].device,
-            verdict=pair.verdict,
-            is_of_wheels=track.device == wheels,
-            is_with_wheels=tracks[against].device == wheels,
-            is_decided=bool(group),
-            slope=None if relation is None else relation.slope,
-            why="" if relation is not None else _why_not(len(track.t_s), math.degrees(moved), "deg"),
-            unit="deg",
-            driven=math.degrees(_moved(tracks[0].angle_rad)),
-        )
-        checks.append(_check(compared, None if relation is None else relation.correlation.value))
+        # Without agreement the wheels are named with each of the others.
+        others = [other for other in group or [0] if other != number]
+        if others:
+            against = min(others, key=lambda other: pairs[_ends(number, other)].verdict is not Verdict.AGREES)
+            pair = pairs[_ends(number, against)]
+            checks.append(_rotation_check(track, tracks[against], pair, wheels, is_decided=bool(group)))
     return checks
+
+
+def _rotation_check(
+    track: RotationTrack, against: RotationTrack, pair: _Pair, wheels: str, *, is_decided: bool
+) -> SourceCheck:
+    driven_deg = math.degrees(min(_moved(track.angle_rad), _moved(against.angle_rad)))
+    relation = pair.relation
+    compared = Compared(
+        device=track.device,
+        quantity="rotation",
+        against=against.device,
+        verdict=pair.verdict,
+        is_of_wheels=track.device == wheels,
+        is_with_wheels=against.device == wheels,
+        is_decided=is_decided,
+        slope=None if relation is None else relation.slope,
+        why=_why_not(min(len(track.t_s), len(against.t_s)), driven_deg, "deg"),
+        unit="deg",
+        driven=driven_deg,
+    )
+    return _check(compared, None if relation is None else relation.correlation.value)
 
 
 def _ends(one: int, other: int) -> tuple[int, int]:
@@ -142,25 +148,26 @@ def _largest_group(count: int, agreeing: Sequence[tuple[int, int]]) -> list[int]
     return largest if len(largest) > 1 else []
 
 
-def _compare_places(track: PlaceTrack, tracks: Tracks, roles: DeviceRoles) -> SourceCheck:
+def _compare_places(track: PlaceTrack, tracks: Tracks, wheels: str, *, is_decided: bool) -> SourceCheck:
     begin_s, end_s = tracks.span_s
     inside = (track.t_s >= begin_s) & (track.t_s <= end_s)
-    relation, driven_m = None, 0.0
+    relation, driven_m, axes_rad = None, 0.0, math.nan
     if inside.any():
-        first_m = tracks.wheel_places(track.t_s[inside], track.arm_m[inside])
+        first_m, first_rad = tracks.by_wheels(track.t_s[inside], track.arm_m[inside])
+        axes_rad = float(np.angle(np.exp(1j * (track.yaw_rad[inside] - first_rad)).mean()))
         driven_m = float(abs(first_m - first_m[0]).max())
         if driven_m >= LEAST_TRAVEL_M:
             relation = relate_places(first_m, track.place_m[inside], track.sd_m)
-    verdict = judge_places(relation, WITH_WHEELS)
+    verdict = judge_places(relation, axes_rad, WITH_WHEELS)
     compared = Compared(
         device=track.device,
         quantity="position",
-        against=roles.wheels,
+        against=wheels,
         verdict=verdict,
         is_with_wheels=True,
-        is_decided=True,
+        is_decided=is_decided,
         slope=None if relation is None else relation.scale,
-        why="" if relation is not None else _why_not(int(inside.sum()), driven_m, "m"),
+        why=_why_not(int(inside.sum()), driven_m, "m"),
         unit="m",
         driven=driven_m,
         needed=None if relation is None else _needed_m(relation, driven_m),
@@ -190,7 +197,7 @@ def _compare_travel(tracks: Tracks, roles: DeviceRoles) -> list[SourceCheck]:
         is_with_wheels=True,
         is_decided=True,
         slope=slope,
-        why="" if relation is not None else _why_not(len(rolled_m), driven_m, "m"),
+        why=_why_not(len(rolled_m), driven_m, "m"),
         unit="m",
         driven=driven_m,
     )
@@ -227,7 +234,7 @@ def _alone(device: str) -> SourceCheck:
 
 
 def _why_not(readings: int, moved: float, unit: str) -> str:
-    return f"{readings} readings while it moved by {moved:.2g} {unit}"
+    return f"{readings} readings over {moved:.2g} {unit} are too few"
 
 
 def _moved(values: "np.typing.NDArray[np.float64]") -> float:

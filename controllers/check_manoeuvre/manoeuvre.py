@@ -16,6 +16,8 @@ from drivers.samples import Sample
 
 REST_S = 0.6
 """Standstill between two legs, and at the end: readings that lag catch up."""
+LONGEST_STOP_S = 10.0
+"""A stop that lasts longer does not end by itself."""
 SLOWER = 3.0
 SPARE_S = 5.0
 """A leg may take `SLOWER` times as long as planned, and `SPARE_S` more."""
@@ -23,6 +25,9 @@ SPARE_S = 5.0
 
 class CheckManoeuvre:
     """A short motion that ends where it began. Every stop rule holds meanwhile.
+
+    Where a stop rule ends it, or keeps the rover stopped for `LONGEST_STOP_S`, the sources are compared over
+    what was driven until then, and the mission does not begin.
 
     A leg ends by the odometry of the wheels, not by the filtered pose, which other sources correct. After
     a stop the leg goes on.
@@ -51,6 +56,7 @@ class CheckManoeuvre:
         self._yaw_rad = self._travel_m = 0.0
         self._leg_s = self._rested_s = 0.0
         self._last_s: float | None = None
+        self._stopped_s: float | None = None
         self._is_taken = False
         self.is_over = not legs
         self.result: tuple[SourceCheck, ...] = ()
@@ -58,15 +64,13 @@ class CheckManoeuvre:
         self.failure = ""
 
     @property
-    def announcement(self) -> str:
-        """What the rover does; empty before the first motion and after the end."""
-        if self.is_over or self._from is None:
-            return ""
-        return f"rover: check manoeuvre, leg {min(self._number + 1, len(self._legs))} of {len(self._legs)}"
+    def is_driving(self) -> bool:
+        """Whether it has begun and is not over."""
+        return not self.is_over and self._from is not None
 
     def take(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`."""
-        if not self.is_over and self._from is not None:
+        if self.is_driving:
             self._tracks.take(sample, t_ns)
 
     def guide(
@@ -81,7 +85,7 @@ class CheckManoeuvre:
             pairs: Motions over the ground that a camera has measured since the last cycle.
         """
         elapsed_s = 0.0 if self._last_s is None else min(seconds(now_ns) - self._last_s, SPARE_S)
-        self._last_s = seconds(now_ns)
+        self._last_s, self._stopped_s = seconds(now_ns), None
         if odometry_ns is None:
             return Guidance(waits=True)
         self._follow(odometry)
@@ -102,6 +106,16 @@ class CheckManoeuvre:
             self._leg_s = self._rested_s = 0.0
             return Guidance(waits=True)
         return Guidance(velocity_x_m_s=leg.velocity_m_s, yaw_rate_rad_s=leg.yaw_rate_rad_s)
+
+    def wait(self, now_ns: int) -> None:
+        """Count a cycle in which a stop rule keeps the rover stopped."""
+        if not self.is_driving:
+            return
+        self._stopped_s = seconds(now_ns) if self._stopped_s is None else self._stopped_s
+        if seconds(now_ns) - self._stopped_s >= LONGEST_STOP_S:
+            self.judge()
+            if not self.failure:
+                self._fail(f"the rover was stopped for {LONGEST_STOP_S:g} s")
 
     def take_result(self) -> tuple[SourceCheck, ...] | None:
         """Return the result once; None before and after."""

@@ -119,8 +119,8 @@ def points_of(legs: tuple[Leg, ...]) -> tuple[Point, ...]:
             continue
         if leg.yaw_rad is None:
             continue
-        steps = math.ceil(abs(leg.yaw_rad - yaw_rad) / ARC_STEP_RAD)
-        step_rad = (leg.yaw_rad - yaw_rad) / steps if steps else 0.0
+        steps = max(1, round(abs(leg.yaw_rad - yaw_rad) / ARC_STEP_RAD))
+        step_rad = (leg.yaw_rad - yaw_rad) / steps
         chord_m = 2.0 * math.sin(0.5 * step_rad) * leg.velocity_m_s / leg.yaw_rate_rad_s
         for _ in range(steps):
             place += cmath.rect(chord_m, yaw_rad + 0.5 * step_rad)

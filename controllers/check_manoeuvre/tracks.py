@@ -49,6 +49,7 @@ class PlaceTrack(NamedTuple):
         device: Its name.
         t_s: Times, (n,).
         place_m: Positions x + i y in the frame of the source, (n,).
+        yaw_rad: Yaw at each in the same frame, nan where it was not measured, (n,).
         arm_m: Where on the rover they were measured, (n,).
         sd_m: Standard deviation of x and of y.
     """
@@ -56,6 +57,7 @@ class PlaceTrack(NamedTuple):
     device: str
     t_s: Array
     place_m: Array
+    yaw_rad: Array
     arm_m: Array
     sd_m: float
 
@@ -123,18 +125,19 @@ class Tracks:
                 name,
                 np.array([seconds(fix.t_capture_ns) for fix in fixes]),
                 np.array([complex(fix.x_m, fix.y_m) for fix in fixes]),
+                np.array([fix.yaw_rad if has_yaw(fix) else math.nan for fix in fixes]),
                 np.array([complex(fix.arm_x_m, fix.arm_y_m) for fix in fixes]),
                 float(np.median([fix.alone_std_m or fix.position_std_m for fix in fixes])) if fixes else 0.0,
             )
             for name, fixes in self._fixes.items()
         ]
 
-    def wheel_places(self, t_s: Array, arm_m: Array) -> Array:
-        """Return where the wheels had moved a point of the rover, x + i y, at each time."""
+    def by_wheels(self, t_s: Array, arm_m: Array) -> tuple[Array, Array]:
+        """Return where the wheels had moved a point of the rover, x + i y, and its yaw, at each time."""
         wheels = np.array(self._wheels).reshape(-1, 4)
         x_m, y_m, yaw_rad = (np.interp(t_s, wheels[:, 0], wheels[:, column]) for column in (1, 2, 3))
         place_m: Array = x_m + 1j * y_m + arm_m * np.exp(1j * yaw_rad)
-        return place_m
+        return place_m, yaw_rad
 
     @property
     def span_s(self) -> tuple[float, float]:

@@ -17,6 +17,8 @@ SKID = 0.8
 """Greatest slip of wheels that skid in every rotation: on sand they turn three times as far as the rover."""
 FOLLOWS = 0.5
 """A source whose slope is below this share of the least sound one does not follow the other."""
+DIRECTION_RAD = math.radians(45.0)
+"""Greatest difference between directions of travel by sound sources: slip aside, and errors of the yaw."""
 MIRRORED = 3.0
 """Mirrored axes are found, or excluded, from so many standard deviations on."""
 
@@ -27,6 +29,7 @@ class Verdict(StrEnum):
     AGREES = "agrees"
     OPPOSITE = "opposite sign"
     MIRRORED = "mirrored axes"
+    DIRECTION = "wrong direction"
     SCALE = "wrong scale"
     DOES_NOT_FOLLOW = "does not follow"
     NOT_COMPARED = "not compared"
@@ -34,7 +37,8 @@ class Verdict(StrEnum):
     @property
     def is_refused(self) -> bool:
         """Whether the run must not start."""
-        return self in (Verdict.OPPOSITE, Verdict.MIRRORED, Verdict.DOES_NOT_FOLLOW)
+        wrong = (Verdict.OPPOSITE, Verdict.MIRRORED, Verdict.DIRECTION, Verdict.DOES_NOT_FOLLOW)
+        return self in wrong
 
 
 class Range(NamedTuple):
@@ -101,8 +105,14 @@ def judge(slope: Interval | None, sound: Range) -> Verdict:
     return Verdict.AGREES if is_sound else Verdict.SCALE
 
 
-def judge_places(relation: PlaneRelation | None, sound: Range) -> Verdict:
-    """Return what the relation of positions means; agreement needs axes that are surely not mirrored."""
+def judge_places(relation: PlaneRelation | None, axes_rad: float, sound: Range) -> Verdict:
+    """Return what the relation of positions means; agreement needs axes that are surely not mirrored.
+
+    Args:
+        relation: Of the positions to those by the wheels.
+        axes_rad: Angle between the axes of both by their yaws; nan where the source measures no yaw.
+        sound: Scales that sound sources may have.
+    """
     if relation is None:
         return Verdict.NOT_COMPARED
     verdict = judge(relation.scale, sound)
@@ -110,4 +120,8 @@ def judge_places(relation: PlaneRelation | None, sound: Range) -> Verdict:
         return verdict
     if relation.mirrored_deviations >= MIRRORED:
         return Verdict.MIRRORED
-    return verdict if relation.mirrored_deviations <= -MIRRORED else Verdict.NOT_COMPARED
+    if relation.mirrored_deviations > -MIRRORED:
+        return Verdict.NOT_COMPARED
+    if math.isnan(axes_rad) or abs(math.remainder(relation.angle_rad - axes_rad, math.tau)) <= DIRECTION_RAD:
+        return verdict
+    return Verdict.DIRECTION

@@ -19,7 +19,7 @@ class Compared:
         is_with_wheels: Whether the other is the wheels.
         is_decided: Whether a third source agrees with the other, or the other cannot be the cause.
         slope: Change of the later one of both over that of the earlier; None where it is not known.
-        why: Why it is not known.
+        why: Why it is not known, where that is so.
         unit: Of the motion.
         driven: Motion of the wheels, in this unit.
         needed: Motion that would be needed; None where that is not known.
@@ -45,26 +45,13 @@ def words_of(compared: Compared) -> str:
     other = f"the wheels ({compared.against})" if compared.is_with_wheels else compared.against
     if compared.verdict is Verdict.NOT_COMPARED:
         return f"{what} not compared with {other}: {_why_not_compared(compared)}"
+    relation = _RELATIONS[compared.verdict].format(other)
     slope = compared.slope
-    share = "" if slope is None else f"{slope.value:.2f} times ({slope.low:.2f} to {slope.high:.2f}) that"
-    if compared.is_of_wheels:
-        # The slope is that of the other over the wheels.
-        share = "" if slope is None else f"{compared.against} measures {share} of the wheels"
-        sentence = {
-            Verdict.AGREES: f"agrees with {other}",
-            Verdict.OPPOSITE: f"opposite to {other}",
-            Verdict.SCALE: f"wrong scale against {other}",
-            Verdict.DOES_NOT_FOLLOW: f"does not follow {other}",
-        }.get(compared.verdict, compared.verdict.value)
-        return f"{what} {sentence}: {share}{_fix(compared)}"
-    sentence = {
-        Verdict.AGREES: f"agrees with {other}",
-        Verdict.OPPOSITE: f"has the opposite sign of {other}",
-        Verdict.MIRRORED: f"is mirrored against {other}",
-        Verdict.SCALE: f"has another scale than {other}",
-        Verdict.DOES_NOT_FOLLOW: f"does not follow {other}",
-    }[compared.verdict]
-    return f"{what} {sentence}: {share}{_fix(compared)}"
+    if slope is None:
+        return f"{what} {relation}{_fix(compared)}"
+    of = f" of {compared.against} over the wheels" if compared.is_of_wheels else ""
+    interval = f"slope{of} {slope.value:.2f}, 95 % interval {slope.low:.2f} to {slope.high:.2f}"
+    return f"{what} {relation}: {interval}{_fix(compared)}"
 
 
 def _why_not_compared(compared: Compared) -> str:
@@ -76,35 +63,41 @@ def _why_not_compared(compared: Compared) -> str:
         half = 0.5 * (high - low)
         needed = compared.driven * max(half / WITH_WHEELS.follows, 1.0)
     return (
-        f"its noise leaves {low:.2f} to {high:.2f} times the motion over {compared.driven:.2g} {compared.unit}; "
-        f"it needs about {needed:.2g} {compared.unit}"
+        f"its noise leaves {low:.2f} to {high:.2f} times the motion over {compared.driven:.2g} "
+        f"{compared.unit}; it needs about {needed:.2g} {compared.unit}"
     )
 
 
 def _fix(compared: Compared) -> str:
+    """Return what explains the result, and what to do."""
     if compared.verdict is Verdict.AGREES:
         return ""
-    return f"; {_cause(compared)}"
-
-
-def _cause(compared: Compared) -> str:
-    """Return what explains the result, and what to do."""
-    wheels = "" if compared.is_decided and not compared.is_of_wheels else _WHEELS[compared.verdict]
+    own, wheels = _OWN[compared.verdict], _WHEELS[compared.verdict]
     if compared.is_of_wheels:
-        return wheels
-    own = _OWN[compared.verdict]
-    return f"{own}, or {wheels}" if compared.is_with_wheels and wheels else own
+        return f"; {wheels}"
+    may_be_wheels = compared.is_with_wheels and not compared.is_decided
+    return f"; {own}, or {wheels}" if may_be_wheels else f"; {own}"
 
 
+_RELATIONS = {
+    Verdict.AGREES: "agrees with {}",
+    Verdict.OPPOSITE: "has the opposite sign of {}",
+    Verdict.MIRRORED: "is mirrored against {}",
+    Verdict.DIRECTION: "has another direction than {}",
+    Verdict.SCALE: "has another scale than {}",
+    Verdict.DOES_NOT_FOLLOW: "does not follow {}",
+}
 _OWN = {
     Verdict.OPPOSITE: "correct its sign or mounting (a gyro: `rover-hil calibrate imu`)",
     Verdict.MIRRORED: "correct the sign of one of its axes, or exchange them",
+    Verdict.DIRECTION: "correct its yaw or axes",
     Verdict.SCALE: "check its scale and unit (a gyro: `rover-hil calibrate imu`)",
-    Verdict.DOES_NOT_FOLLOW: "it has no signal or another axis: check it with `rover-hil doctor`",
+    Verdict.DOES_NOT_FOLLOW: "it has no signal or another axis, check it with `rover-hil doctor`",
 }
 _WHEELS = {
     Verdict.OPPOSITE: "exchange left and right wheels, or correct their signs",
     Verdict.MIRRORED: "exchange left and right wheels",
+    Verdict.DIRECTION: "correct the signs of the wheels",
     Verdict.SCALE: "check radius and track with `rover-hil calibrate wheels`, and the grip of the wheels",
-    Verdict.DOES_NOT_FOLLOW: "the wheels have no grip: choose another place",
+    Verdict.DOES_NOT_FOLLOW: "the wheels have no grip, choose another place",
 }

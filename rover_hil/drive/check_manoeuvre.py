@@ -26,7 +26,7 @@ class Permission(NamedTuple):
 
     Attributes:
         config: The configuration to run.
-        words: What is driven or not, for the user; empty where the configuration does not want it.
+        words: What is driven or not, for the user; empty where nothing is left to be stated.
     """
 
     config: Config
@@ -51,8 +51,10 @@ def permit_check_manoeuvre(config: Config, *, virtual: bool) -> Permission:
     words = _room_words(config, room)
     if compared_with(config, roles) is Compared.NOTHING:
         words += "; no source measures travel or positions, so the direction of travel is not compared"
-    if virtual or ask_yes(f"{words}. Is this room free?", default=False):
+    if virtual:
         return Permission(config, words)
+    if ask_yes(f"{words}. Is this room free?", default=False):
+        return Permission(config, "")
     return Permission(without_check_manoeuvre(config), REFUSED)
 
 

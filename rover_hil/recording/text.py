@@ -40,7 +40,7 @@ VARIANCES = frozenset({"covariance", "variance", "nis"})
 ATTRIBUTES = {"drift": "scomp"}
 """Attribute of the controller behind a key, where the two have different names."""
 ONLY_WRITTEN = frozenset({"checks", "exact", "is_new", "waits_for_operator"})
-"""Keys that the source of a record has no attribute for, or that are written only where they are true or known."""
+"""Keys that the source of a record has no attribute for, or that are written only where they are known."""
 EXACT = struct.Struct("<16d")
 
 _TRUTH_VALUES = {True: "true", False: "false"}
