@@ -21,6 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Places = NDArray[np.complex128]
+"""Positions x + i y."""
 
 NORMAL_95 = 1.959964
 """Quantile of 97.5 % of the standard normal distribution."""
@@ -148,7 +150,7 @@ class PlaneRelation(NamedTuple):
     mirrored_deviations: float
 
 
-def relate_places(first_m: Array, second_m: Array, second_sd_m: float) -> PlaneRelation | None:
+def relate_places(first_m: Places, second_m: Places, second_sd_m: float) -> PlaneRelation | None:
     """Return the relation of positions x + i y; None where there are too few, or the first do not move.
 
     Least squares of q = o + c p, and of q = o + c conj(p) for mirrored axes (Umeyama, 1991, in the plane).

@@ -5,7 +5,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from controllers.check_manoeuvre.relation import Array
+from controllers.check_manoeuvre.relation import Array, Places
 from controllers.estimation.ground.travel import GroundPair
 from controllers.estimation.positions.pose_fix import has_yaw
 from controllers.estimation.settings import FilterSettings
@@ -56,9 +56,9 @@ class PlaceTrack(NamedTuple):
 
     device: str
     t_s: Array
-    place_m: Array
+    place_m: Places
     yaw_rad: Array
-    arm_m: Array
+    arm_m: Places
     sd_m: float
 
 
@@ -132,11 +132,11 @@ class Tracks:
             for name, fixes in self._fixes.items()
         ]
 
-    def by_wheels(self, t_s: Array, arm_m: Array) -> tuple[Array, Array]:
+    def by_wheels(self, t_s: Array, arm_m: Places) -> tuple[Places, Array]:
         """Return where the wheels had moved a point of the rover, x + i y, and its yaw, at each time."""
         wheels = np.array(self._wheels).reshape(-1, 4)
         x_m, y_m, yaw_rad = (np.interp(t_s, wheels[:, 0], wheels[:, column]) for column in (1, 2, 3))
-        place_m: Array = x_m + 1j * y_m + arm_m * np.exp(1j * yaw_rad)
+        place_m: Places = x_m + 1j * y_m + arm_m * np.exp(1j * yaw_rad)
         return place_m, yaw_rad
 
     @property

@@ -144,11 +144,12 @@ def test_with_a_gyro_that_agrees_with_the_compass_the_wheels_are_named() -> None
         return reversed_compass(rates(-1.0)(sample))
 
     _, _, outputs = looped(reverse)
-    checks = {check.device: check for check in checks_of(outputs)}
-    assert "wheels: rotation has the opposite sign" in outputs[-1].reason or (
-        "gyro: rotation has the opposite sign" in outputs[-1].reason
-    )
-    assert checks["gyro"].verdict in (Verdict.AGREES, Verdict.OPPOSITE)
+    assert [(check.device, check.verdict) for check in checks_of(outputs)] == [
+        ("wheels", Verdict.OPPOSITE),
+        ("gyro", Verdict.AGREES),
+        ("compass", Verdict.AGREES),
+    ]
+    assert "wheels: rotation has the opposite sign of gyro" in outputs[-1].reason
 
 
 def test_a_rover_with_wheels_alone_compares_nothing_and_drives() -> None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from controllers.check_manoeuvre.relation import Array, Interval, relate, relate_places
+from controllers.check_manoeuvre.relation import Array, Interval, Places, relate, relate_places
 from controllers.check_manoeuvre.verdict import (
     WITH_SKIDDING_WHEELS,
     WITH_WHEELS,
@@ -34,7 +34,7 @@ def slopes_of(
         noise = rng.normal(0.0, y_sd, len(TURNED))
         for step in range(1, len(noise)):
             noise[step] = memory * noise[step - 1] + math.sqrt(1.0 - memory**2) * noise[step]
-        time_s = 0.1 * np.arange(len(TURNED))
+        time_s: Array = 0.1 * np.arange(len(TURNED), dtype=np.float64)
         y = 0.7 + true * TURNED + drift_rad_s * time_s + noise
         x = TURNED + rng.normal(0.0, x_sd, len(TURNED))
         relation = relate(x, y, x_sd=x_sd, y_sd=0.0, time_s=time_s if drift_rad_s else None)
@@ -122,7 +122,7 @@ def test_the_ranges_are_those_that_are_documented() -> None:
     assert ranges == pytest.approx([0.595, 1.38, 0.7, 1.3, 0.17, 1.38])
 
 
-def forth_and_back() -> Array:
+def forth_and_back() -> Places:
     """Return positions on lines of 0.3 m at +20 and -20 deg."""
     line = np.concatenate((np.linspace(0, 0.3, 12), np.linspace(0.3, 0, 12)))
     return np.concatenate([line * np.exp(1j * angle) for angle in (0.35, -0.35)])
@@ -157,7 +157,7 @@ def test_mirrored_positions_are_found(mirror: object) -> None:
 
 
 def test_on_one_line_nothing_shows_whether_axes_are_mirrored() -> None:
-    line = np.linspace(0.0, 0.6, 30) + 0j
+    line: Places = np.linspace(0.0, 0.6, 30).astype(np.complex128)
     relation = relate_places(line, np.conj(line), 0.01)
     assert relation is not None
     assert judge_places(relation, math.nan, WITH_WHEELS) is Verdict.NOT_COMPARED
