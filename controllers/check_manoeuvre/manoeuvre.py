@@ -18,6 +18,8 @@ REST_S = 0.6
 """Standstill between two legs, and at the end: readings that lag catch up."""
 LONGEST_STOP_S = 10.0
 """A stop that lasts longer does not end by itself."""
+GAP_S = 0.5
+"""Between cycles that are farther apart the rover was stopped or paused: that time counts for no leg."""
 SLOWER = 3.0
 SPARE_S = 5.0
 """A leg may take `SLOWER` times as long as planned, and `SPARE_S` more."""
@@ -84,7 +86,8 @@ class CheckManoeuvre:
             odometry_ns: Its time; None while it is not known.
             pairs: Motions over the ground that a camera has measured since the last cycle.
         """
-        elapsed_s = 0.0 if self._last_s is None else min(seconds(now_ns) - self._last_s, SPARE_S)
+        elapsed_s = 0.0 if self._last_s is None else seconds(now_ns) - self._last_s
+        elapsed_s = elapsed_s if elapsed_s <= GAP_S else 0.0
         self._last_s, self._stopped_s = seconds(now_ns), None
         if odometry_ns is None:
             return Guidance(waits=True)

@@ -11,10 +11,10 @@ ROTATION_RAD = math.radians(20.0)
 """To either side."""
 TRAVEL_M = 0.3
 """Forth, and back."""
-YAW_RATE_RAD_S = 0.2
+YAW_RATE_RAD_S = 0.25
 """So slow that the wheels hardly slip, and that delays of some hundredths of a second do not matter."""
 SPEED_M_S = 0.1
-OVER_STALL = 1.5
+OVER_STALL = 1.1
 """Wheels turn at least this many times faster than `stall_set_point_rad_s`."""
 WIDER = 1.1
 """Radius of the arcs over the least possible one."""

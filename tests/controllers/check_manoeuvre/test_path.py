@@ -76,7 +76,7 @@ def test_without_the_setting_or_a_mission_nothing_is_driven() -> None:
 
 @pytest.mark.parametrize(
     ("mission_m_s", "stall_m_s", "speed_m_s", "rate_rad_s"),
-    [(0.5, 0.02, 0.1, 0.24), (0.05, 0.02, 0.05, 0.24), (0.5, 0.1, 0.15, 1.2), (0.12, 0.1, 0.12, 1.2)],
+    [(0.5, 0.02, 0.1, 0.25), (0.05, 0.02, 0.05, 0.25), (0.5, 0.1, 0.11, 0.88), (0.105, 0.1, 0.105, 0.88)],
 )
 def test_the_pace_is_slow_but_shows_a_stall(
     mission_m_s: float, stall_m_s: float, speed_m_s: float, rate_rad_s: float
