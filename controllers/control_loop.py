@@ -3,6 +3,9 @@
 import operator
 from collections.abc import Sequence
 
+from controllers.check_manoeuvre.manoeuvre import CheckManoeuvre
+from controllers.check_manoeuvre.plan import plan, skids_in_rotations
+from controllers.check_manoeuvre.verdict import SourceCheck
 from controllers.estimation.dead_reckoning import DeadReckoned
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.ground.travel import GroundMeter, GroundReport, GroundTravel
@@ -68,6 +71,7 @@ class StepOutput:
         findings: What begins to be wrong in this cycle with a drive that somebody else controls; None for
             nothing.
         waits_for_operator: Whether the rover stays stopped until an operator confirms that it may move.
+        checks: Result of the check manoeuvre, in the cycle that ends it; else None.
     """
 
     t_ns: int
@@ -90,6 +94,7 @@ class StepOutput:
     dead_reckoned: DeadReckoned | None = None
     findings: tuple[Finding, ...] | None = None
     waits_for_operator: bool = False
+    checks: tuple[SourceCheck, ...] | None = None
 
 
 class ControlLoop:
@@ -159,11 +164,26 @@ class ControlLoop:
         self._operator_reason = ""
         self._border = Border(settings.safety.area, settings.safety.body_m(settings.rover))
         self._gain_ranges = gain_ranges(settings)
+        self._manoeuvre = CheckManoeuvre(
+            plan(settings, kinematics, roles),
+            roles,
+            settings.filter,
+            skids=skids_in_rotations(settings.rover),
+        )
         self._follower = None if mission is None else mission.follower(kinematics)
         rim_arm_m = settings.rover.wheel_radius_m * max(map(abs, kinematics.wheel_speeds(0.0, 0.0, 1.0)))
         self._maneuvers = (
             None if mission is None else Maneuvers(settings.safety, mission.speed_m_s, kinematics, rim_arm_m)
         )
+
+    @property
+    def confirmed_sources(self) -> frozenset[str]:
+        """Names of the devices that the check manoeuvre of this run has confirmed.
+
+        A device is confirmed when it agreed with another one in direction, sign and coarse scale over that
+        motion, and contradicted none. Empty before the manoeuvre and without one.
+        """
+        return self._manoeuvre.confirmed
 
     def operate(self, now_ns: int, wanted: OperatorInput) -> None:
         """Take what an operator wants, before the `step` at the same time.
@@ -203,6 +223,7 @@ class ControlLoop:
             (self._check or self._supervisor).observe(used, t_ns)
             if are_stamps_known or not isinstance(used, HeadingSample | PoseFixSample):
                 self._estimator.take(used, t_ns)
+            self._manoeuvre.take(used, t_ns)
         # Without a mission somebody else drives: zero is then no command.
         commanded_rad_s = () if self._follower is None else self._commanded_rad_s
         innovations = self._estimator.advance(now_ns, commanded_rad_s, self._steering_rad)
@@ -228,7 +249,7 @@ class ControlLoop:
         return StepOutput(
             t_ns=now_ns,
             mode=self._mode(),
-            reason="" if self._follower is None else self._supervisor.reason,
+            reason="" if self._follower is None else self._reason,
             estimate=estimate,
             odometry=odometry.pose,
             odometry_rebases=odometry.rebases,
@@ -253,6 +274,7 @@ class ControlLoop:
             dead_reckoned=self._estimator.dead_reckoned(),
             findings=None if self._check is None else self._check.findings or None,
             waits_for_operator=self._supervisor.waits_for_operator,
+            checks=self._manoeuvre.take_result(),
         )
 
     def _judge(self, check: DriveCheck, cycle: Cycle) -> bool:
@@ -267,6 +289,13 @@ class ControlLoop:
     def _announcement(self) -> str:
         is_over = self._supervisor.mode in (Mode.FINISHED, Mode.EMERGENCY_STOP)
         return "" if self._maneuvers is None or is_over else self._maneuvers.announcement
+
+    @property
+    def _reason(self) -> str:
+        """Why the rover is stopped; with what the check manoeuvre shows where another stop has ended it."""
+        reason, failure = self._supervisor.reason, self._manoeuvre.failure
+        is_over = self._supervisor.mode is Mode.EMERGENCY_STOP
+        return f"{reason}; {failure}" if is_over and failure not in reason else reason
 
     def _mode(self) -> Mode:
         if self._follower is None:
@@ -291,7 +320,11 @@ class ControlLoop:
             uncertainty=estimator.budget.evidence,
             slip=NO_SLIP_EVIDENCE if self._slip is None else self._slip.evidence,
             operation=Operation(
-                self._operator_reason, self._border.over_m, self._is_led_out, self._is_confirmed
+                self._operator_reason,
+                self._border.over_m,
+                self._is_led_out,
+                self._is_confirmed,
+                self._manoeuvre.failure,
             ),
         )
 
@@ -305,6 +338,10 @@ class ControlLoop:
         self._estimator.take_faults(supervisor.faults)
         if was_running and supervisor.mode is Mode.SAFE_STOP:
             maneuvers.back_out.stop(supervisor.stop_cause)
+        if supervisor.mode is Mode.EMERGENCY_STOP:
+            self._manoeuvre.judge()
+        elif supervisor.mode is Mode.SAFE_STOP:
+            self._manoeuvre.wait(now_ns)
         if supervisor.mode is not Mode.RUNNING or self._is_paused:
             return None
         guidance = self._lead(now_ns, estimate, cycle.wheels.distance_m, maneuvers)
@@ -319,7 +356,9 @@ class ControlLoop:
         """Return where mission, maneuvers or hand lead the rover; None for standstill."""
         if self._follower is None:
             return None
-        supervisor = self._supervisor
+        supervisor, odometry = self._supervisor, self._estimator.odometry
+        if not self._manoeuvre.is_over:
+            return self._manoeuvre.guide(now_ns, odometry.pose, odometry.t_ns, self._estimator.ground.pairs)
         pose = Pose(x_m=estimate.x_m, y_m=estimate.y_m, yaw_rad=estimate.yaw_rad)
         way_back = maneuvers.back_out.guide(pose, distance_m)
         if way_back is not None:
@@ -347,7 +386,8 @@ class ControlLoop:
         twist = guidance.velocity_x_m_s, guidance.velocity_y_m_s, guidance.yaw_rate_rad_s
         excitation_rad_s, changes_rad_s = 0.0, None
         if self._slip is not None:
-            is_turning = self._maneuvers is not None and bool(self._maneuvers.turn.announcement)
+            is_finding_out = self._maneuvers is not None and bool(self._maneuvers.turn.announcement)
+            is_turning = self._manoeuvre.is_driving or is_finding_out
             is_measured = self._estimator.ground.is_measured
             twist, excitation_rad_s = self._slip.excite(
                 seconds(now_ns), twist, is_turning=is_turning, is_measured=is_measured

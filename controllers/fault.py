@@ -62,6 +62,7 @@ class Cause(StrEnum):
     OPERATOR = "operator"
     REPEATS = "{}: repeats"
     RIG = "rig"
+    SOURCE_CHECK = "source check"
     STANDING_WHEELS = "standing wheels"
     STEERING = "steering"
     STEERING_ANGLE = "{}: steering angle"

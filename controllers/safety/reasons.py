@@ -24,12 +24,14 @@ class Operation(NamedTuple):
         over_border_m: Greatest excess of the rover's region over the border of its area, negative inside.
         is_led_out: Whether the mission has just led a rover that is over the border farther out.
         is_confirmed: Whether an operator has just confirmed that the rover may move.
+        check_failure: Why the mission must not begin after the check manoeuvre; "" for nothing.
     """
 
     stop_reason: str = ""
     over_border_m: float = -math.inf
     is_led_out: bool = False
     is_confirmed: bool = False
+    check_failure: str = ""
 
 
 class Cycle(NamedTuple):

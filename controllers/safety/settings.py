@@ -44,6 +44,7 @@ from controllers.safety.reasons import StopRule
 from controllers.safety.recorded_rules import StandingWheelsRule, ZeroReadingsRule
 from controllers.safety.repetition_rule import RepetitionRule
 from controllers.safety.response_rule import ResponseRule, ResponseSettings
+from controllers.safety.source_check_rule import SourceCheckRule, SourceCheckSettings
 from controllers.safety.stall_monitor import StallMonitor
 from controllers.safety.steering_monitor import SteeringMonitor, SteeringReportRule, SteeringSettings
 from controllers.safety.supply_rule import SupplyRule, SupplySettings
@@ -65,6 +66,7 @@ class SafetySettings(
     UnseenSettings,
     YawDoubtSettings,
     EntrapmentSettings,
+    SourceCheckSettings,
 ):
     """When the rover stops, and when it moves again.
 
@@ -100,6 +102,7 @@ def make_rules(
     return (
         BumperRule(settings),
         OperatorRule(),
+        SourceCheckRule(),
         AreaRule(),
         LinkRule(roles),
         FaultRule(roles),

@@ -77,6 +77,7 @@ def run_rover(
     from rover_hil.config import load_config
     from rover_hil.console.json_text import print_json_text
     from rover_hil.drive import run_surroundings as around
+    from rover_hil.drive.check_manoeuvre import offer, permit_check_manoeuvre
     from rover_hil.pages.atomic_write import refuse_overwrite
     from rover_hil.report.write import REPORT_NAME, SUMMARY_NAME
     from rover_hil.run.checks import RUN_CHECKS, VIRTUAL_RUN_CHECKS
@@ -94,6 +95,8 @@ def run_rover(
     log_path = folder / LOG_NAME
     reports = [folder / name for name in (SUMMARY_NAME, REPORT_NAME)]
     refuse_overwrite(log_path, *reports, force=force)
+    wanted = config
+    config, manoeuvre = permit_check_manoeuvre(config, virtual=virtual)
     limit_s = duration_s or config.loop.time_limit_s
     clock = PacedClock() if virtual and realtime else None
     connection = around.connection(config, clock, messages, odometry_to, is_paced=realtime or not virtual)
@@ -102,11 +105,20 @@ def run_rover(
         connection as operator,
         Live(console=messages, transient=True, auto_refresh=False) as display,
     ):
-        show = around.display(display, messages, config, note)
+        show = around.display(display, messages, config, manoeuvre, note)
 
         try:
             if virtual:
-                result = run_virtual(config, log_path, limit_s, show, mirror, clock=clock, operator=operator)
+                result = run_virtual(
+                    config,
+                    log_path,
+                    limit_s,
+                    show,
+                    mirror,
+                    clock=clock,
+                    operator=operator,
+                    check_manoeuvre=True,
+                )
             else:
                 order = order_drive(config_name, config)
                 result = run_real(
@@ -118,6 +130,7 @@ def run_rover(
                     realtime=realtime,
                     mirror=mirror,
                     operator=operator,
+                    check_manoeuvre=True,
                 )
         except KeyboardInterrupt:
             if not log_path.exists():
@@ -133,11 +146,14 @@ def run_rover(
     summary_json = around.report(log_path, folder, messages)
     if summary_json is None:
         return EXIT_INTERRUPTED
+    stops = len(json.loads(summary_json)["stops"])
     if as_json:
         print_json_text(summary_json)
     else:
         console = Terminal(soft_wrap=True)
         console.print(f"report: {folder / 'report.html'}")
-        console.print(around.result_line(result, len(json.loads(summary_json)["stops"])))
+        console.print(around.result_line(result, stops))
+    if offered := offer(wanted, stops):
+        messages.print(offered, soft_wrap=True)
     around.tell_slowness(result, config.loop.rate_hz, messages, virtual=virtual)
     return EXIT_OK if around.went_well(result, duration_s) else EXIT_NO

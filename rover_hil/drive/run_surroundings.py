@@ -92,18 +92,21 @@ class LostDevices:
         return told
 
 
-def display(live: Live, messages: Terminal, config: Config, note: str) -> StatusDisplay:
+def display(live: Live, messages: Terminal, config: Config, *begin_notes: str) -> StatusDisplay:
     """Return what shows the state of a run.
 
-    Once, when it has begun, a note is printed, and that nothing would notice a wrong yaw.
+    Once, when it has begun, notes are printed, and that nothing would notice a wrong yaw. At the end of the
+    check manoeuvre its result is printed, one line for each source.
     """
     unwatched = find_unwatched_yaw(config, config.device_roles())
-    notes = [*filter(None, (str(unwatched or ""), note))]
+    notes = [*filter(None, (*begin_notes, str(unwatched or "")))][::-1]
     lost = LostDevices()
 
     def show(output: StepOutput, healths: Sequence[Health]) -> None:
         while notes:
             messages.print(notes.pop(), soft_wrap=True)
+        for check in output.checks or ():
+            messages.print(f"check manoeuvre: {check.text}", soft_wrap=True)
         lines = [_status_line(output), *map(Text, lost.lines(output, healths))]
         if can_tell():  # a terminal that ctrl-S has stopped would hold the loop
             live.update(Text("\n").join(lines), refresh=True)

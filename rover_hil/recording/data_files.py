@@ -129,12 +129,14 @@ def with_controller_of(logged: Config, replacing: Config) -> Config:
     """Return the configuration of a log with every section of `ControlSettings` of another one.
 
     Devices and their roles stay: the log holds the data of these very devices. The mission changes only
-    where the log has one. There is no area: the drive is what it was.
+    where the log has one. There is no area, and the check manoeuvre is there where the rover drove it: the
+    drive is what it was.
     """
     sections = set(ControlSettings.model_fields)
     if logged.mission is None or replacing.mission is None:
         sections.remove("mission")
     controlled = logged.model_copy(update={name: getattr(replacing, name) for name in sections})
-    if replacing.safety.area is None:
+    driven = {"area": None, "check_manoeuvre": logged.safety.check_manoeuvre}
+    if all(getattr(replacing.safety, key) == value for key, value in driven.items()):
         return controlled
-    return controlled.model_copy(update={"safety": replacing.safety.model_copy(update={"area": None})})
+    return controlled.model_copy(update={"safety": replacing.safety.model_copy(update=driven)})

@@ -192,6 +192,20 @@ class FindingRecord(TypedDict):
     text: str
 
 
+class SourceCheckRecord(TypedDict):
+    """What the check manoeuvre shows about one quantity of one source; None for what is not known."""
+
+    device: str
+    quantity: str
+    against: str
+    verdict: str
+    slope: float | None
+    slope_low: float | None
+    slope_high: float | None
+    correlation: float | None
+    text: str
+
+
 class EstimateRecord(TypedDict):
     """All that a cycle computed, on `ESTIMATE`."""
 
@@ -215,6 +229,7 @@ class EstimateRecord(TypedDict):
     dead_reckoned: NotRequired[DeadReckonedRecord | None]
     findings: NotRequired[tuple[FindingRecord, ...] | None]
     waits_for_operator: NotRequired[bool]
+    checks: NotRequired[Annotated[tuple[SourceCheckRecord, ...], FailFast()]]
     exact: NotRequired[str]
 
 

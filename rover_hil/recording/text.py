@@ -22,6 +22,7 @@ from controllers.control_loop import StepOutput
 from drivers.samples import FrameSample, Sample, SentCommand
 from rover_hil.recording.schema import (
     EstimateRecord,
+    SourceCheckRecord,
     TruthRecord,
     frame_record,
     set_point_record,
@@ -38,8 +39,8 @@ VARIANCES = frozenset({"covariance", "variance", "nis"})
 """Numbers far below 1, of which the relative size counts."""
 ATTRIBUTES = {"drift": "scomp"}
 """Attribute of the controller behind a key, where the two have different names."""
-ONLY_WRITTEN = frozenset({"exact", "is_new", "waits_for_operator"})
-"""Keys that the source of a record has no attribute for, or that are written only where they are true."""
+ONLY_WRITTEN = frozenset({"checks", "exact", "is_new", "waits_for_operator"})
+"""Keys that the source of a record has no attribute for, or that are written only where they are known."""
 EXACT = struct.Struct("<16d")
 
 _TRUTH_VALUES = {True: "true", False: "false"}
@@ -70,7 +71,8 @@ def estimate_text(output: StepOutput) -> bytes:
         )
     )
     waits = ',"waits_for_operator":true' if output.waits_for_operator else ""
-    return _finite(f'{_estimate(output)[:-1]}{waits},"exact":"{exact:08x}"}}')
+    checks = "" if output.checks is None else f',"checks":[{",".join(map(_source_check, output.checks))}]'
+    return _finite(f'{_estimate(output)[:-1]}{waits}{checks},"exact":"{exact:08x}"}}')
 
 
 def truth_text(truth: object) -> bytes:
@@ -192,4 +194,5 @@ def _sample_encoder(kind: type[Sample]) -> Encode:
 
 
 _estimate = _record(EstimateRecord, DECIMALS)
+_source_check = _record(SourceCheckRecord, DECIMALS)
 _truth = _record(TruthRecord, DECIMALS)

@@ -95,6 +95,7 @@ class _Collector:
         self._watchdog_s: list[float] = []
         self._end: schema.EndRecord | None = None
         self._oddities: list[schema.OddityRecord] = []
+        self._checks: tuple[schema.SourceCheckRecord, ...] = ()
 
     def take(self, message: LogMessage, log: LogReader) -> None:
         """Take one message; those of topics that the report does not show have no effect.
@@ -152,6 +153,7 @@ class _Collector:
             cut_off_by="" if log.is_complete else read_note(log.path),
             end=self._end,
             oddities=self._oddities,
+            checks=self._checks,
             duration_s=duration_s,
             cycles=self._cycles(log),
             estimate=Track.of(estimates),
@@ -185,6 +187,7 @@ class _Collector:
         self._reasons.append(output["reason"])
         self._suspicions.append(output.get("suspicion") or "")
         self._findings.take(t_s, [Finding(**each) for each in output.get("findings") or ()])
+        self._checks += output.get("checks", ())
         self._limits.append(Limit(output["limit"]))
         self._rebases = output["odometry_rebases"]
         self._rows["time"].append((t_s,))

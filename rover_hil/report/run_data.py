@@ -11,7 +11,7 @@ from drivers.driver import Health
 from rover_hil.config import Config
 from rover_hil.datasets.arrays import Array
 from rover_hil.recording.findings import FoundFinding
-from rover_hil.recording.schema import EndRecord, OddityRecord
+from rover_hil.recording.schema import EndRecord, OddityRecord, SourceCheckRecord
 from rover_hil.report.tracks import Series, Track
 
 
@@ -168,6 +168,7 @@ class RunData:
         cut_off_by: Why the watchdog ended the run, where the log was cut off and it did; else empty.
         end: How the run ended by its own account; None when it was killed or imported.
         oddities: Data-quality findings of a recorded drive.
+        checks: What the check manoeuvre showed about each source; empty where it was not driven.
         duration_s: By the run's own account, else up to the last message.
         estimate: The filter's pose at the time of the wheel positions that it is based on.
         covariance: Its covariance, in rows xx, xy, x yaw, yy, y yaw, yaw yaw.
@@ -195,6 +196,7 @@ class RunData:
     cut_off_by: str
     end: EndRecord | None
     oddities: Sequence[OddityRecord]
+    checks: Sequence[SourceCheckRecord]
     duration_s: float
     cycles: Cycles
     estimate: Track

@@ -14,7 +14,7 @@ from controllers.unwatched_yaw import find_unwatched_yaw
 from drivers.driver import Health
 from rover_hil.datasets.arrays import Array, rms, wrap_angles
 from rover_hil.recording.findings import FoundFinding
-from rover_hil.recording.schema import OddityRecord
+from rover_hil.recording.schema import OddityRecord, SourceCheckRecord
 from rover_hil.report.drift_summary import CrabSummary, DriftSummary, summarise_crab, summarise_drift
 from rover_hil.report.ground_summary import GroundSummary, summarise_ground
 from rover_hil.report.run_data import Cycles, RunData, WheelData
@@ -149,6 +149,7 @@ class Summary:
         suspicions: What was suspected and stopped nothing, the most frequent first.
         findings: What the rules found wrong with a drive that somebody else controlled.
         oddities: Data-quality findings of a recorded drive, and what was done about each.
+        checks: What the check manoeuvre showed about each source; empty where it was not driven.
         yaw_unwatched: That nothing would have noticed a wrong yaw, and what would; else empty.
         devices: Health facts at the end of the run.
     """
@@ -188,6 +189,7 @@ class Summary:
     suspicions: tuple[Suspicion, ...]
     findings: tuple[FoundFinding, ...]
     oddities: tuple[OddityRecord, ...]
+    checks: tuple[SourceCheckRecord, ...]
     yaw_unwatched: str
     devices: tuple[Health, ...]
 
@@ -239,6 +241,7 @@ def summarise(run: RunData) -> Summary:
         suspicions=_suspicions(cycles),
         findings=tuple(cycles.findings),
         oddities=tuple(run.oddities),
+        checks=tuple(run.checks),
         yaw_unwatched=str(find_unwatched_yaw(run.config, run.config.device_roles()) or ""),
         devices=tuple(run.health),
     )

@@ -20,6 +20,7 @@ from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.schema import END, end_record
 from rover_hil.recording.watchdog_note import note_path
 from rover_hil.recording.writer import LogWriter, Mirror
+from rover_hil.run.check_manoeuvre import without_check_manoeuvre
 from rover_hil.run.composition import build_real_rig, build_virtual_rig
 from rover_hil.run.drive_order import DriveOrder
 from rover_hil.run.end_signals import EndRequest, held_signals
@@ -45,6 +46,7 @@ def run_virtual(
     clock: VirtualClock | None = None,
     operator: Operator | None = None,
     longest_stop_s: float = math.inf,
+    check_manoeuvre: bool = False,
 ) -> RunResult:
     """Run the simulated rover of `config` on simulated time, into the log `log_path`.
 
@@ -57,11 +59,14 @@ def run_virtual(
         clock: None for simulated time that runs as fast as it can.
         operator: Operates the run, or None.
         longest_stop_s: End also when a reason has kept the rover stopped for this long.
+        check_manoeuvre: The room for the check manoeuvre is confirmed, so that it is driven where the
+            configuration wants it.
 
     Raises:
         ConfigError: The simulation is missing or does not fit the devices.
     """
     clock = clock or VirtualClock()
+    config = config if check_manoeuvre else without_check_manoeuvre(config)
     with held_signals() as request, ExitStack() as resources:
         allocate_linear_algebra()
         with unfinished(log_path) as part:
@@ -104,6 +109,7 @@ def run_real(
     mirror: Mirror | None = None,
     operator: Operator | None = None,
     longest_stop_s: float = math.inf,
+    check_manoeuvre: bool = False,
 ) -> RunResult:
     """Run the rover of `config` on its real ports, into the log `log_path`, and say which one moves.
 
@@ -117,6 +123,7 @@ def run_real(
         mirror: As there.
         operator: As there.
         longest_stop_s: As there.
+        check_manoeuvre: As there.
 
     Raises:
         ConfigError: The user has no right to use the scheduler.
@@ -126,6 +133,7 @@ def run_real(
         Terminated: Another signal came before.
     """
     clock = SystemClock(REALTIME_SPIN_S if realtime else 0.0)
+    config = config if check_manoeuvre else without_check_manoeuvre(config)
     if realtime:
         enter_realtime()
     with held_signals() as request, ExitStack() as resources:

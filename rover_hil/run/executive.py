@@ -305,7 +305,8 @@ class Executive:
                 if self._operator is not None:
                     facts = self._healths, late_ns, work_ns, self._truth, wanted
                     self._operator.show(CycleView(samples, output, sent, *facts))
-                if self._on_status is not None and woke_ns >= next_status_ns:
+                is_due = woke_ns >= next_status_ns or output.checks is not None
+                if self._on_status is not None and is_due:
                     next_status_ns = woke_ns + STATUS_PERIOD_NS
                     self._on_status(output, self._healths)
                 if self._is_over(output, now_ns, end_ns, result):

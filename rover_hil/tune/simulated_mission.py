@@ -16,6 +16,7 @@ from drivers.link import NoTap
 from rover_hil.config import Config
 from rover_hil.datasets.arrays import Array
 from rover_hil.report.tracks import Track
+from rover_hil.run.check_manoeuvre import without_check_manoeuvre
 from rover_hil.run.composition import build_virtual_rig
 from rover_hil.tune.metrics import (
     TruePath,
@@ -103,7 +104,7 @@ def drive(config: Config) -> DrivenMission:
         ConfigError: The configuration has no [simulation], or it does not fit.
     """
     clock = VirtualClock()
-    rig, world = build_virtual_rig(config, clock, NoTap())
+    rig, world = build_virtual_rig(without_check_manoeuvre(config), clock, NoTap())
     period_ns = nanoseconds(1.0 / config.loop.rate_hz)
     start_ns = now_ns = clock.now_ns()
     end_ns = start_ns + nanoseconds(config.loop.time_limit_s)

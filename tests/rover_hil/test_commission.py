@@ -202,7 +202,7 @@ def test_a_real_run_without_a_passed_commissioning_does_not_excite_the_yaw(
         **options: object,
     ) -> object:
         driven.append(config)
-        output = SimpleNamespace(t_ns=0, reason="")
+        output = SimpleNamespace(t_ns=0, reason="", checks=None)
         show(output, ())
         show(output, ())
         raise LogError("enough")

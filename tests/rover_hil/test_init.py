@@ -115,6 +115,7 @@ def test_a_rover_with_its_own_dbc_file_gets_a_valid_configuration(
     }
     assert config.roles.gyro == "imu"
     assert config.rover.wheel_radius_m == 0.06
+    assert config.safety.check_manoeuvre
     wheels = load_mapping("rover_can.toml").mapping.wheel
     assert [(wheel.node, wheel.sign) for wheel in wheels] == [(1, 1), (0, -1)]
     assert wheels[0].position is not None

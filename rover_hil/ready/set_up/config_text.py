@@ -71,7 +71,8 @@ def config_text(answers: Answers) -> str:
     parts += [
         "# A first drive of half a metre; docs/reference/configuration.md has the other missions.\n"
         + toml_text({"mission": mission}),
-        "[safety]\nsettle_s = 2.0              # at rest the gyro's bias is found\n",
+        "[safety]\nsettle_s = 2.0              # at rest the gyro's bias is found\n"
+        "check_manoeuvre = true      # `run` begins with a short motion that compares the sources\n",
         "# Greatest setpoints; raise them when the rover drives well.\n" + toml_text({"limits": limits}),
         "# The simulated rover of `run --virtual`, `simulate` and `tune`. Mass, motors and what carries "
         "load beside\n# the wheels are assumed: correct them.\n"

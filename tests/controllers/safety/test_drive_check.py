@@ -135,6 +135,7 @@ def test_rules_that_need_set_points_are_left_out_and_all_others_are_shared() -> 
         "MotionRule",
         "OperatorRule",
         "ResponseRule",
+        "SourceCheckRule",
         "StallMonitor",
         "SteeringMonitor",
         "SteeringReportRule",

@@ -1,0 +1,1 @@
+"""The check manoeuvre: a short motion before the mission that shows whether the sources agree."""
