@@ -33,7 +33,7 @@ test-slow: setup
 	# The page of `bench` in a real browser, one after the other: each needs both cores to answer in time.
 	$(BIN)/python -m pytest -n 0 -m "slow and not nightly" --durations 10 tests/rover_hil/bench
 
-# What repeats a faster test on more cases: a quarter of an hour. With `make test-kernel` before a release.
+# What repeats a faster test on more cases: about twenty minutes on two cores. With `make test-kernel` before a release.
 test-nightly: setup
 	.ci/slow_tools
 	$(BIN)/python -m pytest -n auto --dist loadfile -m nightly --ignore tests/rover_hil/bench

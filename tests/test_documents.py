@@ -89,10 +89,11 @@ def test_the_contributor_guide_names_files_and_names_that_exist() -> None:
     paths = [word for word in words if "/" in word and word[0] not in "/."]
     assert len(paths) > 50
     assert [path for path in paths if not any((ROOT / base / path).exists() for base in BASES)] == []
-    code = "".join(path.read_text("utf-8") for folder in CODE for path in (ROOT / folder).rglob("*.py"))
+    code = "\n".join(path.read_text("utf-8") for folder in CODE for path in (ROOT / folder).rglob("*.py"))
+    known = set(re.findall(r"\w+", code))  # a search for each name in all of it takes ten seconds
     names = {word for word in words if re.fullmatch(r"_?[A-Z]\w*|_\w+|\w+\(\)|\w+_\w+", word)}
     assert len(names) > 15
-    assert sorted(name for name in names if not re.search(rf"\b{name}\b", code)) == []
+    assert sorted(name for name in names if name.removesuffix("()") not in known) == []
 
 
 def test_the_tests_that_prove_what_deleted_ones_proved_exist() -> None:

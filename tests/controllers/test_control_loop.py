@@ -58,7 +58,7 @@ from tests.controllers.simulated import (
     ("rover", "geometry", "heading"),
     [
         (OMNI, omni_geometry(), "hold"),
-        (OMNI, omni_geometry(), "along_path"),
+        pytest.param(OMNI, omni_geometry(), "along_path", marks=pytest.mark.nightly),
         (SKID, skid_geometry(), "along_path"),
     ],
     ids=["omni holding", "omni turning", "skid-steer"],

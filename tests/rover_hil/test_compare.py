@@ -39,6 +39,7 @@ def test_figures_and_differences_stand_next_to_each_other(command: Command, runs
     assert '"name": "fast/run"' in page
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_log_that_was_cut_off_is_said_so(command: Command, runs: tuple[Path, Path], tmp_path: Path) -> None:
     whole = runs[0].read_bytes()
     cut = tmp_path / "cut.mcap"

@@ -20,6 +20,8 @@ from sim_backends.settings import EmulatorSettings
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 SETTINGS = get_args(get_args(AnyDeviceSettings)[0])
 TYPES = {get_args(settings.model_fields["type"].annotation)[0]: settings for settings in SETTINGS}
+OTHER_GEOMETRIES = {"six_wheels", "mecanum"}
+"""Their devices are those of another example."""
 NEEDS_AN_OVERHEAD_SCENE = {"overhead_camera"}
 """Described in docs/how-to/fit_slip_maps.md."""
 
@@ -31,7 +33,15 @@ def health_of(path: Path) -> dict[str, dict[str, object]]:
     return {record["device"]: record for record in last}
 
 
-@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.toml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, marks=pytest.mark.nightly, id=path.stem)
+        if path.stem in OTHER_GEOMETRIES
+        else pytest.param(path, id=path.stem)
+        for path in sorted(EXAMPLES.glob("*.toml"))
+    ],
+)
 def test_an_example_drives_and_its_devices_are_healthy(path: Path, tmp_path: Path) -> None:
     config = load_config(str(path), VIRTUAL_RUN_CHECKS)
     log = tmp_path / "run.mcap"

@@ -92,6 +92,7 @@ def test_sound_drives_have_no_finding_and_the_right_pose(
     assert math.sqrt(end.covariance[0] + end.covariance[3]) < 0.7
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_opposite_turns_are_told_with_both_numbers_and_the_region_contains_both_ends(
     command: Command, tmp_path: Path
 ) -> None:

@@ -46,6 +46,9 @@ OF_A_ROVER = {
 QUICK_ON_SAMPLES = {"replay", "compare", "export", "calibrate camera", "import robotino"}
 """`python -m benchmarks.program.examples` runs the others."""
 QUICK = {"check", "doctor", "terrain wheel", "terrain traverse", "terrain climb"}
+REPEATED = {"terrain traverse", "terrain climb"}
+REPEATED_ON_SAMPLES = {"compare", "import robotino"}
+"""The longest; the tests of these commands run them too."""
 
 
 def helps(group: TyperGroup, before: str = "") -> Iterator[tuple[str, str]]:
@@ -103,7 +106,13 @@ def test_every_help_has_an_example_and_names_its_data(name: str) -> None:
         assert (ROOT / page).is_file()
 
 
-@pytest.mark.parametrize("name", sorted(QUICK))
+@pytest.mark.parametrize(
+    "name",
+    [
+        *sorted(QUICK - REPEATED),
+        *(pytest.param(name, marks=pytest.mark.nightly) for name in sorted(REPEATED)),
+    ],
+)
 def test_quick_examples_run(command: Command, name: str) -> None:
     (example,) = re.findall(r"Example: `(rover-hil [^`]*)`", " ".join(HELPS[name].split()))
     # The doctor of a computer without a rover finds something to fix.
@@ -146,7 +155,13 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     return make
 
 
-@pytest.mark.parametrize("name", sorted(QUICK_ON_SAMPLES))
+@pytest.mark.parametrize(
+    "name",
+    [
+        *sorted(QUICK_ON_SAMPLES - REPEATED_ON_SAMPLES),
+        *(pytest.param(name, marks=pytest.mark.nightly) for name in sorted(REPEATED_ON_SAMPLES)),
+    ],
+)
 def test_quick_examples_run_on_their_sample(
     command: Command, samples: Callable[[str], Path], tmp_path: Path, name: str
 ) -> None:

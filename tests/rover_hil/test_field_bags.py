@@ -346,9 +346,27 @@ CASES = {
         ("recorded before the clock was set", "left out"),
     ),
 }
+REPEATED = {
+    "speeds at 50 Hz of an arc",
+    "wraps at two turns, 20 Hz",
+    "wraps at 5 Hz",
+    "wraps at 3 Hz",
+    "wraps with a gap",
+    "two publishers",
+    "both dead from the start",
+    "both dead, a gentle floor",
+    "both dead, a constant acceleration",
+    "both dead in a turn, then right",
+    "gyro with a great offset, shaking",
+    "zeros in the middle",
+    "a clock that is set",
+}
+"""They repeat another case at another rate, on another way or in another part of the bag."""
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.nightly) if name in REPEATED else name for name in CASES]
+)
 def test_a_bag_is_right_or_refused_or_told(command: Command, name: str) -> None:
     case = CASES[name]
     bag = case.bag()

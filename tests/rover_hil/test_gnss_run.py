@@ -45,7 +45,7 @@ def config_with(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("slow_time_s", [3.0, 30.0], ids=["as assumed", "ten times as slow"])
+@pytest.mark.parametrize("slow_time_s", first_often([30.0, 3.0]), ids=["ten times as slow", "as assumed"])
 def test_positions_hold_a_rover_whose_wheels_are_larger_than_it_believes(
     slow_time_s: float, tmp_path: Path
 ) -> None:
@@ -127,8 +127,15 @@ def east_deviations_m(estimates: Sequence[Mapping[str, object]]) -> list[float]:
     return [math.sqrt(record["estimate"]["covariance"][0]) for record in estimates]  # type: ignore[index]
 
 
-@pytest.mark.parametrize("kind", ["no_fix", "stale"])
-@pytest.mark.parametrize("required", [True, False])
+@pytest.mark.parametrize(
+    ("required", "kind"),
+    [
+        (True, "no_fix"),
+        (False, "stale"),
+        pytest.param(True, "stale", marks=pytest.mark.nightly),
+        pytest.param(False, "no_fix", marks=pytest.mark.nightly),
+    ],
+)
 def test_a_receiver_without_positions_stops_the_rover_only_where_fixes_are_required(
     kind: str, required: bool, tmp_path: Path
 ) -> None:

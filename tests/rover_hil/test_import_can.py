@@ -22,6 +22,7 @@ from drivers.errors import ConfigError, LogError
 from rover_hil.datasets.can_frames import _read, read_can_log, timed_payloads
 from rover_hil.datasets.can_signals import MessageFrames
 from rover_hil.recording.reader import LogReader
+from tests.cases import first_often
 from tests.rover_hil.command import Command, assert_one_sentence
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
@@ -306,9 +307,21 @@ ODD_FRAMES: dict[str, dict[str, object]] = {
 }
 
 
-@pytest.mark.parametrize("size", [48, 56], ids=["CAN_MESSAGE", "CAN_MESSAGE2"])
-@pytest.mark.parametrize("level", [0, 6], ids=["as it is", "packed"])
-@pytest.mark.parametrize("name", ODD_FRAMES)
+@pytest.mark.parametrize(
+    ("name", "level", "size"),
+    [
+        pytest.param(
+            name,
+            level,
+            size,
+            marks=() if name == "plain" or (level, size) == (6, 56) else pytest.mark.nightly,
+            id=f"{name}-{packed}-{kind}",
+        )
+        for name in ODD_FRAMES
+        for level, packed in ((0, "as it is"), (6, "packed"))
+        for size, kind in ((48, "CAN_MESSAGE"), (56, "CAN_MESSAGE2"))
+    ],
+)
 def test_blf_read_by_blocks_equals_python_can_frame_by_frame(
     folder: Path, name: str, level: int, size: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -632,7 +645,9 @@ def test_a_measured_car_with_its_driven_axle_off_the_ground_is_told(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["can_wheels/mustang_s550.log.gz", "can_wheels/civic_2019.log.gz"])
+@pytest.mark.parametrize(
+    "name", first_often(["can_wheels/civic_2019.log.gz", "can_wheels/mustang_s550.log.gz"])
+)
 def test_a_measured_car_is_imported_and_replays(
     command: Command, car: Callable[[str], str], name: str
 ) -> None:

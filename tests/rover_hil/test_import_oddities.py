@@ -79,6 +79,7 @@ def test_a_sound_drive_has_no_oddity_and_no_finding(command: Command) -> None:
     assert json.loads(command.out)[0]["findings"] == []
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_rows_and_cells_are_counted_and_the_report_has_the_table(command: Command) -> None:
     lines = lines_of(drive())
     repeated, cell = lines[50], lines[100].split(",")

@@ -159,6 +159,7 @@ def errors_m(command: Command, source: str = "estimate") -> np.ndarray:
     return errors
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_steering_and_a_wheel_with_a_speed_only(command: Command) -> None:
     assert import_it(command, TOPICS, {}) == 0, command.error
     rows = read_drive(Path("drive.mcap")).rows
@@ -168,6 +169,7 @@ def test_steering_and_a_wheel_with_a_speed_only(command: Command) -> None:
     assert 0.5 < errors_m(command).max() < 2.0
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_poses_with_covariance_correct_the_estimate(command: Command) -> None:
     fixes = '[fixes]\ntopic = "/pose"\n'
     assert import_it(command, TOPICS + fixes, {"/pose": (10, Drive().covariance_pose)}) == 0, command.error
@@ -179,6 +181,7 @@ def test_poses_with_covariance_correct_the_estimate(command: Command) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("unrendered")
 def test_positions_of_a_receiver_correct_the_estimate(command: Command) -> None:
     fixes = '[fixes]\ntopic = "/fix"\nmarker = { x_m = 0.3, y_m = 0.2 }\n'
     assert import_it(command, TOPICS + fixes, {"/fix": (10, Drive().satellites)}) == 0, command.error

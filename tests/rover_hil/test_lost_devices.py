@@ -26,7 +26,22 @@ PROCEDURES = {
     "commission rover.toml --out runs": ("board", "imu"),
     "commission camera.toml --out runs": ("board", "imu", "camera"),
 }
-CASES = [(line, device) for line, devices in PROCEDURES.items() for device in devices]
+OFTEN = {
+    "calibrate imu rover.toml --out o.toml": ("board", "imu"),
+    "calibrate mounting compass.toml --turns 2 --out o.toml": ("compass",),
+    "calibrate compass compass.toml --turns 2 --out o.toml": ("imu",),
+    "calibrate motors compass.toml --out o.toml": ("wheels",),
+    "calibrate wheels rover.toml --out o.toml": ("imu",),
+    "calibrate scale camera.toml --out o.toml": ("camera",),
+    "commission rover.toml --out runs": ("board",),
+    "commission camera.toml --out runs": ("camera",),
+}
+"""Each procedure once, and each kind of device."""
+CASES = [
+    (line, device) if device in OFTEN.get(line, ()) else pytest.param(line, device, marks=pytest.mark.nightly)
+    for line, devices in PROCEDURES.items()
+    for device in devices
+]
 
 
 def write_with_loss(name: str, device: str) -> None:

@@ -46,6 +46,7 @@ def test_the_description_of_a_task_is_no_markup() -> None:
 
 
 @pytest.mark.usefixtures("unrendered")
+@pytest.mark.usefixtures("unrendered")
 def test_a_run_whose_folder_looks_like_markup(command: Command) -> None:
     assert command("run", "robotino", "--virtual", "--duration", "4", "--out", "a[/x]b") == 0
     assert "report: a[/x]b/report.html" in command.out

@@ -54,7 +54,15 @@ def findings_of(command: Command, shared_data: Path, kind: str, run: int, text: 
     return [finding["text"] for finding in drive["findings"]]
 
 
-@pytest.mark.parametrize(("kind", "run"), [("diff", 0), ("diff", 3), ("omni3", 1), ("omni3", 20)])
+@pytest.mark.parametrize(
+    ("kind", "run"),
+    [
+        ("diff", 0),
+        ("omni3", 1),
+        pytest.param("diff", 3, marks=pytest.mark.nightly),
+        pytest.param("omni3", 20, marks=pytest.mark.nightly),
+    ],
+)
 def test_a_measured_drive_as_it_is_has_no_finding(
     command: Command, shared_data: Path, kind: str, run: int
 ) -> None:
@@ -68,7 +76,7 @@ PLANTED = [
     ("diff", (1, 0), (1, 1), 1.0, ("left and right exchanged", "all wheels reversed", UNSURE)),
     ("diff", (0, 1), (-1, -1), 1.0, ("left and right exchanged", "all wheels reversed", UNSURE)),
     ("diff", (0, 1), (-1, 1), 1.0, ("wheel 0 reversed",)),
-    ("diff", (0, 1), (1, -1), 1.0, ("wheel 1 reversed",)),
+    pytest.param("diff", (0, 1), (1, -1), 1.0, ("wheel 1 reversed",), marks=pytest.mark.nightly),
     ("diff", (1, 0), (-1, 1), 1.0, ("wheels and truth contradict each other",)),
     ("diff", (0, 1), (1, 1), 1.0 / 57.29578, ("deg where rad is meant",)),
     ("diff", (0, 1), (1, 1), 1.0 / 9.5493, ("rpm where rad/s is meant",)),
@@ -76,7 +84,10 @@ PLANTED = [
     ("diff", (0, 1), (1, 1), 4.0, ("ticks_per_turn, gear_ratio, radius",)),
     ("omni3", (0, 1, 2), (-1, -1, -1), 1.0, ("all wheels reversed",)),
     ("omni3", (0, 1, 2), (1, -1, 1), 1.0, ("wheel 1 reversed",)),
-    ("omni3", (0, 1, 2), (1, 1, 1), 1.0 / 57.29578, ("deg where rad is meant",)),
+    pytest.param(
+        *("omni3", (0, 1, 2), (1, 1, 1), 1.0 / 57.29578, ("deg where rad is meant",)),
+        marks=pytest.mark.nightly,
+    ),
 ]
 
 
@@ -96,6 +107,7 @@ def test_a_fault_planted_in_a_measured_drive_is_named(
         assert word in found[0]
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_replay_and_report_tell_what_the_truth_shows(command: Command, shared_data: Path) -> None:
     (found,) = findings_of(command, shared_data, "diff", 1, columns("diff", (0, 1), (-1, 1)))
     assert command("replay", "drive.mcap", "--out", "report") == 0

@@ -92,8 +92,14 @@ def write_drive(folder: Path, wheels: list[str], quantity: str) -> str:
     return sections
 
 
-@pytest.mark.parametrize("quantity", ["position", "speed"])
-@pytest.mark.parametrize("name", ROVERS)
+@pytest.mark.parametrize(
+    ("name", "quantity"),
+    [
+        *(("bicycle", quantity) for quantity in ("position", "speed")),
+        *((name, "position") for name in ROVERS if name != "bicycle"),
+        *(pytest.param(name, "speed", marks=pytest.mark.nightly) for name in ROVERS if name != "bicycle"),
+    ],
+)
 def test_a_recorded_drive_follows_its_circle(
     command: Command, tmp_path: Path, name: str, quantity: str
 ) -> None:

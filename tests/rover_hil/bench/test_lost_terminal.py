@@ -24,7 +24,10 @@ ENDS = {
 }
 
 
-@pytest.mark.parametrize("number", ENDS)
+@pytest.mark.parametrize(
+    "number",
+    [pytest.param(n, marks=pytest.mark.nightly) if n == signal.SIGTERM else n for n in ENDS],
+)
 def test_the_program_ends_without_a_traceback_whoever_is_connected(
     number: signal.Signals, tmp_path: Path
 ) -> None:

@@ -85,10 +85,7 @@ def log_of(folder: Path) -> Path:
 
 @pytest.mark.parametrize(
     "case",
-    [
-        case if case in ("script hung", "page closed") else pytest.param(case, marks=pytest.mark.nightly)
-        for case in LOSSES
-    ],
+    [case if case == "page closed" else pytest.param(case, marks=pytest.mark.nightly) for case in LOSSES],
 )
 def test_after_a_loss_the_rover_rests_until_the_user_clicks_whatever_comes_back(
     case: str, tmp_path: Path
@@ -98,7 +95,11 @@ def test_after_a_loss_the_rover_rests_until_the_user_clicks_whatever_comes_back(
     assert loss.reason.startswith(f"STOPPED: {SILENT if case == 'server stopped' else GONE}. ")
 
 
-@pytest.mark.parametrize("press", PRESSES)
+@pytest.mark.parametrize(
+    "press",
+    # "nothing broken" above presses the button.
+    [pytest.param(press, marks=pytest.mark.nightly) if press == "button" else press for press in PRESSES],
+)
 def test_button_key_and_another_program_stop_the_rover(press: str, tmp_path: Path) -> None:
     stop = stop_by(press, tmp_path)
     assert stop.to_zero_s < LIMIT_S

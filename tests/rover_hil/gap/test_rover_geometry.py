@@ -60,7 +60,7 @@ def test_a_steering_ratio_is_named_with_its_size(tmp_path: Path) -> None:
     assert high - low < 0.1
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_centre_of_rotation_ahead_of_the_wheels_is_named_with_its_size() -> None:
     ahead = Hidden(name="rotation_centre", changes={"ahead_m": 0.08})
     verdict = verdict_on_third_party(configurations()["four_fixed"], ahead, DRIVINGS["all headings"], seed=11)

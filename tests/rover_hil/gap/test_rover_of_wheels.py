@@ -18,6 +18,7 @@ from sim_backends.models.interface import Array, Run
 from sim_backends.plants.wheels.plant import WheelsPlant
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from sim_backends.wheels_model.model import WheelsModel
+from tests.cases import first_often
 from tests.nature.differential_drive import TrueDifferential, record
 from tests.rover_hil.command import Command, assert_one_sentence
 
@@ -62,11 +63,13 @@ def test_no_gap_where_there_is_none(analyse: Analyse) -> None:
 
 @pytest.mark.parametrize(
     ("rover", "poses", "name", "size", "channel"),
-    [
-        (TrueDifferential(left_larger=0.03), "truth", "uneven_wheel", 0.03, "turn_rad_s"),
-        (TrueDifferential(gyro_gain=1.05), "truth", "gyro_scale", 0.05, "gyro_rad_s"),
-        (TrueDifferential(track_m=0.33), "fixes", "base_radius", 0.1, "turn_rad_s"),
-    ],
+    first_often(
+        [
+            (TrueDifferential(track_m=0.33), "fixes", "base_radius", 0.1, "turn_rad_s"),
+            (TrueDifferential(left_larger=0.03), "truth", "uneven_wheel", 0.03, "turn_rad_s"),
+            (TrueDifferential(gyro_gain=1.05), "truth", "gyro_scale", 0.05, "gyro_rad_s"),
+        ]
+    ),
 )
 @pytest.mark.slow
 def test_the_effect_is_named_with_its_size_and_the_gap_shrinks(

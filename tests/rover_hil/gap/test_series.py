@@ -29,12 +29,14 @@ def test_without_effect_nothing_is_named(kind: str) -> None:
 @pytest.mark.parametrize("kind", first_often(DRIVES))
 @pytest.mark.parametrize(
     ("name", "hidden"),
-    [
-        ("dry_friction", {"dry": 0.01}),
-        ("delay", {"late": 0.01}),
-        ("sag", {"sag": 0.02}),
-        ("sensor_offset", {"zero": 0.5}),
-    ],
+    first_often(
+        [
+            ("dry_friction", {"dry": 0.01}),
+            ("delay", {"late": 0.01}),
+            ("sag", {"sag": 0.02}),
+            ("sensor_offset", {"zero": 0.5}),
+        ]
+    ),
 )
 def test_a_single_effect_is_named_alone(kind: str, name: str, hidden: dict[str, float]) -> None:
     verdict = verdict_of(4, DRIVES[kind], **hidden)

@@ -101,7 +101,11 @@ def written(path: Path, *, drag: float = 0.0, late_s: float = 0.0) -> Path:
 
 @pytest.mark.parametrize(
     ("drag", "late_s", "named"),
-    [(0.0, 0.0, {}), (0.5, 0.0, {"quadratic_drag": 0.5}), (0.0, 0.033, {"delay": 0.033})],
+    [
+        (0.0, 0.0, {}),
+        (0.5, 0.0, {"quadratic_drag": 0.5}),
+        pytest.param(0.0, 0.033, {"delay": 0.033}, marks=pytest.mark.nightly),
+    ],
 )
 def test_what_is_hidden_in_jittered_records_is_named(
     command: Command, tmp_path: Path, unrendered: None, drag: float, late_s: float, named: dict[str, float]

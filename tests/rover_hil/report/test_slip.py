@@ -68,6 +68,7 @@ def test_a_run_without_compensation_tells_nothing(tmp_path: Path) -> None:
     assert "estimated slip" not in [fact.name for fact in facts(summary)]
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_page_shows_it(tmp_path: Path) -> None:
     log_path = write_log(tmp_path / "run.mcap", CompensatedDrive())
     summary = json.loads(write_report(log_path, tmp_path / "out"))
