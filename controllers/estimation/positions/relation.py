@@ -12,14 +12,14 @@ WINDOW_M = 4.0
 SPACING_M = 0.1
 """Between two that are kept."""
 
-EXPECTED_SD = 1.0
-"""A difference within so many deviations of the expected slip is slip, and no conflict."""
+EXPECTED_SD = 1.645
+"""A difference within so many deviations of slip and noise is no conflict: nine in ten along the travel."""
 
 UNEXPECTED_SD = math.sqrt(-2.0 * math.log(0.05))
-"""One beyond is reported: it is outside the 95 % region of the expected slip."""
+"""One beyond so many of the slip and beyond the noise is reported: outside the 95 % region of both."""
 
 ALIKE = math.cos(math.pi / 4.0)
-"""Only travel within 45 deg of the direction of a conflict, or of the opposite one, ends it."""
+"""Only travel within 45 deg of the direction of a doubt, or of the opposite one, ends it."""
 
 APART_SD = 2.0
 """The other place is so many standard deviations off the estimate: in the 95 % region, which reaches 2.4."""
@@ -132,7 +132,7 @@ class PositionRelation:
             self.doubted_m = turned.apart_m(now, self._begin)
             self.grown_m = abs(self.doubted_m - before_m)
             places = (self._begin, *self._places)
-            self.is_unexpected |= any(self._deviations(now, each, turned) > UNEXPECTED_SD for each in places)
+            self.is_unexpected |= any(self._is_unexpected(now, each, turned) for each in places)
         if not self._places or path_m - self._places[-1].path_m >= max(SPACING_M, std_m):
             self._places.append(now)
 
@@ -148,14 +148,14 @@ class PositionRelation:
         return worst if is_conflict else None
 
     def _moves_alike(self, now: _Place, begin: _Place, axes: _Axes) -> bool:
-        """Return whether the newest travel, twice the distance of the slip, agrees and has the direction."""
+        """Return whether the newest travel, twice the distance of the slip, agrees along the doubt."""
         newest = (each for each in reversed(self._places) if now.path_m - each.path_m >= self._least_m)
         before = next(newest, None)
         if before is None or before.path_m < begin.path_m:
             return False
-        travel_m, conflict_m = now.reckoned_m - before.reckoned_m, before.reckoned_m - begin.reckoned_m
-        along_m2 = (travel_m * conflict_m.conjugate()).real
-        is_along = abs(along_m2) > ALIKE * abs(travel_m) * abs(conflict_m)
+        travel_m = now.reckoned_m - before.reckoned_m
+        along_m2 = abs((travel_m * self.doubted_m.conjugate()).real)
+        is_along = along_m2 > ALIKE * abs(travel_m) * abs(self.doubted_m)
         return is_along and self._deviations(now, before, axes) < EXPECTED_SD
 
     @property
@@ -163,20 +163,29 @@ class PositionRelation:
         return 2.0 * self._slip_distance_m
 
     def _is_impossible(self, now: _Place, before: _Place, axes: _Axes) -> bool:
-        noise_m = self._gate_sd * math.hypot(now.std_m, before.std_m)
-        return abs(axes.apart_m(now, before)) > now.path_m - before.path_m + noise_m
+        reach_m = now.path_m - before.path_m + self._noise_m(now, before)
+        return abs(axes.apart_m(now, before)) > reach_m
 
-    def _deviations(self, now: _Place, before: _Place, axes: _Axes) -> float:
-        """Return the difference over what is expected: the root of the sum of squares along and across.
+    def _is_unexpected(self, now: _Place, before: _Place, axes: _Axes) -> bool:
+        apart_m = abs(axes.apart_m(now, before))
+        beyond_noise = max(0.0, 1.0 - self._noise_m(now, before) / apart_m) if apart_m else 0.0
+        return self._deviations(now, before, axes, beyond_noise) > UNEXPECTED_SD
+
+    def _noise_m(self, now: _Place, before: _Place) -> float:
+        """Return a distance that the noise of two positions does not reach."""
+        return self._gate_sd * math.hypot(now.std_m, before.std_m)
+
+    def _deviations(self, now: _Place, before: _Place, axes: _Axes, share: float = 1.0) -> float:
+        """Return a share of the difference over what is expected: the root of squares along and across.
 
         Only across the travel a wrong yaw shifts the place.
         """
         travel_m = now.reckoned_m - before.reckoned_m
-        share = (now.path_m - before.path_m) / self._slip_distance_m
-        slip_m2 = 2.0 * (self._slip_sd * self._slip_distance_m) ** 2 * (share + math.expm1(-share))
+        ways = (now.path_m - before.path_m) / self._slip_distance_m
+        slip_m2 = 2.0 * (self._slip_sd * self._slip_distance_m) ** 2 * (ways + math.expm1(-ways))
         along_m2 = slip_m2 + now.std_m**2 + before.std_m**2
         across_m2 = along_m2 + (axes.sd_rad * abs(travel_m)) ** 2
-        apart_m = axes.apart_m(now, before)
+        apart_m = share * axes.apart_m(now, before)
         if travel_m:
             apart_m *= travel_m.conjugate() / abs(travel_m)
         return math.sqrt(apart_m.real**2 / along_m2 + apart_m.imag**2 / across_m2)
