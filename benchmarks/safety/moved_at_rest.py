@@ -38,7 +38,7 @@ from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import build_virtual_rig
 from rover_hil.run.executive import Executive
 from sim_backends.world.plant import Plant, Truth
-from sim_backends.world.world import World
+from sim_backends.world.world import Emulator, World
 from tests.rover_hil.test_gnss_run import config_with
 
 DRIVEN_S = {"differential": 22.0, "robotino": 6.0}
@@ -156,10 +156,10 @@ def drive(case: Case, config: Config, path: Path, way_m: complex, duration_s: fl
 def put(world: World, plant: MovedPlant) -> None:
     """Let everything of a world see this rover."""
     vars(world)["plant"] = plant
-    devices = [*world.byte_devices.values(), *world.image_devices.values()]
-    for device in devices:
-        if "_plant" in vars(device.emulator):
-            vars(device.emulator)["_plant"] = plant
+    emulators: list[Emulator] = [device.emulator for device in world.byte_devices.values()]
+    emulators += [device.emulator for device in world.image_devices.values()]
+    for emulator in emulators:
+        emulator.__dict__["_plant"] = plant
 
 
 def main() -> int:

@@ -229,9 +229,13 @@ def _radius_m(moment: Moment) -> float:
 
 def row(name: str, results: Sequence[Result]) -> str:
     """Return the row of a class."""
-    right = sum(each.named or each.is_honest for each in results)
-    counts = (right, sum(r.named for r in results), sum(r.is_honest for r in results))
-    counts += (sum(r.is_silent for r in results), sum(r.is_other for r in results))
+    counts = (
+        sum(each.named or each.is_honest for each in results),
+        sum(each.named for each in results),
+        sum(each.is_honest for each in results),
+        sum(each.is_silent for each in results),
+        sum(each.is_other for each in results),
+    )
     return f"| {name} | {len(results)} | {' | '.join(map(str, counts))} |"
 
 

@@ -283,9 +283,9 @@ class HeadingTurnRule(StopRule):
             + self._settings.heading_share * greatest_rad
             + STANDARD_ERRORS * math.sqrt(scatter_rad2)
         )
-        offsets_rad = (fmean(heading.offset_rad for heading in part) for part in (first, last))
+        first_rad, last_rad = (fmean(heading.offset_rad for heading in part) for part in (first, last))
         doubt = self._doubts.setdefault(name, _Doubt(self._settings.heading_turn_s))
-        doubt.take(last_ns, *offsets_rad, least_rad)
+        doubt.take(last_ns, first_rad, last_rad, least_rad)
         limit_rad = least_rad + STANDARD_ERRORS * math.sqrt(2.0 * noise_rad2)
         if abs(difference_rad) <= limit_rad:
             return None
