@@ -45,7 +45,7 @@ def test_a_jump_moves_no_pose_and_holds_it_from_then_on(jump_m: complex) -> None
     assert accepted == [False, False, True, True]
     assert pose_filter.positions.jumped_m[DEVICE] == pytest.approx(jump_m, abs=0.02)
     assert pose_filter.pose.x_m == pytest.approx(before.x_m, abs=1e-3)
-    assert pose_filter.covariance == pytest.approx(variances, rel=0.03)
+    assert pose_filter.covariance == pytest.approx(variances, rel=0.06)
     for _ in range(50):  # wheels that turn 10 % too far are still corrected
         pose_filter.predict(replace(AHEAD, x_m=0.11), NO_TURN)
         place_m += 0.1
@@ -95,3 +95,14 @@ def test_the_first_contradiction_in_a_row_decides() -> None:
     jumps.agree(0j, 0.02, 5.0)
     assert not jumps.is_off(0.2 + 0j, 0.02, 5.1)
     assert jumps.is_off(0.3 + 0j, 0.02, 5.1)
+
+
+@pytest.mark.parametrize("outliers", [1, 2])
+def test_single_wild_places_are_no_jump(outliers: int) -> None:
+    pose_filter, place_m = driven()
+    for index in range(30):
+        pose_filter.predict(AHEAD, NO_TURN)
+        place_m += 0.1
+        pose_filter.positions.take(fix(place_m + (5.0 if 4 <= index < 4 + outliers else 0.0)), HERE)
+    assert pose_filter.positions.jumped_m == {}
+    assert pose_filter.pose.x_m == pytest.approx(place_m.real, abs=0.05)

@@ -40,6 +40,7 @@ class Drive:
             yaw_sd_rad=0.02,
             has_yaw=self._has_yaw,
         )
+        self.relation.keep()
         self.is_unexpected |= self.relation.is_unexpected
         self.is_impossible |= bool(self.relation.impossible_m)
 
@@ -96,8 +97,8 @@ def test_a_slow_drift_at_standstill_is_doubted_in_full() -> None:
 
 def test_each_change_of_a_doubt_is_known() -> None:
     drive = Drive(std_m=1e-6).roll(2.0, 1.0).rest([0.2])
-    assert drive.relation.grown_m == pytest.approx(0.2, abs=1e-4)
-    assert drive.rest([0.03]).relation.grown_m == pytest.approx(0.03, abs=1e-4)
+    assert drive.relation.grown_m2 == pytest.approx(0.2**2, rel=0.01)
+    assert drive.rest([0.03]).relation.grown_m2 == pytest.approx(0.03**2, rel=0.01)
 
 
 def test_positions_with_a_yaw_are_believed_while_the_wheels_roll() -> None:
@@ -108,3 +109,27 @@ def test_positions_with_a_yaw_are_believed_while_the_wheels_roll() -> None:
 def test_a_rover_with_a_camera_that_is_carried_may_be_at_both_places() -> None:
     drive = Drive(has_yaw=True).roll(2.0, 1.0).rest([0.1j] * 5)
     assert drive.relation.doubted_m == pytest.approx(0.5j, abs=0.1)
+
+
+def test_the_doubt_of_a_camera_ends_when_the_rover_has_driven_on() -> None:
+    drive = Drive(has_yaw=True).roll(2.0, 1.0).rest([0.1j] * 5).roll(0.5, 0.5)
+    assert abs(drive.relation.doubted_m) > 0.4
+    assert drive.roll(1.5, 0.5).relation.doubted_m == 0j
+    assert not drive.is_unexpected
+
+
+def test_a_jump_does_not_erase_a_doubt() -> None:
+    drive = Drive(std_m=1e-6).roll(2.0, 1.0).roll(3.0, 0.4)
+    drive.rest([0.5j])
+    drive.relation.jump(0.5j, 1.0 + 0j)
+    drive.rest([0j])
+    assert drive.relation.doubted_m == pytest.approx(-1.8, abs=0.1)
+
+
+@pytest.mark.parametrize("std_m", [0.02, 0.5])
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_leaves_doubts_of_its_size_only(std_m: float, seed: int) -> None:
+    drive = Drive(seed=seed, std_m=std_m)
+    doubts_m = [abs(drive.roll(STEP_M, 1.0).relation.doubted_m) for _ in range(200)]
+    assert np.mean(doubts_m) < 1.5 * std_m
+    assert max(doubts_m) < 5.0 * std_m

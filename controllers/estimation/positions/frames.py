@@ -119,7 +119,7 @@ class PositionFrames:
             self._rejections[fix.device] = 0
             self._assign_origin(origin, fix, way_back)
         model = PoseFix(fix=fix, way_back=way_back, origin_index=origin)
-        jumps, std_m, residual_m = self._jumps[fix.device], _alone_std_m(model), self._residual(model)
+        std_m, residual_m = _alone_std_m(model), self._residual(model)
         self._relate(model, std_m)
         has_jumped = not has_yaw(fix) and self._has_jumped(model, residual_m, std_m)
         if has_jumped:
@@ -134,7 +134,7 @@ class PositionFrames:
             innovations = self._filter.correct(model, model.measured)
         if innovations[0].accepted:
             self._rejections[fix.device] = 0
-            jumps.agree(self._residual(model), std_m, self._poses.path_m)
+            self._agree(model, std_m)
             return innovations
         residuals = [innovation.residual for innovation in innovations if innovation.residual is not None]
         if len(residuals) < len(innovations):
@@ -155,18 +155,23 @@ class PositionFrames:
             _taken(fix, TURNED, abs(turned_rad)),
         )
         corrected = self._filter.correct(model, model.measured)
-        jumps.agree(self._residual(model), std_m, self._poses.path_m)
+        self._agree(model, std_m)
         return (*corrected, *report[: len(innovations) - 1])
+
+    def _agree(self, model: PoseFix, std_m: float) -> None:
+        """Compare later fixes with one that was used."""
+        self._jumps[model.fix.device].agree(self._residual(model), std_m, self._poses.path_m)
+        self._relations[model.fix.device].keep()
 
     def _expect_motion(self, fix: PoseFixSample) -> None:
         """Inflate the place by what positions without a yaw have moved otherwise than the wheels.
 
         Else the filter would explain it by the axes of the device, which are known the worst.
         """
-        grown_m = self._relations[fix.device].grown_m
-        if grown_m and not has_yaw(fix):
-            self._filter.add_variance(X, grown_m**2)
-            self._filter.add_variance(Y, grown_m**2)
+        grown_m2 = self._relations[fix.device].grown_m2
+        if grown_m2:
+            self._filter.add_variance(X, grown_m2)
+            self._filter.add_variance(Y, grown_m2)
 
     def _has_jumped(self, model: PoseFix, residual_m: complex, std_m: float) -> bool:
         """Return whether a fix without a yaw is farther off those before than the wheels rolled."""
@@ -197,9 +202,10 @@ class PositionFrames:
         """Let the origin take the jump of the places, as certain as one fix is."""
         fix, origin, state = model.fix, model.origin_index, self._filter.state
         residual_m, std_m, jumps = self._residual(model), _alone_std_m(model), self._jumps[model.fix.device]
-        relation = self._relations[fix.device]
-        jumps.jump(relation.impossible_m or residual_m * cmath.rect(1.0, -state[origin + YAW]), std_m)
-        relation.begin_anew()
+        axes, relation = cmath.rect(1.0, -state[origin + YAW]), self._relations[fix.device]
+        jumped_m = relation.impossible_m or residual_m * axes
+        jumps.jump(jumped_m, std_m)
+        relation.jump(jumped_m, axes)
         for index, part_m in ((origin + X, residual_m.real), (origin + Y, residual_m.imag)):
             self._filter.assign(index, state[index] + part_m)
             self._filter.add_variance(index, std_m**2)

@@ -6,11 +6,14 @@ from collections import deque
 from controllers.estimation.settings import FilterSettings
 from drivers.record import record
 
-WINDOW_M = 4.0
-"""Positions are compared with those on this path behind them: eight times the distance of the usual slip."""
+WINDOW = 8.0
+"""Positions are compared with those on a path behind them: so many times the distance of the slip."""
 
-SPACING_M = 0.1
-"""Between two that are kept."""
+SPACING = 0.2
+"""Of it between two that are kept."""
+
+NOISE_SD = 2.0
+"""A difference of so many deviations of two positions is noise, and not doubted."""
 
 EXPECTED_SD = 1.645
 """A difference within so many deviations of slip and noise is no conflict: nine in ten along the travel."""
@@ -62,14 +65,14 @@ class _Axes:
 class PositionRelation:
     """Compares the motion by positions with that by wheels and gyro, over a path.
 
-    Positions with a yaw are believed while the wheels roll: of them only what is farther than these rolled is
-    a conflict.
-
     Assumed: the wheels slip by a share of their travel that changes slowly, as the filter assumes, and not
     backwards; the noise of the positions is known; the yaw is as uncertain as the filter says. A difference
     that this slip does not explain has two explanations: more slip, or wrong positions. Until both move alike
-    again in that direction, the positions may be wrong by the whole difference. Slip never moves the rover
-    farther than the wheels roll: beyond that the positions are wrong, or the rover was carried.
+    again along the difference, the positions may be wrong by all of it. Wheels that slip by more than the
+    filter expects all the time so leave the region as large as what they have lost.
+
+    Slip never moves the rover farther than the wheels roll: beyond that the positions are wrong, or the rover
+    was carried. Of positions with a yaw only that is doubted, until the rover has driven on.
 
     Args:
         settings: Slip that is expected.
@@ -77,10 +80,10 @@ class PositionRelation:
 
     Attributes:
         doubted_m: By how much the positions may be wrong, in the local frame; 0 without a conflict.
-        is_unexpected: Whether the difference is larger than the expected slip makes it.
-        grown_m: By how much `doubted_m` has changed with the newest place.
+        grown_m2: By how much its square has grown with the newest place, beyond the noise.
         impossible_m: Difference of the newest place where it is larger than the way that the wheels rolled;
             else 0.
+        is_unexpected: Whether the difference is larger than the expected slip makes it.
     """
 
     def __init__(self, settings: FilterSettings, gate_sd: float) -> None:
@@ -89,8 +92,9 @@ class PositionRelation:
         self._places: deque[_Place] = deque()
         self._begin: _Place | None = None
         self._newest: _Place | None = None
+        self._impossible_path_m = 0.0
         self.doubted_m = self.impossible_m = 0j
-        self.grown_m = 0.0
+        self.grown_m2 = 0.0
         self.is_unexpected = False
 
     def take(
@@ -117,29 +121,57 @@ class PositionRelation:
         """
         now = self._newest = _Place(place_m=place_m, reckoned_m=reckoned_m, std_m=std_m, path_m=path_m)
         turned = _Axes(turn=axes, sd_rad=yaw_sd_rad)
-        while self._places and path_m - self._places[0].path_m > WINDOW_M:
+        while self._places and path_m - self._places[0].path_m > WINDOW * self._slip_distance_m:
             self._places.popleft()
-        beyond = [each for each in self._places if self._is_impossible(now, each, turned)]
-        farthest = max(beyond, key=lambda each: abs(turned.apart_m(now, each)), default=None)
-        self.impossible_m = 0j if farthest is None else turned.apart_m(now, farthest)
+        apart_m = (
+            turned.apart_m(now, each) for each in self._places if self._is_impossible(now, each, turned)
+        )
+        self.impossible_m = max(apart_m, key=abs, default=0j)
+        self.grown_m2 = 0.0
+        if has_yaw:
+            self._doubt_impossible(path_m)
+        else:
+            self._doubt(now, turned)
+
+    def keep(self) -> None:
+        """Compare later places with the newest, too: it was used."""
+        now, places = self._newest, self._places
+        spacing_m = SPACING * self._slip_distance_m
+        if now is not None and not (places and now.path_m - places[-1].path_m < max(spacing_m, now.std_m)):
+            places.append(now)
+
+    def jump(self, jumped_m: complex, axes: complex) -> None:
+        """Compare later places with the newest only: the positions have jumped to it; a doubt stays."""
+        self._places.clear()
+        self.keep()
+        if self._begin is not None:
+            shift_m = jumped_m * axes.conjugate()
+            self._begin = _Place(
+                place_m=self._begin.place_m + shift_m,
+                reckoned_m=self._begin.reckoned_m,
+                std_m=self._begin.std_m,
+                path_m=self._begin.path_m,
+            )
+
+    def _doubt_impossible(self, path_m: float) -> None:
+        if self.impossible_m:
+            self._impossible_path_m = path_m
+            self.doubted_m = max(self.doubted_m, self.impossible_m, key=abs)
+        elif path_m - self._impossible_path_m > self._least_m:
+            self.doubted_m = 0j
+
+    def _doubt(self, now: _Place, axes: _Axes) -> None:
         before_m = self.doubted_m
         if self._begin is None:
-            self._begin = farthest if has_yaw else self._find_conflict(now, turned)
-        elif self._moves_alike(now, self._begin, turned):
+            self._begin = self._find_conflict(now, axes)
+        elif self._moves_alike(now, self._begin, axes):
             self._begin, self.doubted_m, self.is_unexpected = None, 0j, False
-        self.grown_m = 0.0
-        if self._begin is not None:
-            self.doubted_m = turned.apart_m(now, self._begin)
-            self.grown_m = abs(self.doubted_m - before_m)
-            places = (self._begin, *self._places)
-            self.is_unexpected |= any(self._is_unexpected(now, each, turned) for each in places)
-        if not self._places or path_m - self._places[-1].path_m >= max(SPACING_M, std_m):
-            self._places.append(now)
-
-    def begin_anew(self) -> None:
-        """Forget the places before the newest: the positions have jumped to it."""
-        self._places = deque([] if self._newest is None else [self._newest])
-        self._begin, self.doubted_m, self.is_unexpected = None, 0j, False
+        if self._begin is None:
+            return
+        self.doubted_m = axes.apart_m(now, self._begin) * self._beyond(now, self._begin, axes, NOISE_SD)
+        self.grown_m2 = max(0.0, abs(self.doubted_m - before_m) ** 2 - 2.0 * now.std_m**2)
+        places = (self._begin, *self._places)
+        self.is_unexpected |= any(self._is_unexpected(now, each, axes) for each in places)
 
     def _find_conflict(self, now: _Place, axes: _Axes) -> _Place | None:
         """Return the place since which the difference is least expected; None where slip explains it."""
@@ -155,7 +187,7 @@ class PositionRelation:
             return False
         travel_m = now.reckoned_m - before.reckoned_m
         along_m2 = abs((travel_m * self.doubted_m.conjugate()).real)
-        is_along = along_m2 > ALIKE * abs(travel_m) * abs(self.doubted_m)
+        is_along = along_m2 >= ALIKE * abs(travel_m) * abs(self.doubted_m)
         return is_along and self._deviations(now, before, axes) < EXPECTED_SD
 
     @property
@@ -163,17 +195,17 @@ class PositionRelation:
         return 2.0 * self._slip_distance_m
 
     def _is_impossible(self, now: _Place, before: _Place, axes: _Axes) -> bool:
-        reach_m = now.path_m - before.path_m + self._noise_m(now, before)
-        return abs(axes.apart_m(now, before)) > reach_m
+        noise_m = self._gate_sd * math.hypot(now.std_m, before.std_m)
+        return abs(axes.apart_m(now, before)) > now.path_m - before.path_m + noise_m
 
     def _is_unexpected(self, now: _Place, before: _Place, axes: _Axes) -> bool:
-        apart_m = abs(axes.apart_m(now, before))
-        beyond_noise = max(0.0, 1.0 - self._noise_m(now, before) / apart_m) if apart_m else 0.0
-        return self._deviations(now, before, axes, beyond_noise) > UNEXPECTED_SD
+        share = self._beyond(now, before, axes, self._gate_sd)
+        return self._deviations(now, before, axes, share) > UNEXPECTED_SD
 
-    def _noise_m(self, now: _Place, before: _Place) -> float:
-        """Return a distance that the noise of two positions does not reach."""
-        return self._gate_sd * math.hypot(now.std_m, before.std_m)
+    def _beyond(self, now: _Place, before: _Place, axes: _Axes, noise_sd: float) -> float:
+        """Return the share of a difference beyond so many deviations of the noise, 0 to 1."""
+        apart_m = abs(axes.apart_m(now, before))
+        return max(0.0, 1.0 - noise_sd * math.hypot(now.std_m, before.std_m) / apart_m) if apart_m else 0.0
 
     def _deviations(self, now: _Place, before: _Place, axes: _Axes, share: float = 1.0) -> float:
         """Return a share of the difference over what is expected: the root of squares along and across.
