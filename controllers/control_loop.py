@@ -336,7 +336,7 @@ class ControlLoop:
         supervisor.update(cycle)
         self._is_confirmed = self._is_led_out = False
         self._estimator.take_faults(supervisor.faults)
-        if was_running and supervisor.mode is Mode.SAFE_STOP:
+        if was_running and supervisor.mode is Mode.SAFE_STOP and self._manoeuvre.is_over:
             maneuvers.back_out.stop(supervisor.stop_cause)
         if supervisor.mode is Mode.EMERGENCY_STOP:
             self._manoeuvre.judge()

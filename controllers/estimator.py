@@ -349,7 +349,7 @@ class Estimator:
             return
         if self._unwatched.add(turn):
             self.budget.clear(UNWATCHED_YAW)
-        else:
+        elif self.pose_filter.covariance[-1] < math.pi**2 / 3.0:  # no yaw is more uncertain than any
             self.budget.raise_to(UNWATCHED_YAW, Bound(yaw_rad=self._unwatched.error_rad))
 
     def _move(self, increment: BodyIncrement, turn: Turn) -> Step:

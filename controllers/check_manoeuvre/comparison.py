@@ -55,7 +55,7 @@ def compare(tracks: Tracks, roles: DeviceRoles, *, skids: bool) -> tuple[SourceC
     places = [
         _compare_places(track, tracks, roles.wheels, is_decided=is_decided) for track in tracks.places()
     ]
-    return (*rotations, *places, *_compare_travel(tracks, roles))
+    return (*rotations, *places, *_compare_travel(tracks, roles, is_decided=is_decided))
 
 
 def confirmed_by(checks: Sequence[SourceCheck]) -> frozenset[str]:
@@ -124,6 +124,8 @@ def _relate_rotations(one: RotationTrack, other: RotationTrack) -> Relation | No
     if min(len(one.t_s), len(other.t_s)) < 2 or _moved(one.angle_rad) < LEAST_ROTATION_RAD:
         return None
     begin_s, end_s = max(one.t_s[0], other.t_s[0]), min(one.t_s[-1], other.t_s[-1])
+    lag_s = max(one.lag_s, other.lag_s)
+    one, other = (each._replace(angle_rad=each.late_rad(lag_s)) for each in (one, other))
     if one.is_integrated and other.is_integrated:
         edges_s = np.arange(begin_s, end_s, WINDOW_S)
         first, second = (np.diff(np.interp(edges_s, each.t_s, each.angle_rad)) for each in (one, other))
@@ -182,7 +184,7 @@ def _needed_m(relation: PlaneRelation, driven_m: float) -> float:
     return driven_m * max(half / WITH_WHEELS.follows, by_axes, 1.0)
 
 
-def _compare_travel(tracks: Tracks, roles: DeviceRoles) -> list[SourceCheck]:
+def _compare_travel(tracks: Tracks, roles: DeviceRoles, *, is_decided: bool) -> list[SourceCheck]:
     rolled_m, seen_m, sd_m = tracks.ground()
     if roles.camera is None or not len(rolled_m):
         return []
@@ -195,7 +197,7 @@ def _compare_travel(tracks: Tracks, roles: DeviceRoles) -> list[SourceCheck]:
         against=roles.wheels,
         verdict=judge(slope, WITH_WHEELS),
         is_with_wheels=True,
-        is_decided=True,
+        is_decided=is_decided,
         slope=slope,
         why=_why_not(len(rolled_m), driven_m, "m"),
         unit="m",

@@ -16,7 +16,7 @@ from drivers.samples import HeadingSample, PoseFixSample, RateSample, Sample
 
 ReadingT = TypeVar("ReadingT")
 
-MOST_READINGS = 20_000
+MOST_READINGS = 100_000
 """Of each source: more than a device sends in the longest manoeuvre, but for one that floods."""
 GYRO_GAP_S = 0.5
 """The rotation between two rates that are farther apart is not known."""
@@ -32,6 +32,7 @@ class RotationTrack(NamedTuple):
         sd_rad: Standard deviation of one reading; of an integrated rate that of a second.
         is_integrated: Whether it is a sum of increments, whose errors add up.
         drifts: Whether its offset grows with time.
+        lag_s: Time constant with which it follows the rotation; 0 for none.
     """
 
     device: str
@@ -40,6 +41,18 @@ class RotationTrack(NamedTuple):
     sd_rad: float
     is_integrated: bool = False
     drifts: bool = False
+    lag_s: float = 0.0
+
+    def late_rad(self, lag_s: float) -> Array:
+        """Return the yaw as a source of another lag would follow it: of first order, from rest."""
+        own_s = max(0.0, lag_s - self.lag_s)
+        if own_s == 0.0 or not len(self.t_s):
+            return self.angle_rad
+        late_rad = self.angle_rad.copy()
+        keeps = np.exp(-np.diff(self.t_s) / own_s)
+        for index, keep in enumerate(keeps, 1):
+            late_rad[index] = keep * late_rad[index - 1] + (1.0 - keep) * self.angle_rad[index]
+        return late_rad
 
 
 class PlaceTrack(NamedTuple):
@@ -74,7 +87,7 @@ class Tracks:
         self._roles, self._settings = roles, settings
         self._wheels: list[tuple[float, float, float, float]] = []
         self._rates: list[tuple[float, float]] = []
-        self._headings: dict[str, list[tuple[float, float]]] = {name: [] for name in roles.headings}
+        self._headings: dict[tuple[str, str], list[tuple[float, float]]] = {}
         self._fixes: dict[str, list[PoseFixSample]] = {name: [] for name in roles.fixes}
         self._pairs: list[GroundPair] = []
         self._yaw_rad = 0.0
@@ -83,8 +96,9 @@ class Tracks:
         """Take one sample as of `t_ns`; others than rates, headings and fixes have no effect."""
         if isinstance(sample, RateSample) and sample.device == self._roles.gyro:
             _append(self._rates, (seconds(t_ns), sample.rate_z_rad_s), sample.rate_z_rad_s)
-        elif isinstance(sample, HeadingSample) and sample.device in self._headings:
-            _append(self._headings[sample.device], (seconds(t_ns), sample.heading_rad), sample.heading_rad)
+        elif isinstance(sample, HeadingSample) and sample.device in self._roles.headings:
+            headings = self._headings.setdefault((sample.device, sample.reference), [])
+            _append(headings, (seconds(t_ns), sample.heading_rad), sample.heading_rad)
         elif isinstance(sample, PoseFixSample) and sample.device in self._fixes:
             _append(self._fixes[sample.device], sample, sample.x_m + sample.y_m)
 
@@ -106,9 +120,12 @@ class Tracks:
         if self._roles.gyro is not None:
             tracks.append(self._gyro(self._roles.gyro))
         noise_rad, lag_s = self._settings.heading_noise_rad, self._settings.heading_lag_s
-        for name, readings in self._headings.items():
-            t_s, heading_rad = np.array(readings).reshape(-1, 2).T
-            tracks.append(RotationTrack(name, t_s - lag_s, np.unwrap(heading_rad), noise_rad))
+        missing = [
+            (name, "") for name in self._roles.headings if name not in {key[0] for key in self._headings}
+        ]
+        for name, reference in (*self._headings, *missing):
+            t_s, heading_rad = np.array(self._headings.get((name, reference), [])).reshape(-1, 2).T
+            tracks.append(RotationTrack(name, t_s, np.unwrap(heading_rad), noise_rad, lag_s=lag_s))
         for name, fixes in self._fixes.items():
             posed = [fix for fix in fixes if has_yaw(fix) and math.isfinite(fix.yaw_rad)]
             if posed:

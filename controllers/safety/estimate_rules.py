@@ -279,7 +279,7 @@ class DifferentMotionRule(StopRule):
         SafetyEvent(
             Outcome.CONTINUES,
             "Positions without a yaw (GNSS) move otherwise than the wheels, by more than the slip that the "
-            "filter expects. Beyond how far the wheels rolled the positions have jumped.",
+            "filter expects.",
             "Warning; the region of the estimate contains both places until both move alike again.",
             (
                 "tests/controllers/test_position_relation.py::"

@@ -87,18 +87,33 @@ class _Doubt:
         self._apart_ns = 0
         self.apart_rad = 0.0
 
-    def take(self, now_ns: int, first_rad: float, last_rad: float, least_rad: float) -> None:
-        """Take mean offsets of the begin and of the end of a comparison, and what noise explains."""
-        if self._begin_rad is None and abs(math.remainder(last_rad - first_rad, math.tau)) > least_rad:
-            self._begin_rad = first_rad
+    def take(self, now_ns: int, first_rad: float, last_rad: float, noise_rad: float, turn_rad: float) -> None:
+        """Take a comparison.
+
+        Args:
+            now_ns: Its time.
+            first_rad: Mean offset at its begin.
+            last_rad: The same at its end.
+            noise_rad: Their difference that noise explains.
+            turn_rad: And that the rotation in between explains beside it.
+        """
+        least_rad = noise_rad + turn_rad
+        if self._begin_rad is None and (
+            self.apart_rad or abs(math.remainder(last_rad - first_rad, math.tau)) > least_rad
+        ):
+            self._begin_rad, self._apart_ns = first_rad, now_ns
         if self._begin_rad is None:
             return
         apart_rad = abs(math.remainder(last_rad - self._begin_rad, math.tau))
         self.apart_rad = max(self.apart_rad, apart_rad)
-        if apart_rad > least_rad:
+        if apart_rad > noise_rad:
             self._apart_ns = now_ns
         elif now_ns - self._apart_ns > self._duration_ns:
             self._begin_rad, self.apart_rad = None, 0.0
+
+    def lose_offset(self) -> None:
+        """Begin anew: the gyro or the headings have a gap. The doubt stays until both are together."""
+        self._begin_rad = None
 
 
 class HeadingTurnRule(StopRule):
@@ -175,6 +190,7 @@ class HeadingTurnRule(StopRule):
         greatest_age_ns = nanoseconds(self._roles.max_age_s(self._roles.gyro))
         if self._rate is None or cycle.now_ns - self._rate[0] > greatest_age_ns:
             self._headings.clear()
+            self._lose_offsets()
         for name, headings in self._headings.items():
             if cycle.wheels.is_still:
                 _keep(headings, AVERAGE_S)
@@ -193,7 +209,7 @@ class HeadingTurnRule(StopRule):
             f"{self._roles.gyro}: {doubt.apart_rad:.3f} rad apart from {name}, more than its noise explains"
         )
         bound = Bound(gyro_rad=doubt.apart_rad)
-        return Fault(str(self._roles.gyro), Cause.GYRO_HEADING, text, Severity.SYMPTOM, bound)
+        return Fault(str(self._roles.gyro), Cause.GYRO_APART, text, Severity.SYMPTOM, bound)
 
     def _take_arrived(self, cycle: Cycle) -> None:
         """Take what arrived in this cycle, except what the filter rejected."""
@@ -222,6 +238,12 @@ class HeadingTurnRule(StopRule):
         self._rejections[name] = 0 if innovation.accepted else self._rejections[name] + 1
         if self._rejections[name] >= REJECTIONS:
             self._headings.pop(name, None)
+            self._lose_offsets(name)
+
+    def _lose_offsets(self, only: str = "") -> None:
+        for name, doubt in self._doubts.items():
+            if only in ("", name):
+                doubt.lose_offset()
 
     def _turn(self, t_ns: int, rate_rad_s: float, bias_rad_s: float) -> None:
         """Integrate the gyro; a gap begins new comparisons."""
@@ -233,6 +255,7 @@ class HeadingTurnRule(StopRule):
             self._rate = None
         if before is None or self._rate is None or elapsed_s > self._roles.max_age_s(self._roles.gyro):
             self._headings.clear()
+            self._lose_offsets()
         elif elapsed_s <= 0.0:
             self._rate = before
         else:
@@ -278,15 +301,12 @@ class HeadingTurnRule(StopRule):
             _scatter_rad2([heading.heading_rad - gyro_rad(heading) for heading in part]) / len(part)
             for part in (first, last)
         )
-        least_rad = (
-            self._settings.heading_difference_rad
-            + self._settings.heading_share * greatest_rad
-            + STANDARD_ERRORS * math.sqrt(scatter_rad2)
-        )
+        least_rad = self._settings.heading_difference_rad + STANDARD_ERRORS * math.sqrt(scatter_rad2)
+        share_rad = self._settings.heading_share * greatest_rad
         first_rad, last_rad = (fmean(heading.offset_rad for heading in part) for part in (first, last))
         doubt = self._doubts.setdefault(name, _Doubt(self._settings.heading_turn_s))
-        doubt.take(last_ns, first_rad, last_rad, least_rad)
-        limit_rad = least_rad + STANDARD_ERRORS * math.sqrt(2.0 * noise_rad2)
+        doubt.take(last_ns, first_rad, last_rad, least_rad, share_rad)
+        limit_rad = least_rad + share_rad + STANDARD_ERRORS * math.sqrt(2.0 * noise_rad2)
         if abs(difference_rad) <= limit_rad:
             return None
         text = (

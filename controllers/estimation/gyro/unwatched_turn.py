@@ -21,7 +21,7 @@ class UnwatchedTurn:
     Each wheel may slip by a share of its motion that stays the same over a distance: a first-order
     Gauss-Markov process. Its integral is the difference between the true turn and that by the wheels. Until
     the gyro has agreed with the wheels in a turn that no slip explains, its own turn may be wrong by that and
-    by its difference to the wheels.
+    by its difference to the wheels. What it may have been wrong by before stays: nothing has measured it.
 
     Args:
         slip_distance_m: The correlation of the slip falls to 37 % over this distance.
