@@ -87,7 +87,7 @@ class StuckGyroRule(StopRule):
 
     def __init__(self, settings: GyroReadingSettings, roles: DeviceRoles) -> None:
         self._settings = settings
-        self._gyro = str(roles.gyro)
+        self._gyro, self._wheels_age_s = str(roles.gyro), roles.max_age_s(roles.wheels)
         self._reading_rad_s: float | None = None
         self._stuck = _Stuck()
 
@@ -104,8 +104,10 @@ class StuckGyroRule(StopRule):
         if cycle.wheels.is_still and not is_dead:
             self._stuck = _Stuck()
         elif not cycle.wheels.is_still and cycle.gyro.turn is not None and self._reading_rad_s is not None:
-            self._stuck.duration_s += cycle.gyro.turn.wheels.duration_s
-            self._stuck.difference_rad += abs(cycle.gyro.turn.wheels.turn_rad - cycle.gyro.turn.gyro_rad)
+            turn = cycle.gyro.turn
+            if turn.wheels.duration_s <= self._wheels_age_s:  # silent wheels may have come to rest meanwhile
+                self._stuck.duration_s += turn.wheels.duration_s
+            self._stuck.difference_rad += abs(turn.wheels.turn_rad - turn.gyro_rad)
         if self._stuck.duration_s > self._settings.gyro_stuck_s:
             text = (
                 f"{self._gyro}: yaw rate stuck at {self._reading_rad_s:g} rad/s for "

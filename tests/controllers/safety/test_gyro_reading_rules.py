@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pytest
 
@@ -43,12 +44,13 @@ class Bench:
         turns: bool = False,
         bias_rad_s: float = 0.0,
         rejected_rad_s: float | None = None,
+        turned_s: float = STEP_S,
     ) -> list[Fault]:
         """Return the reasons of one cycle; with `turns` the wheels turn the rover by 0.5 rad/s."""
         self.now_s += STEP_S
         for sample in samples:
             self.rule.observe(sample, 0)
-        wheels = WheelTurn(duration_s=STEP_S, left_rad=0.5 * STEP_S)
+        wheels = WheelTurn(duration_s=turned_s, left_rad=0.5 * STEP_S)
         return list(
             self.rule.check(
                 make_cycle(
@@ -77,6 +79,14 @@ def test_a_reading_that_never_changes_while_the_wheels_turn_is_stuck_after_a_sec
     assert reason.text == "imu: yaw rate stuck at 0.2 rad/s for 1 s while the wheels turned"
     assert reason.bound.gyro_rad == pytest.approx(0.4 * 1.02)
     assert bench.cycle(reading(0.2)) == [reason]
+
+
+def test_a_gyro_is_not_stuck_because_the_wheels_were_silent() -> None:
+    """Meanwhile the rover has come to rest, where a coarse gyro may show one value."""
+    bench = stuck()
+    for _ in range(20):
+        assert bench.cycle(reading(0.2), turns=True) == []
+    assert bench.cycle(reading(0.2), turns=True, turned_s=1.0) == []
 
 
 def test_only_a_change_clears_a_stuck_reading_not_a_rest() -> None:
@@ -352,7 +362,8 @@ def turning(wheels_rad_s: float, gyro_rad_s: float = 0.0) -> TurnEvidence:
 
 
 def test_a_reading_may_stay_for_exactly_the_limit_and_there_must_be_one() -> None:
-    rule = StuckGyroRule(GyroReadingSettings(gyro_stuck_s=1.0), ROLES)
+    slow = replace(ROLES, required={"imu": 0.1, "wheels": 0.5})
+    rule = StuckGyroRule(GyroReadingSettings(gyro_stuck_s=1.0), slow)
     cycle = make_cycle(now_ns=0, turn=turning(0.5))
     for _ in range(8):
         assert list(rule.check(cycle)) == []
