@@ -318,10 +318,10 @@ class Estimator:
         step = self._move(increment, turn)
         self._history.move(motion_ns, step)
         if self._dead_reckoning is not None:
-            way_m = complex(
-                *((step.x_m, step.y_m) if increment.is_measured else (increment.x_m, increment.y_m))
-            )
-            self.positions.drive(way_m, step.turn_rad)
+            # What the filter itself takes off as slip is not in the increment.
+            has_slip = increment.is_measured or (self._slip is not None and self._slip.states is not None)
+            moved = step if has_slip else increment
+            self.positions.drive(complex(moved.x_m, moved.y_m), step.turn_rad)
             self._dead_reckoning.add(step, math.sqrt(self.pose_filter.gyro_bias_rad2_s2))
         self._path_m += math.hypot(increment.x_m, increment.y_m)
         self._find_stuck_encoders(increment)

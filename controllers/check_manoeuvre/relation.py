@@ -82,8 +82,7 @@ def relate(
     freedom = count - columns - 1
     if count < LEAST_READINGS or freedom < 2:
         return None
-    offsets = np.ones((count, 1)) if time_s is None else np.column_stack((np.ones(count), time_s))
-    x_part, y_part = (_without(offsets, np.asarray(values, float)) for values in (x, y))
+    x_part, y_part = (_without_drift(np.asarray(values, float), time_s) for values in (x, y))
     squares = float((x_part**2).sum())
     moved = squares - (count - columns) * x_sd**2
     if not (moved > (1.0 - GREATEST_NOISE_SHARE) * squares > 0.0 and math.isfinite(squares)):
@@ -99,9 +98,14 @@ def relate(
     )
 
 
-def _without(columns: Array, values: Array) -> Array:
-    """Return what a least-squares fit of the columns leaves of the values."""
-    left: Array = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
+def _without_drift(values: Array, time_s: Array | None) -> Array:
+    """Return the values less their mean, and with times less their slope over these, by least squares."""
+    left: Array = values - values.mean()
+    if time_s is not None:
+        since_s = time_s - time_s.mean()
+        squares = float((since_s**2).sum())
+        if squares > 0.0:
+            left = left - float((since_s * left).sum()) / squares * since_s
     return left
 
 

@@ -164,7 +164,7 @@ class PositionFrames:
         self._relations[model.fix.device].keep()
 
     def _expect_motion(self, fix: PoseFixSample) -> None:
-        """Inflate the place by what positions without a yaw have moved otherwise than the wheels.
+        """Inflate the place by what positions without a yaw have moved farther than the wheels.
 
         Else the filter would explain it by the axes of the device, which are known the worst.
         """

@@ -80,7 +80,7 @@ class PositionRelation:
 
     Attributes:
         doubted_m: By how much the positions may be wrong, in the local frame; 0 without a conflict.
-        grown_m2: By how much its square has grown with the newest place, beyond the noise.
+        grown_m2: Square of its change with the newest place, beyond what the wheels rolled, and the noise.
         impossible_m: Difference of the newest place where it is larger than the way that the wheels rolled;
             else 0.
         is_unexpected: Whether the difference is larger than the expected slip makes it.
@@ -119,6 +119,7 @@ class PositionRelation:
             yaw_sd_rad: Standard deviation of this angle and of the yaw together.
             has_yaw: Whether the yaw was measured, too.
         """
+        rolled_m = 0.0 if self._newest is None else path_m - self._newest.path_m
         now = self._newest = _Place(place_m=place_m, reckoned_m=reckoned_m, std_m=std_m, path_m=path_m)
         turned = _Axes(turn=axes, sd_rad=yaw_sd_rad)
         while self._places and path_m - self._places[0].path_m > WINDOW * self._slip_distance_m:
@@ -131,7 +132,7 @@ class PositionRelation:
         if has_yaw:
             self._doubt_impossible(path_m)
         else:
-            self._doubt(now, turned)
+            self._doubt(now, turned, rolled_m)
 
     def keep(self) -> None:
         """Compare later places with the newest, too: it was used."""
@@ -160,7 +161,7 @@ class PositionRelation:
         elif path_m - self._impossible_path_m > self._least_m:
             self.doubted_m = 0j
 
-    def _doubt(self, now: _Place, axes: _Axes) -> None:
+    def _doubt(self, now: _Place, axes: _Axes, rolled_m: float) -> None:
         before_m = self.doubted_m
         if self._begin is None:
             self._begin = self._find_conflict(now, axes)
@@ -169,7 +170,8 @@ class PositionRelation:
         if self._begin is None:
             return
         self.doubted_m = axes.apart_m(now, self._begin) * self._beyond(now, self._begin, axes, NOISE_SD)
-        self.grown_m2 = max(0.0, abs(self.doubted_m - before_m) ** 2 - 2.0 * now.std_m**2)
+        grown_m = max(0.0, abs(self.doubted_m - before_m) - rolled_m)
+        self.grown_m2 = max(0.0, grown_m**2 - 2.0 * now.std_m**2)
         places = (self._begin, *self._places)
         self.is_unexpected |= any(self._is_unexpected(now, each, axes) for each in places)
 

@@ -132,6 +132,7 @@ def test_rules_that_need_set_points_are_left_out_and_all_others_are_shared() -> 
         "AreaRule",
         "FreshnessRule",
         "GyroRestRule",
+        "DifferentMotionRule",
         "MotionRule",
         "OperatorRule",
         "ResponseRule",
