@@ -190,7 +190,8 @@ class HeadingTurnRule(StopRule):
         greatest_age_ns = nanoseconds(self._roles.max_age_s(self._roles.gyro))
         if self._rate is None or cycle.now_ns - self._rate[0] > greatest_age_ns:
             self._headings.clear()
-            self._lose_offsets()
+            for doubt in self._doubts.values():
+                doubt.lose_offset()
         for name, headings in self._headings.items():
             if cycle.wheels.is_still:
                 _keep(headings, AVERAGE_S)
@@ -238,12 +239,10 @@ class HeadingTurnRule(StopRule):
         self._rejections[name] = 0 if innovation.accepted else self._rejections[name] + 1
         if self._rejections[name] >= REJECTIONS:
             self._headings.pop(name, None)
-            self._lose_offsets(name)
+            self._doubt(name).lose_offset()
 
-    def _lose_offsets(self, only: str = "") -> None:
-        for name, doubt in self._doubts.items():
-            if only in ("", name):
-                doubt.lose_offset()
+    def _doubt(self, name: str) -> _Doubt:
+        return self._doubts.setdefault(name, _Doubt(self._settings.heading_turn_s))
 
     def _turn(self, t_ns: int, rate_rad_s: float, bias_rad_s: float) -> None:
         """Integrate the gyro; a gap begins new comparisons."""
@@ -255,7 +254,8 @@ class HeadingTurnRule(StopRule):
             self._rate = None
         if before is None or self._rate is None or elapsed_s > self._roles.max_age_s(self._roles.gyro):
             self._headings.clear()
-            self._lose_offsets()
+            for doubt in self._doubts.values():
+                doubt.lose_offset()
         elif elapsed_s <= 0.0:
             self._rate = before
         else:
@@ -304,8 +304,7 @@ class HeadingTurnRule(StopRule):
         least_rad = self._settings.heading_difference_rad + STANDARD_ERRORS * math.sqrt(scatter_rad2)
         share_rad = self._settings.heading_share * greatest_rad
         first_rad, last_rad = (fmean(heading.offset_rad for heading in part) for part in (first, last))
-        doubt = self._doubts.setdefault(name, _Doubt(self._settings.heading_turn_s))
-        doubt.take(last_ns, first_rad, last_rad, least_rad, share_rad)
+        self._doubt(name).take(last_ns, first_rad, last_rad, least_rad, share_rad)
         limit_rad = least_rad + share_rad + STANDARD_ERRORS * math.sqrt(2.0 * noise_rad2)
         if abs(difference_rad) <= limit_rad:
             return None

@@ -152,10 +152,8 @@ class RepeatedReadings(Generic[ContextT]):
         return self._ring[index % HISTORY] if is_kept else None
 
     def _last(self, count: int) -> Iterator[Reading[ContextT]]:
-        for index in range(self._count - min(count, HISTORY), self._count):
-            reading = self._at(index)
-            if reading is not None:
-                yield reading
+        indices = range(self._count - min(count, HISTORY), self._count)
+        return (reading for index in indices if (reading := self._at(index)) is not None)
 
     def _begin(self, now: int) -> None:
         """Look for earlier readings that the newest equal."""

@@ -108,3 +108,7 @@ def test_the_memory_is_bounded() -> None:
     assert len(readings._last_of) <= 2 * HISTORY + 1
     # What is older than the history is forgotten.
     assert until_found(readings, values[:100]) is None
+
+
+def test_without_a_repetition_there_is_no_jump() -> None:
+    assert not RepeatedReadings[int]().has_jump

@@ -145,3 +145,12 @@ def test_devices_without_a_role_are_not_judged() -> None:
     rule = RepetitionRule(DeviceRoles(wheels="wheels", required={}))
     for device in ("imu", "compass", "board", "gnss"):
         assert not any(driven(rule, device, [*range(100), *range(100)]))
+
+
+def test_wheels_that_repeat_themselves_without_a_jump_back_move_to_and_fro() -> None:
+    rule = RepetitionRule(ROLES)
+    for cycle in range(400):
+        t_ns = nanoseconds(1.0 + STEP_S * cycle)
+        position_rad = 0.01 * NOISE[cycle % 100][0]
+        rule.observe(WheelSample(device="board", t_ns=t_ns, wheel=0, position_rad=position_rad), t_ns)
+        assert not [*rule.check(make_cycle(now_ns=t_ns))]

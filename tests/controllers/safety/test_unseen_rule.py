@@ -8,7 +8,13 @@ from controllers.estimation.filter.guarded_filter import Innovation, Outcome
 from controllers.estimation.filter.measurement_model import Measured
 from controllers.fault import Cause, Fault, Severity
 from controllers.roles import DeviceRoles
-from controllers.safety.estimate_rules import DisplacedFixRule, FixJumpRule, UnseenMotionRule, UnseenSettings
+from controllers.safety.estimate_rules import (
+    DifferentMotionRule,
+    DisplacedFixRule,
+    FixJumpRule,
+    UnseenMotionRule,
+    UnseenSettings,
+)
 from tests.controllers.safety.cycles import make_cycle
 
 NOTHING = DeviceRoles(wheels="wheels", required={})
@@ -84,3 +90,15 @@ def test_the_rule_names_the_device_as_long_as_its_places_are_off() -> None:
     for _ in range(2):
         (reason,) = rule.check(make_cycle(now_ns=0, jumped_m={"gnss": 0.6 - 0.8j}))
         assert reason.text.startswith("gnss: its places jumped by 1.00 m")
+
+
+def test_positions_that_move_otherwise_than_the_wheels_are_a_warning() -> None:
+    rule = DifferentMotionRule()
+    assert not [*rule.check(make_cycle(now_ns=0))]
+    (warning,) = rule.check(make_cycle(now_ns=0, unexpected_m={"gnss": 0.3 - 0.4j}))
+    assert (warning.source, warning.cause, warning.severity) == (
+        "gnss",
+        Cause.DIFFERENT_MOTION,
+        Severity.WARNING,
+    )
+    assert warning.text.startswith("gnss and the wheels: their ways differ by 0.50 m")
