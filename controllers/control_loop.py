@@ -176,15 +176,6 @@ class ControlLoop:
             None if mission is None else Maneuvers(settings.safety, mission.speed_m_s, kinematics, rim_arm_m)
         )
 
-    @property
-    def confirmed_sources(self) -> frozenset[str]:
-        """Names of the devices that the check manoeuvre of this run has confirmed.
-
-        A device is confirmed when it agreed with another one in direction, sign and coarse scale over that
-        motion, and contradicted none. Empty before the manoeuvre and without one.
-        """
-        return self._manoeuvre.confirmed
-
     def operate(self, now_ns: int, wanted: OperatorInput) -> None:
         """Take what an operator wants, before the `step` at the same time.
 

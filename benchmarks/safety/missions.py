@@ -121,7 +121,7 @@ def any_rig() -> RigFile:
     return rig.rig
 
 
-def _put(world: World, plant: Plant) -> None:
+def put(world: World, plant: Plant) -> None:
     """Put another rover in the place of the configured one, also where the emulators see it."""
     world.plant = plant
     emulators = [device.emulator for device in world.byte_devices.values()]
@@ -204,7 +204,7 @@ def drive(
     rig, world = build_virtual_rig(config, clock, NoTap())
     start_ns = now_ns = clock.now_ns()
     if make_plant is not None:
-        _put(world, make_plant(start_ns))
+        put(world, make_plant(start_ns))
     camera = None if make_camera is None else make_camera(world.plant)
     if camera is not None:
         roles = replace(config.device_roles(), camera=DEVICE)

@@ -1,4 +1,4 @@
-"""A rover that slides or is carried while its wheels stand, with a right receiver or overhead camera.
+"""A rover that slides or is carried while its wheels are stationary, with a receiver or an overhead camera.
 
     python -m benchmarks.safety.moved_at_rest [--runs 20]
 
@@ -6,8 +6,8 @@ The differential rover with a receiver drives for 22 s around a corner, the Robo
 for 6 s. They stop because their wheels are silent for a second, and stay stopped. Two seconds later they
 slide (0.02 to 0.1 m/s for 3 to 8 s) or are carried (0.5 to 3 m in 2 s; the Robotino 0.4 m, so that the
 camera sees it) without a turn. The wheels do not roll, the accelerometer does not show it. Four seconds
-after that the region is compared with the truth: exit code 1 where it contains it in fewer than 95 % of the
-runs, or where its radius has grown by more than 0.2 m and twice the way.
+after that the region is compared with the ground truth: exit code 1 where it contains it in fewer than 95 %
+of the runs, or where its radius has grown by more than 0.2 m and twice the way.
 """
 
 import argparse
@@ -27,7 +27,7 @@ from benchmarks.safety.faults.cases import Case, Duty
 from benchmarks.safety.faults.injection import silence
 from benchmarks.safety.faults.measures import Moment, add_truth, read_story
 from benchmarks.safety.faults.runs import FaultTimer
-from benchmarks.safety.missions import robotino, with_fixes
+from benchmarks.safety.missions import put, robotino, with_fixes
 from controllers.safety.position_region import CHI_SQUARE
 from drivers.clock import VirtualClock, nanoseconds, seconds
 from rover_hil.config import Config
@@ -38,7 +38,6 @@ from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import build_virtual_rig
 from rover_hil.run.executive import Executive
 from sim_backends.world.plant import Plant, Truth
-from sim_backends.world.world import Emulator, World
 from tests.rover_hil.test_gnss_run import config_with
 
 DRIVEN_S = {"differential": 22.0, "robotino": 6.0}
@@ -79,7 +78,7 @@ class Result(NamedTuple):
     distance: float
     radius_m: float
     bar_m: float
-    told: str
+    reason: str
 
 
 def config_of(rover: str, seed: int) -> Config:
@@ -153,15 +152,6 @@ def drive(case: Case, config: Config, path: Path, way_m: complex, duration_s: fl
         log.write_json(END, executive.now_ns(), end_record(result))
 
 
-def put(world: World, plant: MovedPlant) -> None:
-    """Let everything of a world see this rover."""
-    vars(world)["plant"] = plant
-    emulators: list[Emulator] = [device.emulator for device in world.byte_devices.values()]
-    emulators += [device.emulator for device in world.image_devices.values()]
-    for emulator in emulators:
-        emulator.__dict__["_plant"] = plant
-
-
 def main() -> int:
     """Print what the regions were; returns the exit code."""
     parser = argparse.ArgumentParser(
@@ -179,11 +169,13 @@ def main() -> int:
                 if each.distance > CHI_SQUARE or each.radius_m > each.bar_m:
                     print(
                         f"{kind}, run {index}: distance {each.distance:.1f}, radius {each.radius_m:.2f} m "
-                        f"of {each.bar_m:.2f} m; {each.told or 'nothing told'}"
+                        f"of {each.bar_m:.2f} m; {each.reason or 'nothing reported'}"
                     )
             contained = sum(each.distance <= CHI_SQUARE for each in results)
             small = sum(each.radius_m <= each.bar_m for each in results)
-            print(f"{kind}: region contains the truth in {contained} of {len(results)}, is small in {small}")
+            print(
+                f"{kind}: region contains the ground truth in {contained} of {len(results)}, small in {small}"
+            )
             missed |= contained < LEAST_CONTAINED * len(results) or small < len(results)
     return int(missed)
 

@@ -2,9 +2,10 @@
 
     python -m benchmarks.safety.sensor_series [--runs 60] [--only "gyro repeats"] [--markdown FILE]
 
-Each class pools the rovers with such a device: Robotino and El-Dorado on random sites and slopes, without an
-excitation, and the differential rover with a receiver. The fault begins 4.5 to 8 s after the first motion;
-the run ends 10 s after that. The truth is the plant's.
+Each class pools the rovers with such a device: Robotino and El-Dorado on random sites and slopes, without a
+yaw excitation, and the differential rover with a receiver. The fault begins 4.5 to 8 s after the first
+motion, that of north 13.5 to 17 s, about where that rover begins to drive north; the run ends 10 s after
+that. The ground truth is that of the simulated rover.
 
 A run is right where the first new reason or warning names the device within 3 s or 1 m, or where NEES (x, y,
 yaw) stays at most 16.3 and the 95 % radius at most 0.2 m and half the true way. Exit code 1 where fewer than
@@ -204,7 +205,7 @@ def judge(names: Sequence[str], moments: Sequence[Moment], begin_ns: int) -> Res
     after = [moment for moment in moments if moment.t_ns >= begin_ns]
     start = (moments[0].truth, *(moment.truth for moment in moments))
     ways_m = np.cumsum([math.dist(a[:2], b[:2]) for a, b in pairwise(start)])[-len(after) :]
-    told = [
+    reports = [
         (moment, text, way_m)
         for moment, way_m in zip(after, ways_m, strict=True)
         for text in _texts(moment)
@@ -212,19 +213,19 @@ def judge(names: Sequence[str], moments: Sequence[Moment], begin_ns: int) -> Res
     ]
     named = is_other = False
     text = ""
-    if told:
-        first, text, way_m = told[0]
+    if reports:
+        first, text, way_m = reports[0]
         in_time = seconds(first.t_ns - begin_ns) <= IN_TIME_S or way_m - ways_m[0] <= IN_TIME_M
         named = in_time and _names(names, text)
-        is_other = not any(_names(names, each) for _, each, _ in told)
+        is_other = not any(_names(names, each) for _, each, _ in reports)
     nees = [moment.nees for moment in after]
     radii = [
         _radius_m(moment) / (RADIUS_M + RADIUS_SHARE * way_m)
         for moment, way_m in zip(after, ways_m, strict=True)
     ]
-    told_ns = told[0][0].t_ns if told else math.inf
+    reported_ns = reports[0][0].t_ns if reports else math.inf
     is_silent = any(
-        moment.nees > SILENT_NEES and told_ns > moment.t_ns + nanoseconds(IN_TIME_S) for moment in after
+        moment.nees > SILENT_NEES and reported_ns > moment.t_ns + nanoseconds(IN_TIME_S) for moment in after
     )
     return Result(
         named, max(nees) <= NEES_BAR and max(radii) <= 1.0, is_silent, is_other, text, max(nees), max(radii)
@@ -279,10 +280,10 @@ def main() -> int:
             results = list(pool.map(run, [name] * len(indices), indices))
             for index, each in zip(indices, results, strict=True):
                 if each.is_silent or each.is_other or not (each.named or each.is_honest):
-                    told = (
+                    what = (
                         f"{each.text or 'nothing'}; NEES {each.nees:.1f}, radius {each.radius:.2f} of its bar"
                     )
-                    console.print(f"{name}, run {index}: {told}")
+                    console.print(f"{name}, run {index}: {what}")
             rows.append(row(name, results))
             console.print(rows[-1])
             others += sum(each.is_other for each in results)

@@ -2,7 +2,7 @@
 
 import math
 
-from controllers.check_manoeuvre.comparison import compare, confirmed_by
+from controllers.check_manoeuvre.comparison import compare
 from controllers.check_manoeuvre.path import Leg
 from controllers.check_manoeuvre.tracks import Tracks
 from controllers.check_manoeuvre.verdict import SourceCheck
@@ -43,8 +43,6 @@ class CheckManoeuvre:
     Attributes:
         is_over: Whether the mission may begin.
         result: What the comparison shows; empty before.
-        confirmed: Names of the devices that agreed with another one in direction, sign and coarse scale over
-            this motion; empty before, and without a manoeuvre.
         failure: Why the mission must not begin; empty where it may.
     """
 
@@ -62,7 +60,6 @@ class CheckManoeuvre:
         self._is_taken = False
         self.is_over = not legs
         self.result: tuple[SourceCheck, ...] = ()
-        self.confirmed: frozenset[str] = frozenset()
         self.failure = ""
 
     @property
@@ -135,7 +132,6 @@ class CheckManoeuvre:
         if self._from is None:
             return
         self.result = compare(self._tracks, self._roles, skids=self._skids)
-        self.confirmed = confirmed_by(self.result)
         wrong = [check.text for check in self.result if check.verdict.is_refused]
         if wrong:
             self._fail("; ".join(wrong))

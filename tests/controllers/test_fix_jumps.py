@@ -1,5 +1,6 @@
 """Places without a yaw that jump: neither place is believed, and the region holds both."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -106,3 +107,17 @@ def test_single_wild_places_are_no_jump(outliers: int) -> None:
         pose_filter.positions.take(fix(place_m + (5.0 if 4 <= index < 4 + outliers else 0.0)), HERE)
     assert pose_filter.positions.jumped_m == {}
     assert pose_filter.pose.x_m == pytest.approx(place_m.real, abs=0.05)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf])
+def test_a_place_that_is_no_number_leaves_a_conflict_as_it_was(wrong: float) -> None:
+    pose_filter, place_m = driven()
+    for _ in range(20):
+        pose_filter.predict(AHEAD, NO_TURN)
+        place_m += 0.03
+        pose_filter.positions.take(fix(place_m), HERE)
+    before_m = pose_filter.positions.doubted_m[DEVICE]
+    assert abs(before_m) > 0.5
+    pose_filter.positions.take(replace(fix(place_m), x_m=wrong), HERE)
+    assert pose_filter.positions.doubted_m == {DEVICE: before_m}
+    assert pose_filter.positions.jumped_m == {}

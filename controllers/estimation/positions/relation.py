@@ -1,5 +1,6 @@
 """Relation of the positions by a device to dead reckoning: do both move alike?"""
 
+import cmath
 import math
 from collections import deque
 
@@ -108,7 +109,7 @@ class PositionRelation:
         yaw_sd_rad: float,
         has_yaw: bool,
     ) -> None:
-        """Take a position.
+        """Take a position; one that is not finite has no effect.
 
         Args:
             place_m: By the device, on its own axes.
@@ -119,6 +120,9 @@ class PositionRelation:
             yaw_sd_rad: Standard deviation of this angle and of the yaw together.
             has_yaw: Whether the yaw was measured, too.
         """
+        self.impossible_m, self.grown_m2 = 0j, 0.0
+        if not (cmath.isfinite(place_m) and math.isfinite(std_m)):
+            return  # the filter rejects it, too
         rolled_m = 0.0 if self._newest is None else path_m - self._newest.path_m
         now = self._newest = _Place(place_m=place_m, reckoned_m=reckoned_m, std_m=std_m, path_m=path_m)
         turned = _Axes(turn=axes, sd_rad=yaw_sd_rad)
@@ -128,7 +132,6 @@ class PositionRelation:
             turned.apart_m(now, each) for each in self._places if self._is_impossible(now, each, turned)
         )
         self.impossible_m = max(apart_m, key=abs, default=0j)
-        self.grown_m2 = 0.0
         if has_yaw:
             self._doubt_impossible(path_m)
         else:
