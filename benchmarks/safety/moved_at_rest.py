@@ -18,7 +18,7 @@ import tempfile
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -58,7 +58,7 @@ class MovedPlant:
         self._plant, self._way_m, self._duration_s = plant, way_m, duration_s
         self.begin_ns: int | None = None
 
-    def __getattr__(self, name: str) -> object:
+    def __getattr__(self, name: str) -> Any:
         return getattr(self._plant, name)
 
     def truth(self) -> Truth:
