@@ -136,7 +136,7 @@ class Estimator:
         )
         self._stuck = StuckEncoders(settings, kinematics.wheel_count)
         self._stuck_fault: Fault | None = None
-        self._unwatched = None if is_yaw_watched else UnwatchedTurn(settings.slip_distance_m)
+        self._unwatched = UnwatchedTurn(settings.slip_distance_m, is_watched=is_yaw_watched)
         self._velocity = BodyVelocity(
             self.odometry, self.gyro, self._turns, self.pose_filter, slip, self.ground
         )
@@ -341,15 +341,14 @@ class Estimator:
             self.budget.raise_to(fault.cause, fault.bound)
 
     def _account_for_unwatched_yaw(self, increment: BodyIncrement) -> None:
-        if self._unwatched is None:
-            return
         self._unwatched.drive(math.hypot(increment.x_m, increment.y_m))
         turn = self._turns.turn
         if turn is None:
             return
         if self._unwatched.add(turn):
             self.budget.clear(UNWATCHED_YAW)
-        elif self.pose_filter.covariance[-1] < math.pi**2 / 3.0:  # no yaw is more uncertain than any
+        elif self._unwatched.error_rad and self.pose_filter.covariance[-1] < math.pi**2 / 3.0:
+            # No yaw is more uncertain than any.
             self.budget.raise_to(UNWATCHED_YAW, Bound(yaw_rad=self._unwatched.error_rad))
 
     def _move(self, increment: BodyIncrement, turn: Turn) -> Step:

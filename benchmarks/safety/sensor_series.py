@@ -105,6 +105,13 @@ def _repeating_gyro(rover: str, rng: Rng) -> Case:
     return GYROS[rover].case("series", Duty.NOTICE, to_host=lambda _: Looped(period_s))
 
 
+def _scaled_gyro(rover: str, rng: Rng) -> Case:
+    device, factor = GYROS[rover], float(rng.choice((-1.0, 0.5, 1.5)))
+    return device.case(
+        "series", Duty.NOTICE, after_s=0.0, to_host=lambda _: Changed(device.wire, Scaled(factor, (2,)))
+    )
+
+
 def _repeating_wheels(rover: str, rng: Rng) -> Case:
     period_s = float(rng.uniform(0.2, 0.5))
     return WHEELS[rover].case("series", Duty.NOTICE, duration_s=4.0, to_host=lambda _: Looped(period_s))
@@ -134,6 +141,7 @@ CLASSES: dict[str, tuple[tuple[str, ...], Make]] = {
     "gyro repeats its last 1 to 4 s": (BOTH, _repeating_gyro),
     "gyro sends noise without a signal": (BOTH, _gyro(lambda rng: White(rng, 0.002 * GYRO_PER_RAD_S))),
     "gyro noise of 0.3 rad/s": (BOTH, _gyro(lambda rng: White(rng, 0.3 * GYRO_PER_RAD_S))),
+    "gyro at -1, 0.5 or 1.5 times from the start": (BOTH, _scaled_gyro),
     "compass 50 to 400 times as often": (("el-dorado",), _frequent_compass),
     "wheels repeat 0.2 to 0.5 s for 4 s": (BOTH, _repeating_wheels),
     "position stays, times go on": (("differential",), _gnss(lambda _: Held())),
@@ -188,7 +196,7 @@ def run(name: str, index: int) -> Result:
     rovers, make = CLASSES[name]
     rover = rovers[index % len(rovers)]
     case = make(rover, rng)
-    after_s = case.after_s + float(rng.uniform(*LATER_S))
+    after_s = case.after_s and case.after_s + float(rng.uniform(*LATER_S))
     duration_s = case.duration_s if case.duration_s > 1.0 else FOR_EVER_S
     case = replace(case, after_s=after_s, duration_s=duration_s, is_excited=False)
     with tempfile.TemporaryDirectory() as folder:

@@ -79,3 +79,21 @@ def test_at_rest_nothing_is_added() -> None:
     unwatched = UnwatchedTurn(SLIP_M)
     assert not unwatched.add(evidence(0.0, 0.0, 0.0))
     assert unwatched.error_rad == 0.0
+
+
+@pytest.mark.parametrize("measured", [-1.0, 0.0, 0.5])
+def test_until_a_watched_gyro_has_agreed_the_wheels_may_be_right(measured: float) -> None:
+    unwatched = UnwatchedTurn(SLIP_M, is_watched=True)
+    ahead(unwatched, 1.0)
+    assert unwatched.error_rad == 0.0
+    for _ in range(50):
+        assert not unwatched.add(evidence(0.01 * measured, 0.01, 0.0))
+    assert unwatched.error_rad == pytest.approx(0.5 * (1.0 - measured))
+
+
+def test_a_watched_gyro_shows_once_that_it_measures_turns() -> None:
+    unwatched = UnwatchedTurn(SLIP_M, is_watched=True)
+    assert any([unwatched.add(evidence(0.01, 0.01, 0.0)) for _ in range(50)])
+    for _ in range(50):
+        unwatched.add(evidence(-0.01, 0.01, 0.0))
+    assert unwatched.error_rad == 0.0

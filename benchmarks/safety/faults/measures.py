@@ -30,6 +30,8 @@ ZERO_BAR_MS = 150.0
 NOTICE_BAR_S, NOTICE_BAR_M = 1.5, 0.15
 NEES_BAR = 16.27
 """99.9 % of a chi-square distribution with 3 degrees of freedom."""
+RESOLUTION = 0.001
+"""In m and rad: in the first cycle of a motion nothing is uncertain, and every error is infinitely unlikely."""
 HEADING_SHOWS_RAD = math.radians(1.0)
 """A gyro that has turned wrongly by this much shows in the headings of the simulated compass: three standard
 errors of averages of a second (0.4 deg), its resolution (0.1 deg), deviation and damping (0.5 deg)."""
@@ -61,9 +63,9 @@ class Moment:
 
     @property
     def nees(self) -> float:
-        """Normalised estimation error squared of the pose."""
+        """Normalised estimation error squared of the pose; errors of 1 mm and 1 mrad count for nothing."""
         xx, xy, xt, yy, yt, tt = self.covariance
-        covariance = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]) + 1e-12 * np.eye(3)
+        covariance = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]) + RESOLUTION**2 * np.eye(3)
         return float(self.error @ np.linalg.solve(covariance, self.error))
 
 

@@ -16,22 +16,27 @@ AGREES_SD = 2.0
 
 
 class UnwatchedTurn:
-    """Greatest error of the yaw, if the gyro measures nothing and the wheels slip.
+    """Greatest error of the yaw, if the gyro measures it wrongly and the wheels slip.
 
     Each wheel may slip by a share of its motion that stays the same over a distance: a first-order
     Gauss-Markov process. Its integral is the difference between the true turn and that by the wheels. Until
     the gyro has agreed with the wheels in a turn that no slip explains, its own turn may be wrong by that and
     by its difference to the wheels. What it may have been wrong by before stays: nothing has measured it.
 
+    Where headings, poses or a camera watch the yaw, they measure what slip adds. Then a gyro only has to show
+    once that it has the sign and scale of the wheels; until then the turn by the wheels may be the right one.
+
     Args:
         slip_distance_m: The correlation of the slip falls to 37 % over this distance.
+        is_watched: Whether another source measures the yaw.
 
     Attributes:
         error_rad: Greatest error of the yaw since the gyro last agreed, not negative.
     """
 
-    def __init__(self, slip_distance_m: float) -> None:
-        self._slip_distance_m = slip_distance_m
+    def __init__(self, slip_distance_m: float, *, is_watched: bool = False) -> None:
+        self._slip_distance_m, self._is_watched = slip_distance_m, is_watched
+        self._is_confirmed = False
         self._since, self._window = _Difference(), _Difference()
         self._distance_m = 0.0
         self.error_rad = 0.0
@@ -43,17 +48,19 @@ class UnwatchedTurn:
     def add(self, turn: TurnEvidence) -> bool:
         """Add the turn on the distance driven since the last one; return whether the gyro has agreed."""
         distance_m, self._distance_m = self._distance_m, 0.0
+        if self._is_confirmed:
+            return False
         keep = math.exp(-distance_m / self._slip_distance_m)
         for part in (self._since, self._window):
             part.add(turn, distance_m, keep)
         if self._window.agrees:
             self._since, self._window = _Difference(), _Difference()
-            self.error_rad = 0.0
+            self.error_rad, self._is_confirmed = 0.0, self._is_watched
             return True
         if self._window.distance_m > self._slip_distance_m:
             self._window = _Difference()
-        since = self._since
-        self.error_rad = min(math.pi, math.sqrt(3.0 * since.variance_rad2 + since.difference_rad**2))
+        by_slip_rad2 = 0.0 if self._is_watched else 3.0 * self._since.variance_rad2
+        self.error_rad = min(math.pi, math.sqrt(by_slip_rad2 + self._since.difference_rad**2))
         return False
 
 
