@@ -97,9 +97,14 @@ def measure(
         motion = estimator.step(nanoseconds(telemetry[number].t_s), image, prior)
         spent_ms.append(1e3 * (time.thread_time() - started))
         if motion is not None and last is not None:
+            begin = last
+            while nanoseconds(telemetry[begin].t_s) > motion.from_ns:  # frames that were left out
+                begin -= every
+            speeds = [telemetry[k].wheel_speed_m_s or 0.0 for k in range(begin, number + 1)]
+            times = [telemetry[k].t_s for k in range(begin, number + 1)]
             motions.append(motion)
-            slip = float(np.mean(truth["slip"][last : number + 1]))
-            rows.append([wheel_m, slip, *_apart(poses[last], poses[number])])
+            slip = float(np.mean(truth["slip"][begin : number + 1]))
+            rows.append([float(np.trapezoid(speeds, times)), slip, *_apart(poses[begin], poses[number])])
         last = number
     table = np.array(rows)
     return Pairs(

@@ -77,10 +77,33 @@ class ValidityParameters:
     clear_still_sd_pixels: float = 0.03  # windows on specks and ground scatter more
     baseline_pixels: float = 8.0  # frames to compare with are at least this far apart, where there are any
     coarse_baseline_pixels: float = 3.0  # where rays are flat: ground looks otherwise after some metres
+    second_pixels: float = 5.0  # the same of a second one: specks pull at points that move less
     stored_pixels: float = 0.75  # least motion between two frames that are kept to compare with
     most_stored: int = 8  # of them
+    most_left_out: int = 4  # frames in a row that are left out of a pair
     most_travel_share: float = 0.15  # of the view, between two frames: beyond, too little ground is shared
-    repeated_grey: float = 0.02  # mean difference of two frames; the noise of a camera gives more
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RepeatParameters:
+    """Frames that are sent again, by their mean difference from the last new one."""
+
+    same_grey: float = 0.02  # two frames that differ less are one; the noise of a camera gives more
+    share: float = 0.3  # of the median of the differences before: a frame coded again differs less
+    kept: int = 8  # differences
+    most_in_a_row: int = 4  # more of them are of ground that stands
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StandingParameters:
+    """Proof that ground stands which does not move in the picture while the wheels roll."""
+
+    frames: int = 12  # over which the picture is averaged
+    least_frames: int = 5  # for a mean that is not the picture itself
+    least_rolled_pixels: float = 1.0  # by the wheels in these frames: below, both stand
+    seen_pixels: float = 40.0  # of motion, before the ground is known to be visible
+    lags: tuple[int, ...] = (1, 2, 4, 8)  # frames between two that are compared
+    peak_sd: float = 8.0  # of a correlation of noise; the greatest of some thousand is 4 to 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,11 +120,29 @@ class RigWatchParameters:
 
     memory_m: float = 1.0  # travel of the wheels over which sums of the travels fade
     least_travel_m: float = 0.25  # of the wheels, for a ratio to their travel
+    unfollowed_m: float = 0.5  # of the wheels, without any motion of the ground
     confirmed_travel_m: float = 0.1  # of the wheels, with the ground moving along: the camera is upright
     backwards: float = 0.3  # motion against the wheels', over theirs, that counts
     across: float = 0.7  # motion across the wheels', over theirs: no slope drags a rover aside so fast
+    slack_m: float = 0.002  # camera and wheels are timed to some hundredths of a second
     skid: float = 0.05  # ground travel beyond the wheels' that a rover reaches, downhill
     deviations: float = 3.0  # of the scale beyond that, and of the newest pair
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MountingParameters:
+    """Contradictions of near and far ground, of headings, and of the gyro that a wrong mounting causes."""
+
+    deviations: float = 4.0  # of noise and tolerance
+    least_travel_m: float = 0.5  # over which slopes are formed
+    gyro_bias_rad_s: float = 0.002  # standard deviation about the pitch axis: 0.1 deg/s
+    least_turn_deg: float = 3.0  # of rotation, before that by the pictures is compared
+    rotation_deg: float = 30.0  # between two headings that are compared
+    least_yaw_deg: float = 1.5  # of the mounting, that counts
+    alike: float = 0.25  # greatest difference of two headings, over the angle: a slope changes it by more
+    unconfirmed_scale_sd: float = 0.1  # of the travel, before a rotation on the spot has confirmed it
+    confirming_deg: float = 45.0  # of rotation on the spot
+    on_the_spot: float = 0.2  # travel of the rover over that of the measured point, in such a rotation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +154,10 @@ class GroundMotionParameters:
     flow: FlowParameters = FlowParameters()
     validity: ValidityParameters = ValidityParameters()
     pattern: PatternParameters = PatternParameters()
+    repeats: RepeatParameters = RepeatParameters()
+    standing: StandingParameters = StandingParameters()
     rig_watch: RigWatchParameters = RigWatchParameters()
+    mounting: MountingParameters = MountingParameters()
 
 
 DEFAULTS = GroundMotionParameters()
