@@ -70,12 +70,12 @@ class GroundView:
                 band = slice(int(rows[0]), int(rows[-1]) + 1)
                 self._bands.append((level, band, weight[band]))
 
-    def see(self, pose: Pose) -> Picture:
-        """The cloth's values in the picture that is taken from this pose."""
-        return to_pixels(self._look_up(*self.texels(*self.in_world(pose))))
+    def see(self, pose: Pose, seconds: float = 0.0) -> Picture:
+        """The cloth's values in the picture that is taken from this pose at this time."""
+        return to_pixels(self.look_up(*self.texels(*self.in_world(pose, seconds))))
 
-    def in_world(self, pose: Pose) -> tuple[Picture, Picture]:
-        """Where the rays meet the ground, in the world."""
+    def in_world(self, pose: Pose, seconds: float) -> tuple[Picture, Picture]:
+        """Where in the world the cloth is that the rays meet."""
         return self.from_vehicle(self.points, pose)
 
     @staticmethod
@@ -94,7 +94,7 @@ class GroundView:
         size = len(self.cloth.texture)
         return column - size * np.floor(column.min() / size), row - size * np.floor(row.min() / size)
 
-    def _look_up(self, column: Picture, row: Picture) -> Picture:
+    def look_up(self, column: Picture, row: Picture) -> Picture:
         seen = np.zeros(column.shape, dtype=np.float32)
         for level, band, weight in self._bands:
             part = np.float32(0.5**level)
@@ -115,14 +115,13 @@ class SwayingView(GroundView):
         self._numbers = 2 * np.pi / rng.uniform(0.15, 0.7, waves)
         self._rates = 2 * np.pi * rng.uniform(0.3, 1.5, waves)
         self._reach = reach / waves
-        self.seconds = 0.0
 
-    def in_world(self, pose: Pose) -> tuple[Picture, Picture]:
-        x, y = super().in_world(pose)
+    def in_world(self, pose: Pose, seconds: float) -> tuple[Picture, Picture]:
+        x, y = super().in_world(pose, seconds)
         by_x, by_y = np.zeros_like(x), np.zeros_like(y)
         for (angle, blow), number, rate in zip(self._angles, self._numbers, self._rates, strict=True):
             run = np.float32(number * np.cos(angle)) * x + np.float32(number * np.sin(angle)) * y
-            sway = np.sin(run + np.float32(rate * self.seconds)) * np.float32(self._reach)
+            sway = np.sin(run + np.float32(rate * seconds)) * np.float32(self._reach)
             by_x += sway * np.float32(np.cos(blow))
             by_y += sway * np.float32(np.sin(blow))
         return x + by_x, y + by_y

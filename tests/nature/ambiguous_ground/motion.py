@@ -50,9 +50,9 @@ class Motion:
         return distance
 
     def pose(self, frame: float) -> Pose:
-        """The pose at any time, given in frames."""
-        i = np.arange(len(self.x))
-        x, y, psi = (float(np.interp(frame, i, a)) for a in (self.x, self.y, self.psi))
+        """The pose at any time, given in frames; the first and the last step go on beyond the drive."""
+        i = min(max(int(np.floor(frame)), 0), len(self.x) - 2)
+        x, y, psi = (float(a[i] + (frame - i) * (a[i + 1] - a[i])) for a in (self.x, self.y, self.psi))
         return Pose(x, y, psi)
 
 

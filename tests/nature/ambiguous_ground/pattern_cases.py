@@ -20,7 +20,7 @@ def _across(recipe: Recipe, low: float, high: float, least_travel: float) -> Non
     """Tiles, ribs or furrows across the motion; the camera is so near that it resolves them."""
     recipe.travel = float(recipe.rng.uniform(least_travel, 0.025))
     recipe.speed_variation = recipe.slip_variation = 0.01
-    period = recipe.travel * recipe.draw_from("periods_per_travel_inverse", low, high)
+    period = recipe.travel * recipe.draw_from("period_over_travel", low, high)
     position = recipe.camera.position
     nearer = period / (5.0 * recipe.camera.metres_per_pixel())
     if nearer < 1.0:

@@ -146,5 +146,5 @@ def ground_picture(recipe: Recipe, frame: int) -> Picture:
         times = [frame + recipe.shutter * ((k + 0.5) / 8 - 0.5) for k in range(8)]
     total = np.zeros((HEIGHT, WIDTH), dtype=np.float32)
     for time in times:
-        total += recipe.view.see(recipe.motion.pose(time))
+        total += recipe.view.see(recipe.motion.pose(time), time / FPS)
     return total * np.float32(recipe.contrast / len(times)) + np.float32(recipe.mean)
