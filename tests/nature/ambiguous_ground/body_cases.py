@@ -104,7 +104,7 @@ def reflection(recipe: Recipe) -> None:
 
 
 def grass_sways(recipe: Recipe) -> None:
-    """Wind moves grass to and fro."""
+    """Grass sways in the wind."""
     recipe.kind = "grass"
     reach = 0.001 * recipe.draw_from("sway_mm", 3.0, 20.0)
     recipe.view = SwayingView(recipe.camera, recipe.cloth, recipe.rng, reach)

@@ -106,7 +106,7 @@ class GroundView:
 
 
 class SwayingView(GroundView):
-    """Grass in wind: waves move the cloth to and fro within the plane."""
+    """Grass in wind: waves move the cloth back and forth within the plane."""
 
     def __init__(self, camera: Camera, cloth: Cloth, rng: np.random.Generator, reach: float) -> None:
         super().__init__(camera, cloth)

@@ -25,7 +25,7 @@ class Motion:
         fps: frames per second.
         wheel: distance that the rim of the watched wheel turns in a step, m.
         slip: 1 - (distance of the watched wheel over the ground, along it) / `wheel`, in a step.
-        theta: direction of the watched wheel's velocity from its own axis, rad.
+        theta: direction of the watched wheel's velocity from its own axis, rad; 0 where it stands.
         turn: change of heading in a step, rad.
         x: place of the vehicle's origin, m.
         y: the same, to the left.
@@ -70,7 +70,8 @@ def integrate(
     steps_x = np.cos(middle) * forward - np.sin(middle) * left
     steps_y = np.sin(middle) * forward + np.cos(middle) * left
     steps_x[0] = steps_y[0] = 0.0
-    beta = np.where(along > 0.0, np.arctan2(left, forward), 0.0)
+    moves = along > 0.0
+    beta, theta = np.where(moves, np.arctan2(left, forward), 0.0), np.where(moves, theta, 0.0)
     return Motion(fps, wheel, slip, theta, turn, np.cumsum(steps_x), np.cumsum(steps_y), psi, beta)
 
 

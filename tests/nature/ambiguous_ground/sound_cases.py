@@ -33,8 +33,8 @@ def dark(recipe: Recipe) -> None:
 
 def rain(recipe: Recipe) -> None:
     """Drops on the ground, and streaks in the air."""
-    drops = recipe.count_from("drops_per_frame", 1, 6)
-    streaks = recipe.count_from("streaks_per_frame", 2, 25)
+    drops = recipe.count_from("drops_per_frame", 3, 15)
+    streaks = recipe.count_from("streaks_per_frame", 5, 40)
     recipe.layers.append(Rain(recipe.rng, recipe.camera, recipe.motion, drops, streaks))
 
 

@@ -28,8 +28,8 @@ class Rain:
             c, s = np.cos(motion.psi[i]), np.sin(motion.psi[i])
             x, y = seen[new].T
             self._at[new] = np.stack([motion.x[i] + c * x - s * y, motion.y[i] + s * x + c * y], axis=1)
-        self._radius = rng.uniform(0.0015, 0.005, count)
-        self._darker = rng.uniform(0.1, 0.35, count)
+        self._radius = rng.uniform(0.002, 0.007, count)
+        self._darker = rng.uniform(0.15, 0.45, count)
 
     def __call__(self, picture: Picture, frame: int) -> Picture:
         fallen = self._born <= frame
@@ -53,7 +53,7 @@ class Rain:
         for _ in range(self._streaks):
             x, y = self._rng.uniform(0, WIDTH), self._rng.uniform(-20, HEIGHT)
             end = (round(x + self._rng.normal(0.0, 2.0)), round(y + self._rng.uniform(8.0, 35.0)))
-            cv2.line(splash, (round(x), round(y)), end, (uniform(self._rng, 15.0, 50.0),), 1)
+            cv2.line(splash, (round(x), round(y)), end, (uniform(self._rng, 30.0, 100.0),), 1)
         return picture * soften(gain, 0.6) + soften(splash, 0.7)
 
 
