@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from controllers.ground_motion.flow import Followed, GroundFlow, PatchMotion
+from controllers.ground_motion.flow import Followed, GroundFlow, PatchMotion, Tracks
 from controllers.ground_motion.ground_patch import Floats, Mask, Patch
 from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.motion import GroundMotion
@@ -125,6 +125,11 @@ class GroundMotionEstimator:
     def fixed_in_picture(self) -> Mask:
         """Return the pixels of the rectified ground that hold something which never moves."""
         return self._pattern.mask
+
+    @property
+    def tracks(self) -> Tracks | None:
+        """Return the points of the last pair that was measured; None before."""
+        return self._flow.tracks
 
     def step(self, t_ns: int, image: Image, prior: MotionPrior) -> GroundMotion | None:
         """Return the motion since the frame before; None for the first frame.

@@ -68,6 +68,20 @@ class Followed:
     fixed: PatchMotion | None
 
 
+class Tracks(NamedTuple):
+    """Points of the rectified ground, and where they went.
+
+    Attributes:
+        before: Columns and rows in the earlier frame (points x 2).
+        after: In the later one.
+        follows: Which of them move with the ground.
+    """
+
+    before: Floats
+    after: Floats
+    follows: Mask
+
+
 class _Samples(NamedTuple):
     """Where the points went, from each start, and what their motions mean.
 
@@ -98,10 +112,14 @@ class GroundFlow:
     Args:
         ground: The rectified ground.
         parameters: Tuned numbers.
+
+    Attributes:
+        tracks: Of the last motion that was found, for pictures; None before.
     """
 
     def __init__(self, ground: GroundPatch, parameters: FlowParameters) -> None:
         self._parameters = parameters
+        self.tracks: Tracks | None = None
         window = parameters.window_pixels
         step = parameters.coarse_spacing_pixels if ground.is_coarse else parameters.spacing_pixels
         self._window = (window, window)
@@ -265,6 +283,9 @@ class GroundFlow:
             return None
         model = base + design @ x
         landed = self._pixels + np.stack([model[:, 1], -model[:, 0]], axis=1) / self._pixel_m
+        nearest_m = moved[place, nearest]
+        after = self._pixels + np.stack([nearest_m[:, 1], -nearest_m[:, 0]], axis=1) / self._pixel_m
+        self.tracks = Tracks(self._pixels, after, np.asarray(inlier, np.bool_))
         sd = np.sqrt(self._covariance_factor * np.diag(np.linalg.inv(normal)))
         return PatchMotion(
             forward_m=float(x[0]),
