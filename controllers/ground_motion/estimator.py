@@ -1,6 +1,8 @@
 """Motion of the rover over the ground, frame by frame."""
 
+from collections import deque
 from dataclasses import dataclass, replace
+from statistics import median
 
 import cv2
 import numpy as np
@@ -108,6 +110,8 @@ class GroundMotionEstimator:
         self._last = _Past(picture=np.zeros(ground.shape, np.uint8), pose=self._pose, sd=np.zeros(2))
         self._next_pose, self._next_sd, self._pitch_rad = self._pose, np.zeros(2), 0.0
         self._is_fixed = self._has_contradicted = False
+        self._ambiguous = 0.0
+        self._ambiguities: deque[float] = deque(maxlen=parameters.validity.ambiguous_pairs)
         self._turned: Floats = np.zeros((2, 3))
         self._travel_m: Floats | None = np.zeros(2)
         self._last_m: Floats = np.zeros(2)
@@ -189,8 +193,8 @@ class GroundMotionEstimator:
         self._pattern.update(structure, motion.moved_pixels)
         self._remember(picture)
         self._begin(t_ns, patch)
-        if contradicted := self._watch.text or self._mounting.text:
-            return self._invalid(before_ns, t_ns, contradicted)
+        if doubt := self._watch.text or self._mounting.text or self._ambiguity():
+            return self._invalid(before_ns, t_ns, doubt)
         return self._valid(before_ns, t_ns, motion)
 
     def _expect(self, prior: MotionPrior) -> None:
@@ -237,6 +241,13 @@ class GroundMotionEstimator:
                 pitch_rad=self._pitch_rad,
             )
         )
+
+    def _ambiguity(self) -> str:
+        """Return why the ground may also have moved otherwise; "" where it may not."""
+        self._ambiguities.append(self._ambiguous)
+        if median(self._ambiguities) <= self._parameters.validity.most_ambiguous:
+            return ""
+        return "several motions explain the ground, its pattern repeats: take more frames per second"
 
     def _may_wait(self) -> bool:
         """Return whether the pair may stay open for a frame more: by the last motion, else by the wheels."""
@@ -302,11 +313,11 @@ class GroundMotionEstimator:
         differ (Birge's ratio).
         """
         pose, pose_sd, last_sd = self._next_pose, self._next_sd, self._last.sd
-        pitch_rad, is_fixed = self._pitch_rad, self._is_fixed
+        pitch_rad, is_fixed, ambiguous = self._pitch_rad, self._is_fixed, self._ambiguous
         starts_m = np.array([[first.forward_m, first.left_m]])
         other, _ = self._compare(second, picture, starts_m)
         other_sd, self._next_pose, self._next_sd = self._next_sd, pose, pose_sd
-        self._pitch_rad, self._is_fixed = pitch_rad, is_fixed
+        self._pitch_rad, self._is_fixed, self._ambiguous = pitch_rad, is_fixed, ambiguous
         first_sd = np.hypot(pose_sd, last_sd)
         if other is None:
             return replace(first, forward_sd_m=float(first_sd[0]), left_sd_m=float(first_sd[1]))
@@ -389,6 +400,7 @@ class GroundMotionEstimator:
         self._next_pose, self._next_sd = pose, np.array([found.forward_sd_m, found.left_sd_m])
         self._pitch_rad = found.tilt_rad[1] - angles[1]
         self._is_fixed = found.moved_pixels <= self._parameters.validity.still_pixels
+        self._ambiguous = self._flow.ambiguity
         return (
             PatchMotion(
                 forward_m=forward_m,

@@ -115,11 +115,13 @@ class GroundFlow:
 
     Attributes:
         tracks: Of the last motion that was found, for pictures; None before.
+        ambiguity: Points that another motion explains, over those of the last motion that was found.
     """
 
     def __init__(self, ground: GroundPatch, parameters: FlowParameters) -> None:
         self._parameters = parameters
         self.tracks: Tracks | None = None
+        self.ambiguity = 0.0
         window = parameters.window_pixels
         step = parameters.coarse_spacing_pixels if ground.is_coarse else parameters.spacing_pixels
         self._window = (window, window)
@@ -227,12 +229,15 @@ class GroundFlow:
         pitched, pitch_sd_rad = samples.design[:, :, 4], float(samples.information[2, 2] ** -0.5)
         spread = float(np.ptp(pitched[:, 0])) * pitch_sd_rad / self._pixel_m
         steps = min(int(1.5 * spread / numbers.pitch_pixels), numbers.most_pitch_steps)
-        best, most = None, 0.0
+        best, most, other = None, 0.0, 0.0
         for pitch_rad in np.linspace(-1.5, 1.5, 2 * steps + 1) * pitch_sd_rad if steps else (0.0,):
             level = chosen + pitched[point] * pitch_rad
             votes, middle = self._vote(level, point)
             if votes > most:
                 best, most = np.r_[middle, 0.0, 0.0, pitch_rad], votes
+                apart = np.hypot(*(level - middle).T) > numbers.other_pixels * self._pixel_m
+                other = self._vote(level[apart], point[apart])[0] if apart.any() else 0.0
+        self.ambiguity = other / most if most else 0.0
         return None if best is None else np.asarray(best + np.r_[0.0, 0.0, samples.angles], np.float64)
 
     def _vote(self, shifts: Floats, point: NDArray[np.intp]) -> tuple[float, Floats]:

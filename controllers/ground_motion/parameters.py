@@ -45,6 +45,7 @@ class FlowParameters:
     least_points: int = 14  # that follow the ground
     point_sd_pixels: float = 0.15  # of the motion of a point
     group_pixels: float = 0.3  # motions closer than this are alike
+    other_pixels: float = 3.0  # motions farther apart are others
     pitch_pixels: float = 1.0  # spread of the points' motions by a change of pitch, of a step of the search
     most_pitch_steps: int = 6  # to either side
     rounds: int = 4  # of the robust fit
@@ -75,6 +76,8 @@ class ValidityParameters:
     creeping_sd_pixels: float = 0.04  # of it
     clear_still_share: float = 0.5  # enough where passing shadows hide the others, and this group is sharp:
     clear_still_sd_pixels: float = 0.03  # windows on specks and ground scatter more
+    most_ambiguous: float = 0.6  # points that another motion explains, over those of the motion: median of
+    ambiguous_pairs: int = 5  # so many
     baseline_pixels: float = 8.0  # frames to compare with are at least this far apart, where there are any
     coarse_baseline_pixels: float = 3.0  # where rays are flat: ground looks otherwise after some metres
     second_pixels: float = 5.0  # the same of a second one: specks pull at points that move less
