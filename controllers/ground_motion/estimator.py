@@ -12,6 +12,7 @@ from controllers.ground_motion.ground_patch import Floats, Mask, Patch
 from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.motion import GroundMotion
 from controllers.ground_motion.mounting_watch import MountedMotion, MountingWatch
+from controllers.ground_motion.moving_parts import MovingParts
 from controllers.ground_motion.parameters import DEFAULTS, GroundMotionParameters
 from controllers.ground_motion.prior import MotionPrior
 from controllers.ground_motion.repeats import RepeatWatch
@@ -76,6 +77,7 @@ class GroundMotionEstimator:
     Attributes:
         pair: The last motion in the axes of the patch, as the pictures show it; None where not measured,
             no motion for a picture that is repeated.
+        moving_parts: Points of the view that move with the rover, and are left out.
     """
 
     def __init__(
@@ -91,6 +93,7 @@ class GroundMotionEstimator:
         self._factor, self._scale_sd = scale_of(ground, self._flow, tolerance or RigTolerance())
         self._visible = ground.visible.astype(np.uint8)
         self._pattern = StaticPattern(ground.shape, parameters.pattern)
+        self.moving_parts = MovingParts(len(self._flow.points_m()), parameters.moving_parts)
         self._proof = StandingProof(ground.pixel_m, parameters.standing)
         self._repeats = RepeatWatch(parameters.repeats)
         self._watch = RigWatch(self._scale_sd, parameters.rig_watch)
@@ -191,6 +194,8 @@ class GroundMotionEstimator:
         self._last_m = moved_m
         self._compare_with_wheels(motion, moved_m, seconds(t_ns - before_ns))
         self._pattern.update(structure, motion.moved_pixels)
+        if self._flow.tracks is not None:
+            self.moving_parts.update(self._flow.tracks, motion.moved_pixels)
         self._remember(picture)
         self._begin(t_ns, patch)
         if doubt := self._watch.text or self._mounting.text or self._ambiguity():
@@ -384,7 +389,13 @@ class GroundMotionEstimator:
         reach_m = self._most_travel_m if wheel_m is None else float(np.hypot(*wheel_m))
         most_m = float(np.hypot(*known_m)) + self._parameters.flow.overrun * reach_m
         followed = self._flow.follow(
-            past.picture, picture, known_m + starts_m, angles, tuple(deviations.tolist()), most_m
+            past.picture,
+            picture,
+            known_m + starts_m,
+            angles,
+            tuple(deviations.tolist()),
+            most_m,
+            self.moving_parts.mask,
         )
         found, reason = self._choose(followed, float(np.hypot(*known_m)) / self._ground.pixel_m)
         if found is None:

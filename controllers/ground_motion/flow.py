@@ -74,11 +74,13 @@ class Tracks(NamedTuple):
     Attributes:
         before: Columns and rows in the earlier frame (points x 2).
         after: In the later one.
-        follows: Which of them move with the ground.
+        tracked: Which of them could be followed.
+        follows: Which of these move with the ground.
     """
 
     before: Floats
     after: Floats
+    tracked: Mask
     follows: Mask
 
 
@@ -87,7 +89,8 @@ class _Samples(NamedTuple):
 
     Attributes:
         moved: Motion ahead and left (points x starts x 2), m.
-        usable: Which of these could be followed (points x starts).
+        usable: Which of these could be followed and are not left out (points x starts).
+        tracked: Which of these could be followed.
         base: Motion of the points by the given turn (points x 2).
         design: Motion of the points by unit motions on top of it (points x 2 x 5).
         shifts: Motion of the reference point that each sample means.
@@ -98,6 +101,7 @@ class _Samples(NamedTuple):
 
     moved: Floats
     usable: Mask
+    tracked: Mask
     base: Floats
     design: Floats
     shifts: Floats
@@ -149,6 +153,7 @@ class GroundFlow:
         turn_rad: Angles,
         turn_sd_rad: Angles,
         most_m: float,
+        left_out: Mask | None = None,
     ) -> Followed:
         """Return the motions between two patches.
 
@@ -159,14 +164,16 @@ class GroundFlow:
             turn_rad: Angles turned about x, y, z.
             turn_sd_rad: Standard deviation of each.
             most_m: Greatest length of the motion.
+            left_out: Points that are not of the ground; None for none.
         """
         base, design = self._linearised(turn_rad[2])
         angles = np.array([0.0, *turn_rad[:2]])
         turned = base + design[:, :, 2:] @ angles
-        moved, usable = self._moved(before, after, turned, starts_m)
+        moved, tracked = self._moved(before, after, turned, starts_m)
+        usable = tracked if left_out is None else tracked & ~left_out[:, None]
         information = np.diag(1 / np.array([turn_sd_rad[2], *turn_sd_rad[:2]]) ** 2)
         samples = _Samples(
-            moved, usable, base, design, turned[:, None] - moved, angles, information, turn_rad[2]
+            moved, usable, tracked, base, design, turned[:, None] - moved, angles, information, turn_rad[2]
         )
         alike_m, slack_m = (
             pixels * self._pixel_m
@@ -288,9 +295,7 @@ class GroundFlow:
             return None
         model = base + design @ x
         landed = self._pixels + np.stack([model[:, 1], -model[:, 0]], axis=1) / self._pixel_m
-        nearest_m = moved[place, nearest]
-        after = self._pixels + np.stack([nearest_m[:, 1], -nearest_m[:, 0]], axis=1) / self._pixel_m
-        self.tracks = Tracks(self._pixels, after, np.asarray(inlier, np.bool_))
+        self.tracks = self._tracks(samples, base + (flat @ x).reshape(-1, 2), numbers.cut * scale)
         sd = np.sqrt(self._covariance_factor * np.diag(np.linalg.inv(normal)))
         return PatchMotion(
             forward_m=float(x[0]),
@@ -305,6 +310,17 @@ class GroundFlow:
             moved_pixels=float(np.hypot(*model[inlier].T).mean()) / self._pixel_m,
             moved_sd_pixels=scale / self._pixel_m * float(np.sqrt(self._covariance_factor / inlier.sum())),
         )
+
+    def _tracks(self, samples: _Samples, model: Floats, most_m: float) -> Tracks:
+        """Return where the points went; those of the ground are nearer to the model than this."""
+        apart = samples.moved - model[:, None]
+        squares = np.where(samples.tracked, np.einsum("ijk,ijk->ij", apart, apart), np.inf)
+        nearest = squares.argmin(axis=1)
+        place = np.arange(len(nearest))
+        moved_m = samples.moved[place, nearest]
+        after = self._pixels + np.stack([moved_m[:, 1], -moved_m[:, 0]], axis=1) / self._pixel_m
+        follows = squares[place, nearest] < most_m**2
+        return Tracks(self._pixels, after, samples.tracked.any(axis=1), np.asarray(follows, np.bool_))
 
     def _linearised(self, yaw_rad: float) -> tuple[Floats, Floats]:
         """Return displacements of the points (ahead, left) by a turn, and by unit motions on top of it.

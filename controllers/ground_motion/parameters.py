@@ -118,6 +118,17 @@ class PatternParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MovingPartsParameters:
+    """Points that never move with the ground."""
+
+    length_pixels: float = 40.0  # motion over which it is learned, as the pattern
+    least_pixels: float = 1.0  # motion of a pair: points of ground that creeps fit everything
+    least_seen: float = 0.8  # of the weight of that motion
+    most_following: float = 0.1  # of the motion, for a point that is not of the ground
+    most_share: float = 0.5  # of the points
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RigWatchParameters:
     """Contradictions of ground and wheels that a wrong rig causes."""
 
@@ -159,6 +170,7 @@ class GroundMotionParameters:
     pattern: PatternParameters = PatternParameters()
     repeats: RepeatParameters = RepeatParameters()
     standing: StandingParameters = StandingParameters()
+    moving_parts: MovingPartsParameters = MovingPartsParameters()
     rig_watch: RigWatchParameters = RigWatchParameters()
     mounting: MountingParameters = MountingParameters()
 

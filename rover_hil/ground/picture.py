@@ -16,7 +16,8 @@ def draw(grey: Image, view: GroundView, estimator: GroundMotionEstimator, title:
     """Return a frame as seen from above, BGR, at least `LEAST_WIDTH` wide, always of one size.
 
     Green lines are the motion of points that follow the ground, from the earlier frame to this one, red ones
-    of those that do not; what never moves in the picture is magenta.
+    of those that do not. What never moves in the picture is magenta, and so are crosses at points that move
+    with the rover: neither counts.
 
     Args:
         grey: The frame.
@@ -32,7 +33,13 @@ def draw(grey: Image, view: GroundView, estimator: GroundMotionEstimator, title:
     large = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
     if (tracks := estimator.tracks) is not None:
         ends = (np.round(scale * (each + 0.5)).astype(int).tolist() for each in (tracks.before, tracks.after))
-        for before, after, follows in zip(*ends, tracks.follows.tolist(), strict=True):
+        masked = estimator.moving_parts.mask.tolist()
+        kinds = (tracks.tracked.tolist(), tracks.follows.tolist(), masked)
+        for before, after, is_tracked, follows, is_part in zip(*ends, *kinds, strict=True):
+            if is_part:
+                cv2.drawMarker(large, before, FIXED, cv2.MARKER_TILTED_CROSS, 9, 2)
+            if not is_tracked:
+                continue
             cv2.line(large, before, after, FOLLOWS if follows else OTHER, 1, cv2.LINE_AA)
             cv2.circle(large, after, 2, FOLLOWS if follows else OTHER, -1, cv2.LINE_AA)
     head = np.zeros((TITLE_ROWS, large.shape[1], 3), np.uint8)

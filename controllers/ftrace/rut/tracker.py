@@ -65,7 +65,6 @@ class RutTracker:
         self._agrees = True
         self._apart_rad = 0.0
         self._aside_m: float | None = None
-        self._at_first: PathFilter | None = None
 
     def track(self, frame: Frame) -> Reading:
         """Return the trace in the next frame."""
@@ -80,15 +79,13 @@ class RutTracker:
             found = not goes_back and self._find(sections, moved_m)
         if not found:
             self._path = deepcopy(self._odometry)
-        path = self._at_first if frame.is_first and self._at_first is not None else self._path
         s = self._finder.s_m
-        sd_rad, most_sd_rad = self._theta_sd_rad(path), self._numbers.direction.most_direction_sd_rad
+        sd_rad, most_sd_rad = self._theta_sd_rad(self._path), self._numbers.direction.most_direction_sd_rad
         is_measured = self._is_moving(motion) and self._agrees and not goes_back
         return Reading(
             found=found,
-            theta_rad=path.theta_rad,
+            theta_rad=self._path.theta_rad,
             theta_sd_rad=sd_rad,
-            is_unconfirmed=path is not self._path,
             by_motion=is_measured and sd_rad < most_sd_rad,
             offset_m=self._offset_m,
             confidence=self._confidence * within(RIGHT_WITHIN_RAD, sd_rad),
@@ -197,8 +194,6 @@ class RutTracker:
         self._confidence = confidence(stretch.log_odds, self._numbers.confidence)
         if not self._presence.update(stretch, moved_m):
             self._confidence = min(self._confidence, self._numbers.confidence.most_in_doubt)
-            if stretch.log_odds > self._numbers.presence.start_odds:
-                self._at_first = self._path_by_trace(sections, curve, edges, stretch)
             return False
         signature = _visible(self._presence.signature, stretch)
         self._apart_rad = self._apart(sections, signature, stretch.reading, moved_m)
@@ -216,19 +211,6 @@ class RutTracker:
         residuals = points.y_m - self._path.curve(points.s_m)
         self._offset_m = float(np.average(residuals, weights=1 / sd**2))
         return True
-
-    def _path_by_trace(
-        self, sections: CrossSections, curve: Floats, edges: Edges, stretch: Stretch
-    ) -> PathFilter | None:
-        """Return the path corrected by what looks like a trace, or is a shadow; None with too few places."""
-        best = edges[0][stretch.reading], edges[1][stretch.reading]
-        points = self._finder.points(sections, curve, best, _visible(stretch.sums, stretch))
-        if len(points.s_m) < self._numbers.sections.least_blocks:
-            return None
-        path = deepcopy(self._odometry)
-        sd_m = points.sd_m * self._search.point_sd_factor
-        path.observe_trace(points.s_m, points.y_m, sd_m, self._search.offset_sd_m, self._search.slope_sd)
-        return path
 
     def _apart(self, sections: CrossSections, signature: Floats, reading: int, moved_m: float) -> float:
         """Return the angle between the near trace and the path by the motion alone; 0 where they agree.
