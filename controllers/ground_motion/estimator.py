@@ -528,6 +528,7 @@ class GroundMotionEstimator:
             scale_sd=self._mounting.scale_sd,
             rig_fault=self._watch.fault,
             invalid_because=reason,
+            is_open=self._t_ns == from_ns,
         )
 
 

@@ -320,7 +320,8 @@ class GroundFlow:
         moved_m = samples.moved[place, nearest]
         after = self._pixels + np.stack([moved_m[:, 1], -moved_m[:, 0]], axis=1) / self._pixel_m
         follows = squares[place, nearest] < most_m**2
-        return Tracks(self._pixels, after, samples.tracked.any(axis=1), np.asarray(follows, np.bool_))
+        tracked = np.asarray(samples.tracked.any(axis=1), np.bool_)
+        return Tracks(self._pixels, after, tracked, np.asarray(follows, np.bool_))
 
     def _linearised(self, yaw_rad: float) -> tuple[Floats, Floats]:
         """Return displacements of the points (ahead, left) by a turn, and by unit motions on top of it.
