@@ -24,50 +24,6 @@ MOST_CELLS = 1_000_000
 """Of the plane of motions; more are of points that went astray."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PatchMotion:
-    """Motion of the reference point in the axes of the patch, at the later frame.
-
-    Attributes:
-        forward_m: Along the axis of the patch.
-        left_m: Across it.
-        turn_rad: Counter-clockwise.
-        tilt_rad: Change of roll and pitch.
-        forward_sd_m: Standard deviation of `forward_m`, by the fit.
-        left_sd_m: Standard deviation of `left_m`.
-        turn_sd_rad: Standard deviation of `turn_rad`.
-        points: Points that move with the ground.
-        share: Their share of the points in both views.
-        moved_pixels: Mean motion of these points in the picture.
-        moved_sd_pixels: Standard deviation of this mean, by the scatter of the points.
-    """
-
-    forward_m: float
-    left_m: float
-    turn_rad: float
-    tilt_rad: tuple[float, float]
-    forward_sd_m: float
-    left_sd_m: float
-    turn_sd_rad: float
-    points: int
-    share: float
-    moved_pixels: float
-    moved_sd_pixels: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Followed:
-    """Motions that the points of two patches share; None where too few points do.
-
-    Attributes:
-        moving: Of the densest group that moves in the picture.
-        fixed: Of the points that do not; not fitted where the other group is the larger.
-    """
-
-    moving: PatchMotion | None
-    fixed: PatchMotion | None
-
-
 class Tracks(NamedTuple):
     """Points of the rectified ground, and where they went.
 
@@ -84,6 +40,54 @@ class Tracks(NamedTuple):
     follows: Mask
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PatchMotion:
+    """Motion of the reference point in the axes of the patch, at the later frame.
+
+    Attributes:
+        forward_m: Along the axis of the patch.
+        left_m: Across it.
+        turn_rad: Counter-clockwise.
+        tilt_rad: Change of roll and pitch.
+        forward_sd_m: Standard deviation of `forward_m`, by the fit.
+        left_sd_m: Standard deviation of `left_m`.
+        turn_sd_rad: Standard deviation of `turn_rad`.
+        points: Points that move with the ground.
+        share: Their share of the points in both views.
+        moved_pixels: Mean motion of these points in the picture.
+        moved_sd_pixels: Standard deviation of this mean, by the scatter of the points.
+        ambiguity: Points that another motion explains, over those of this one.
+        tracks: The points; None where no pictures were compared.
+    """
+
+    forward_m: float
+    left_m: float
+    turn_rad: float
+    tilt_rad: tuple[float, float]
+    forward_sd_m: float
+    left_sd_m: float
+    turn_sd_rad: float
+    points: int
+    share: float
+    moved_pixels: float
+    moved_sd_pixels: float
+    ambiguity: float = 0.0
+    tracks: Tracks | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Followed:
+    """Motions that the points of two patches share; None where too few points do.
+
+    Attributes:
+        moving: Of the densest group that moves in the picture.
+        fixed: Of the points that do not; not fitted where the other group is the larger.
+    """
+
+    moving: PatchMotion | None
+    fixed: PatchMotion | None
+
+
 class _Samples(NamedTuple):
     """Where the points went, from each start, and what their motions mean.
 
@@ -91,6 +95,7 @@ class _Samples(NamedTuple):
         moved: Motion ahead and left (points x starts x 2), m.
         usable: Which of these could be followed and are not left out (points x starts).
         tracked: Which of these could be followed.
+        counts: Which points are not left out.
         base: Motion of the points by the given turn (points x 2).
         design: Motion of the points by unit motions on top of it (points x 2 x 5).
         shifts: Motion of the reference point that each sample means.
@@ -102,6 +107,7 @@ class _Samples(NamedTuple):
     moved: Floats
     usable: Mask
     tracked: Mask
+    counts: Mask
     base: Floats
     design: Floats
     shifts: Floats
@@ -116,16 +122,10 @@ class GroundFlow:
     Args:
         ground: The rectified ground.
         parameters: Tuned numbers.
-
-    Attributes:
-        tracks: Of the last motion that was found, for pictures; None before.
-        ambiguity: Points that another motion explains, over those of the last motion that was found.
     """
 
     def __init__(self, ground: GroundPatch, parameters: FlowParameters) -> None:
         self._parameters = parameters
-        self.tracks: Tracks | None = None
-        self.ambiguity = 0.0
         window = parameters.window_pixels
         step = parameters.coarse_spacing_pixels if ground.is_coarse else parameters.spacing_pixels
         self._window = (window, window)
@@ -170,10 +170,20 @@ class GroundFlow:
         angles = np.array([0.0, *turn_rad[:2]])
         turned = base + design[:, :, 2:] @ angles
         moved, tracked = self._moved(before, after, turned, starts_m)
-        usable = tracked if left_out is None else tracked & ~left_out[:, None]
+        counts = np.ones(len(tracked), np.bool_) if left_out is None else ~left_out
+        usable = np.asarray(tracked & counts[:, None], np.bool_)
         information = np.diag(1 / np.array([turn_sd_rad[2], *turn_sd_rad[:2]]) ** 2)
         samples = _Samples(
-            moved, usable, tracked, base, design, turned[:, None] - moved, angles, information, turn_rad[2]
+            moved,
+            usable,
+            tracked,
+            counts,
+            base,
+            design,
+            turned[:, None] - moved,
+            angles,
+            information,
+            turn_rad[2],
         )
         alike_m, slack_m = (
             pixels * self._pixel_m
@@ -219,18 +229,20 @@ class GroundFlow:
 
     def _fit(self, samples: _Samples, group: Mask) -> PatchMotion | None:
         """Return the motion that most points of a group share, fitted to all points."""
-        start = self._densest(samples, group)
-        return None if start is None else self._solve(samples, start)
+        start, ambiguity = self._densest(samples, group)
+        return None if start is None else self._solve(samples, start, ambiguity)
 
-    def _densest(self, samples: _Samples, group: Mask) -> Floats | None:
+    def _densest(self, samples: _Samples, group: Mask) -> tuple[Floats | None, float]:
         """Return the motion that most points share, in the order of the design; None if too few do.
+
+        And the points of the next densest group that moves otherwise, over those of this one.
 
         A point counts once. Where the pitch is not known, far points move otherwise than near ones: several
         changes of pitch are tried, in steps that part the points less than the group is wide.
         """
         numbers = self._parameters
         if group.any(axis=1).sum() < numbers.least_points:
-            return None
+            return None, 0.0
         point = np.nonzero(group)[0]
         chosen = samples.shifts[group]
         pitched, pitch_sd_rad = samples.design[:, :, 4], float(samples.information[2, 2] ** -0.5)
@@ -244,8 +256,9 @@ class GroundFlow:
                 best, most = np.r_[middle, 0.0, 0.0, pitch_rad], votes
                 apart = np.hypot(*(level - middle).T) > numbers.other_pixels * self._pixel_m
                 other = self._vote(level[apart], point[apart])[0] if apart.any() else 0.0
-        self.ambiguity = other / most if most else 0.0
-        return None if best is None else np.asarray(best + np.r_[0.0, 0.0, samples.angles], np.float64)
+        if best is None:
+            return None, 0.0
+        return np.asarray(best + np.r_[0.0, 0.0, samples.angles], np.float64), other / most
 
     def _vote(self, shifts: Floats, point: NDArray[np.intp]) -> tuple[float, Floats]:
         """Return how many points the densest group of motions has, and its middle."""
@@ -261,7 +274,7 @@ class GroundFlow:
         near = (np.abs(cell - (row, column)) <= 1).all(axis=1)
         return float(votes[row, column]), np.asarray(shifts[near].mean(axis=0), np.float64)
 
-    def _solve(self, samples: _Samples, start: Floats) -> PatchMotion | None:
+    def _solve(self, samples: _Samples, start: Floats, ambiguity: float) -> PatchMotion | None:
         """Fit the motion to the points with Tukey weights, from a start near it."""
         numbers = self._parameters
         moved, usable, base, design = samples.moved, samples.usable, samples.base, samples.design
@@ -295,7 +308,6 @@ class GroundFlow:
             return None
         model = base + design @ x
         landed = self._pixels + np.stack([model[:, 1], -model[:, 0]], axis=1) / self._pixel_m
-        self.tracks = self._tracks(samples, base + (flat @ x).reshape(-1, 2), numbers.cut * scale)
         sd = np.sqrt(self._covariance_factor * np.diag(np.linalg.inv(normal)))
         return PatchMotion(
             forward_m=float(x[0]),
@@ -306,9 +318,13 @@ class GroundFlow:
             left_sd_m=float(sd[1]),
             turn_sd_rad=float(sd[2]),
             points=int(inlier.sum()),
-            share=min(float(inlier.sum()) / max(int(self._is_visible(landed).sum()), 1), 1.0),
+            share=min(
+                float(inlier.sum()) / max(int((self._is_visible(landed) & samples.counts).sum()), 1), 1.0
+            ),
             moved_pixels=float(np.hypot(*model[inlier].T).mean()) / self._pixel_m,
             moved_sd_pixels=scale / self._pixel_m * float(np.sqrt(self._covariance_factor / inlier.sum())),
+            ambiguity=ambiguity,
+            tracks=self._tracks(samples, model, numbers.cut * scale),
         )
 
     def _tracks(self, samples: _Samples, model: Floats, most_m: float) -> Tracks:

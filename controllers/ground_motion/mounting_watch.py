@@ -1,6 +1,8 @@
 """Whether the camera is mounted, and built, as its rig says: pitch, focal length, yaw, mirrored pictures."""
 
+import cmath
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from controllers.ground_motion.parameters import MountingParameters
@@ -19,15 +21,11 @@ class MountingEffects:
         pitch_per_rad: Change of pitch per metre, per rad of wrong pitch.
         pitch_per_focal: The same, per share of wrong focal length.
         tolerance: Standard deviation of it, by the tolerance of the rig.
-        travel_per_rad: Share of the travel that is wrong, per rad of wrong pitch.
-        travel_per_focal: The same, per share of wrong focal length.
     """
 
     pitch_per_rad: float
     pitch_per_focal: float
     tolerance: float
-    travel_per_rad: float
-    travel_per_focal: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +35,8 @@ class MountedMotion:
     Attributes:
         duration_s: From frame to frame.
         forward_m: Of the measured point, as the pictures show it.
-        left_m: To its left, less the motion by rolling wheels.
+        moved_m: Of the rover's origin, as the pictures show it: forward, to the left as imaginary part.
+        wheel_m: The same by rolling wheels.
         turn_rad: By the gyro.
         seen_turn_rad: By the pictures.
         seen_turn_sd_rad: Standard deviation of it.
@@ -46,7 +45,8 @@ class MountedMotion:
 
     duration_s: float
     forward_m: float
-    left_m: float
+    moved_m: complex
+    wheel_m: complex
     turn_rad: float
     seen_turn_rad: float
     seen_turn_sd_rad: float
@@ -54,11 +54,11 @@ class MountedMotion:
 
 
 class MountingWatch:
-    """Sums up the motion of pairs while the rover drives.
+    """Sums up the motion of valid pairs while the rover drives; older ones fade.
 
-    Pitch and focal length cannot be told apart by it, and the height not at all. A rover that drifts on a
-    slope looks like a camera that is turned in yaw; so this is reported only where the angle is the same
-    before and after a rotation.
+    Pitch and focal length cannot be distinguished by it, and the height not at all. A rover that drifts on a
+    slope looks like a camera that is turned in yaw: this is reported only where the angle is the same on
+    three headings next to each other.
 
     In a rotation on the spot the gyro measures how far the point below the camera moves: that is the only
     check of the height, and of the scale of the travel. Until then the travel may be wrong by a tenth.
@@ -66,12 +66,11 @@ class MountingWatch:
     Args:
         effects: Of errors of this rig.
         scale_sd: Standard deviation of the travel's factor, if the rig is as stated.
-        is_calibrated: Whether a drive has shown the scale already.
         parameters: Tuned numbers.
+        is_calibrated: Whether a drive has shown the scale already.
 
     Attributes:
         text: What contradicts the rig; "" for nothing.
-        wrong_share: Share of the travel that may be wrong by it.
     """
 
     def __init__(
@@ -84,19 +83,12 @@ class MountingWatch:
     ) -> None:
         self._effects, self._scale_sd, self._numbers = effects, scale_sd, parameters
         self._is_confirmed = is_calibrated
-        self._lever = _Slope()
-        self._spun_rad = 0.0
-        self._pitch = _Slope()
-        self._turn = _Slope()
-        self._aside = [_Slope()]
-        self._heading_rad = self._from_rad = 0.0
-        self._seen_sd_rad2 = self._duration_s = 0.0
+        self._swing, self._spun_rad = _Slope(), 0.0
+        self._pitch, self._turn = _Slope(), _Slope()
+        self._drifts = [_Slope() for _ in range(round(360.0 / parameters.heading_deg))]
+        self._heading_rad = 0.0
+        self._seen_rad2 = self._duration_s = 0.0
         self.text = ""
-        self.wrong_share = 0.0
-
-    def rotate(self, turn_rad: float) -> None:
-        """Take a rotation by the gyro, whether or not its pair is valid."""
-        self._heading_rad += turn_rad
 
     @property
     def scale_sd(self) -> float:
@@ -104,79 +96,105 @@ class MountingWatch:
         unconfirmed_sd = 0.0 if self._is_confirmed else self._numbers.unconfirmed_scale_sd
         return max(self._scale_sd, unconfirmed_sd)
 
-    def spin(self, turn_rad: float, lever_m: complex, moved_m: complex) -> None:
-        """Take a valid pair of a rotation on the spot.
+    def rotate(self, turn_rad: float) -> None:
+        """Take a rotation by the gyro, whether or not its pair is valid."""
+        self._heading_rad += turn_rad
+
+    def spin(self, turn_rad: float, swing_m: complex, moved_m: complex) -> None:
+        """Take a pair of a rotation on the spot.
 
         Args:
             turn_rad: By the gyro.
-            lever_m: Motion of the measured point by it, forward and left.
+            swing_m: Motion of the point below the camera by it, forward and left.
             moved_m: Its motion as the pictures show it.
         """
         self._spun_rad += abs(turn_rad)
-        self._lever.add(abs(lever_m), (moved_m * lever_m.conjugate()).real / abs(lever_m))
+        self._swing.add(abs(swing_m), (moved_m * swing_m.conjugate()).real / abs(swing_m))
         if math.degrees(self._spun_rad) >= self._numbers.confirming_deg:
-            self._is_confirmed |= abs(self._lever.slope - 1.0) <= CONFIRMS_SD * self._scale_sd
+            self._is_confirmed |= abs(self._swing.slope - 1.0) <= CONFIRMS_SD * self._scale_sd
 
     def update(self, motion: MountedMotion) -> None:
-        """Take a valid pair."""
-        self._duration_s += motion.duration_s
+        """Take a pair."""
+        kept = math.exp(-abs(motion.forward_m) / self._numbers.memory_m)
+        for slope in (self._pitch, self._turn):
+            slope.fade(kept)
+        self._seen_rad2 *= kept
+        self._duration_s *= kept
+        if motion.forward_m:
+            self._duration_s += motion.duration_s
         self._pitch.add(motion.forward_m, motion.pitch_rad)
         self._turn.add(motion.turn_rad, motion.seen_turn_rad)
-        self._seen_sd_rad2 += (motion.turn_rad * motion.seen_turn_sd_rad) ** 2
-        if abs(self._heading_rad - self._from_rad) > math.radians(self._numbers.rotation_deg):
-            self._from_rad = self._heading_rad
-            self._aside.append(_Slope())
-        self._aside[-1].add(motion.forward_m, motion.left_m)
+        self._seen_rad2 += (motion.turn_rad * motion.seen_turn_sd_rad) ** 2
+        self._add_drift(motion)
         self.text = self._mirrored() or self._near_and_far() or self._yaw() or self._scale()
 
+    def _add_drift(self, motion: MountedMotion) -> None:
+        """Add the angle from the wheels' motion ahead to that of the ground, at the present heading."""
+        wheel_m = motion.wheel_m
+        if wheel_m.real <= 0.0 or abs(wheel_m.imag) > self._numbers.ahead * wheel_m.real:
+            return
+        drift_m = motion.moved_m * cmath.rect(1.0, -cmath.phase(wheel_m))
+        width_rad = math.radians(self._numbers.heading_deg)
+        slope = self._drifts[math.floor(self._heading_rad / width_rad) % len(self._drifts)]
+        slope.fade(math.exp(-abs(drift_m.real) / self._numbers.memory_m))
+        slope.add(drift_m.real, drift_m.imag)
+
     def _mirrored(self) -> str:
-        sum_rad2, numbers = self._turn.xx, self._numbers
+        numbers = self._numbers
         if self._turn.length < math.radians(numbers.least_turn_deg):
             return ""
-        if self._turn.slope > -numbers.deviations * math.sqrt(self._seen_sd_rad2) / sum_rad2:
+        if self._turn.slope > -numbers.deviations * math.sqrt(self._seen_rad2) / self._turn.xx:
             return ""
         return "pictures rotate against the gyro: check that they are not mirrored, and the sign of the gyro"
-
-    def _scale(self) -> str:
-        scale = self._lever.slope
-        is_known = math.degrees(self._spun_rad) >= self._numbers.confirming_deg
-        if not is_known or abs(scale - 1.0) <= self._numbers.deviations * self._scale_sd:
-            return ""
-        self.wrong_share = abs(scale - 1.0)
-        return (
-            f"in rotations on the spot the ground moves {scale:.2f} times as far as the gyro measures: check "
-            "height and focal length of the camera, and contact_point or t_vehicle_camera of the rig"
-        )
 
     def _near_and_far(self) -> str:
         if self._pitch.length < self._numbers.least_travel_m:
             return ""
-        slope = self._pitch.slope
+        effects, slope = self._effects, self._pitch.slope
         by_bias = self._numbers.gyro_bias_rad_s * self._duration_s / self._pitch.length
-        limit = self._numbers.deviations * math.hypot(self._pitch.sd, self._effects.tolerance, by_bias)
-        if abs(slope) <= limit:
+        limit = self._numbers.deviations * math.hypot(self._pitch.sd, effects.tolerance, by_bias)
+        causes = []
+        if abs(effects.pitch_per_rad) > self._numbers.least_effect:
+            wrong_deg = math.degrees(slope / effects.pitch_per_rad)
+            causes.append(f"the pitch of the camera (about {wrong_deg:+.1f} deg wrong)")
+        if abs(effects.pitch_per_focal) > self._numbers.least_effect:
+            causes.append(f"its focal length (about {100.0 * slope / effects.pitch_per_focal:+.0f} %)")
+        if abs(slope) <= limit or not causes:
             return ""
-        effects = self._effects
-        pitch_rad, focal = slope / effects.pitch_per_rad, slope / effects.pitch_per_focal
-        self.wrong_share = max(abs(pitch_rad * effects.travel_per_rad), abs(focal * effects.travel_per_focal))
-        return (
-            f"near and far ground move differently: check the pitch of the camera (about "
-            f"{math.degrees(pitch_rad):+.1f} deg wrong) or its focal length (about {100 * focal:+.0f} %)"
-        )
+        return f"near and far ground move differently: check {' or '.join(causes)}"
 
     def _yaw(self) -> str:
-        numbers = self._numbers
-        long = [each for each in self._aside if each.length >= numbers.least_travel_m]
-        if len(long) < 2:
+        """Return the angle of neighbouring headings that all agree."""
+        numbers, count = self._numbers, len(self._drifts)
+        for first in range(count):
+            near = [self._drifts[(first + step) % count] for step in range(numbers.headings)]
+            if min(each.length for each in near) < numbers.least_travel_m:
+                continue
+            degrees = [math.degrees(math.atan(each.slope)) for each in near]
+            if mean_deg := self._common_deg(degrees):
+                return (
+                    f"ground moves {mean_deg:+.1f} deg aside on all headings: check the yaw of the camera's "
+                    "mounting, and that the pictures are not mirrored"
+                )
+        return ""
+
+    def _common_deg(self, degrees: Sequence[float]) -> float:
+        mean_deg = sum(degrees) / len(degrees)
+        is_alike = max(degrees) - min(degrees) < self._numbers.alike * abs(mean_deg)
+        return mean_deg if is_alike and abs(mean_deg) >= self._numbers.least_yaw_deg else 0.0
+
+    def _scale(self) -> str:
+        if math.degrees(self._spun_rad) < self._numbers.confirming_deg:
             return ""
-        first_deg, last_deg = (math.degrees(math.atan(each.slope)) for each in (long[0], long[-1]))
-        mean_deg = 0.5 * (first_deg + last_deg)
-        is_alike = abs(first_deg - last_deg) < numbers.alike * abs(mean_deg)
-        if abs(mean_deg) < numbers.least_yaw_deg or not is_alike:
+        numbers, scale = self._numbers, self._swing.slope
+        radius_m = self._swing.length / self._spun_rad
+        by_centre = numbers.centre_sd_m / radius_m
+        sd = math.hypot(self._scale_sd, self._swing.sd, numbers.gyro_scale_sd, by_centre)
+        if abs(scale - 1.0) <= numbers.deviations * sd:
             return ""
         return (
-            f"ground moves {mean_deg:+.1f} deg aside on all headings: check the yaw of the camera's "
-            "mounting, and that the pictures are not mirrored"
+            f"in rotations on the spot the ground moves {scale:.2f} times as far as the gyro measures: check "
+            "height and focal length of the camera, and t_vehicle_camera of the rig"
         )
 
 
@@ -184,13 +202,16 @@ class _Slope:
     """Least squares of y over x, through zero."""
 
     def __init__(self) -> None:
-        self.xx = self._xy = self._yy = self.length = 0.0
-        self._count = 0
+        self.xx = self._xy = self._yy = self.length = self._count = 0.0
+
+    def fade(self, kept: float) -> None:
+        self.xx, self._xy, self._yy = kept * self.xx, kept * self._xy, kept * self._yy
+        self.length, self._count = kept * self.length, kept * self._count
 
     def add(self, x: float, y: float) -> None:
         self.xx, self._xy, self._yy = self.xx + x * x, self._xy + x * y, self._yy + y * y
         self.length += abs(x)
-        self._count += 1
+        self._count += 1.0
 
     @property
     def slope(self) -> float:
@@ -198,7 +219,7 @@ class _Slope:
 
     @property
     def sd(self) -> float:
-        if self._count < 2 or self.xx <= 0.0:
+        if self._count < 2.0 or self.xx <= 0.0:
             return math.inf
         residual = max(0.0, self._yy - self._xy * self.slope)
-        return math.sqrt(residual / (self._count - 1) / self.xx)
+        return math.sqrt(residual / (self._count - 1.0) / self.xx)

@@ -101,9 +101,9 @@ class RepeatParameters:
 class StandingParameters:
     """Proof that ground stands which does not move in the picture while the wheels roll."""
 
-    frames: int = 12  # over which the picture is averaged
+    frames: int = 12  # at least `least_rolled_pixels` of the wheels apart, over which the picture is averaged
     least_frames: int = 5  # for a mean that is not the picture itself
-    least_rolled_pixels: float = 1.0  # by the wheels in these frames: below, both stand
+    least_rolled_pixels: float = 1.0  # by the wheels: below, both stand
     seen_pixels: float = 40.0  # of motion, before the ground is known to be visible
     lags: tuple[int, ...] = (1, 2, 4, 8)  # frames between two that are compared
     peak_sd: float = 8.0  # of a correlation of noise; the greatest of some thousand is 4 to 6
@@ -148,15 +148,23 @@ class MountingParameters:
     """Contradictions of near and far ground, of headings, and of the gyro that a wrong mounting causes."""
 
     deviations: float = 4.0  # of noise and tolerance
-    least_travel_m: float = 0.5  # over which slopes are formed
+    memory_m: float = 5.0  # travel over which sums fade
+    least_travel_m: float = 0.4  # over which slopes are formed
     gyro_bias_rad_s: float = 0.002  # standard deviation about the pitch axis: 0.1 deg/s
+    least_effect: float = 0.1  # change of pitch per metre by a whole error: smaller ones show nothing
     least_turn_deg: float = 3.0  # of rotation, before that by the pictures is compared
-    rotation_deg: float = 30.0  # between two headings that are compared
+    heading_deg: float = 30.0  # width of a heading
+    headings: int = 3  # next to each other, that must agree: a slope differs by 13 % between three
+    alike: float = 0.1  # greatest difference of these angles, over their mean
+    ahead: float = 0.1  # greatest motion of the wheels to the side, over that ahead, for such an angle
     least_yaw_deg: float = 1.5  # of the mounting, that counts
-    alike: float = 0.25  # greatest difference of two headings, over the angle: a slope changes it by more
     unconfirmed_scale_sd: float = 0.1  # of the travel, before a rotation on the spot has confirmed it
     confirming_deg: float = 45.0  # of rotation on the spot
-    on_the_spot: float = 0.2  # travel of the rover over that of the measured point, in such a rotation
+    on_the_spot: float = (
+        0.2  # travel of the rover over that of the point below the camera, in such a rotation
+    )
+    gyro_scale_sd: float = 0.02
+    centre_sd_m: float = 0.01  # of the point about which the rover rotates
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -41,19 +41,21 @@ class StandingProof:
     def __init__(self, pixel_m: float, parameters: StandingParameters) -> None:
         self._pixel_m, self._numbers = pixel_m, parameters
         self._frames: deque[_Frame] = deque(maxlen=parameters.frames)
+        self._newest: _Frame | None = None
         self._rolled: Floats = np.zeros(2)
         self._moved: Floats = np.zeros(2)
         self._seen_pixels = 0.0
 
     def begin(self, structure: Patch) -> None:
         """Take a frame before which nothing is examined: the motion until then is not known, or was seen."""
-        self._frames.clear()
-        self._frames.append(_Frame(structure, self._rolled, self._moved))
+        self._newest = _Frame(structure, self._rolled, self._moved)
+        self._frames = deque([self._newest], maxlen=self._numbers.frames)
 
     def begin_pair(self) -> None:
-        """Take that the next motions are those since the newest frame."""
-        if self._frames:
-            self._rolled, self._moved = self._frames[-1].rolled, self._frames[-1].moved
+        """Take that the newest frame is used, and the next motions are those since then."""
+        if self._newest is not None:
+            self._seen_pixels += float(np.hypot(*(self._newest.moved - self._moved)))
+            self._rolled, self._moved = self._newest.rolled, self._newest.moved
 
     def why_not(self, structure: Patch, wheel_m: Floats | None, moved_m: Floats, *, is_fixed: bool) -> str:
         """Take a frame; return why its ground may move although it seems to stand.
@@ -71,40 +73,40 @@ class StandingProof:
             return ""
         numbers = self._numbers
         rolled, moved = wheel_m / self._pixel_m, moved_m / self._pixel_m
-        frame = _Frame(structure, self._rolled + rolled, self._moved + moved)
+        self._newest = frame = _Frame(structure, self._rolled + rolled, self._moved + moved)
         if not is_fixed:
-            self._seen_pixels += float(np.hypot(*moved))
-            self._frames.clear()
-        self._frames.append(frame)
-        if len(self._frames) == 1:
+            self._frames = deque([frame], maxlen=numbers.frames)
             return ""
-        if float(np.hypot(*(frame.rolled - self._frames[0].rolled))) < numbers.least_rolled_pixels:
+        stood = float(np.hypot(*(frame.rolled - self._frames[0].rolled)))
+        if stood < numbers.least_rolled_pixels:
             return ""
         if self._seen_pixels < numbers.seen_pixels:
             return "no motion confirmed: the ground was not seen to move so far"
-        if len(self._frames) < numbers.least_frames:
+        if float(np.hypot(*(frame.rolled - self._frames[-1].rolled))) >= numbers.least_rolled_pixels:
+            self._frames.append(frame)
+        peak = self._greatest_peak()
+        if len(self._frames) < numbers.least_frames or peak is None:
             return "too few frames to distinguish ground that stands from what is fixed in the picture"
-        if self.greatest_peak() > numbers.peak_sd:
+        if peak > numbers.peak_sd:
             return "something moves behind what is fixed in the picture"
         return ""
 
-    def greatest_peak(self) -> float:
-        """Return the greatest correlation at another motion than the measured, over its spread."""
+    def _greatest_peak(self) -> float | None:
+        """Return the greatest correlation at another motion than the measured, over its spread.
+
+        None where the wheels have not rolled far enough for another motion.
+        """
         frames, newest = list(self._frames), self._frames[-1]
         mean = np.mean([frame.structure for frame in frames], axis=0, dtype=np.float32)
         last = _spectrum(newest.structure - mean)
         peaks = [
-            _peak(
-                _spectrum(before.structure - mean),
-                last,
-                newest.rolled - before.rolled,
-                newest.moved - before.moved,
-            )
+            _peak(_spectrum(before.structure - mean), last, rolled, newest.moved - before.moved)
             for lag in self._numbers.lags
             if lag < len(frames)
             for before in (frames[-1 - lag],)
+            if np.hypot(*(rolled := newest.rolled - before.rolled)) >= 2.0 * NEAR_PIXELS
         ]
-        return max(peaks, default=0.0)
+        return max(peaks, default=None)
 
 
 NEAR_PIXELS = 3.0
@@ -123,8 +125,6 @@ def _spectrum(remainder: Patch) -> Patch:
 def _peak(before: Patch, after: Patch, rolled: Floats, moved: Floats) -> float:
     """Return the greatest correlation at another motion than the measured, along the wheels'."""
     length = float(np.hypot(*rolled))
-    if length < 2.0 * NEAR_PIXELS:
-        return 0.0
     product = cv2.mulSpectrums(after, before, 0, conjB=True)
     plane = np.asarray(cv2.idft(product, flags=cv2.DFT_SCALE), np.float32)
     aside = np.arange(-2.0 - 0.2 * length, 2.0 + 0.2 * length + 1.0)

@@ -59,8 +59,6 @@ def effects_of(ground: GroundPatch, flow: GroundFlow, tolerance: RigTolerance) -
         pitch_per_rad=float(per_rad[4]),
         pitch_per_focal=float(per_focal[4]),
         tolerance=float(np.hypot(*effects)),
-        travel_per_rad=float(per_rad[0]),
-        travel_per_focal=float(per_focal[0]),
     )
 
 

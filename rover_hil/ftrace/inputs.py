@@ -14,11 +14,19 @@ LOG_SUFFIX = ".mcap"
 
 
 class FrameInputs(NamedTuple):
-    """Frames, calibration of their camera, and telemetry by frame number."""
+    """Frames, calibration of their camera, and telemetry by frame number.
+
+    Attributes:
+        source: The frames.
+        rig: Calibration of the camera.
+        telemetry: By frame number; None without.
+        is_of_rover: Whether the wheel speed is that of the rover; else that of the watched wheel.
+    """
 
     source: FrameSource | LogFrames
     rig: RigFile
     telemetry: dict[int, TelemetryRow] | None
+    is_of_rover: bool = False
 
     def row(self, number: int) -> TelemetryRow:
         """Return the telemetry of a frame; its time by the rate of the rig where there is none.
@@ -48,7 +56,7 @@ def read_inputs(frames: Path, rig_path: Path | None, telemetry_path: Path | None
         rig = given or log.rig
         if rig is None:
             raise ConfigError(f"{frames} holds no calibration of its camera: give its rig file with --rig")
-        return FrameInputs(log, rig, log.telemetry)
+        return FrameInputs(log, rig, log.telemetry, is_of_rover=True)
     if given is None:
         raise ConfigError("--rig is missing: give the rig file of the camera; only a log may hold its own")
     telemetry = None if telemetry_path is None else read_telemetry(telemetry_path)

@@ -1,6 +1,7 @@
 """`rover-hil ground`: motion over the ground and slip in the frames of a camera."""
 
 import math
+import re
 from collections import Counter
 from contextlib import ExitStack, closing
 from dataclasses import replace
@@ -13,6 +14,7 @@ import typer
 from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.ground_patch import GroundPatch
 from controllers.ground_motion.ground_view import GroundView
+from controllers.ground_motion.rig_tolerance import RigTolerance
 from drivers.camera.images import NO_PIXELS
 from drivers.errors import ConfigError
 from drivers.samples import Image
@@ -20,12 +22,15 @@ from rover_hil.console.exit_codes import EXIT_INTERRUPTED, EXIT_OK
 from rover_hil.console.json_text import print_json
 from rover_hil.console.options import ForceOption, JsonOption, check_inputs, out_option
 from rover_hil.console.steps import show_progress
-from rover_hil.ftrace.inputs import read_inputs
+from rover_hil.ftrace.inputs import FrameInputs, read_inputs
+from rover_hil.ftrace.log_frames import LogFrames
 from rover_hil.ftrace.overlay import OverlayWriter
 from rover_hil.ground.picture import draw
 from rover_hil.ground.run import HEADER, FrameMotion, csv_row, measure
 from rover_hil.pages.atomic_write import check_file, refuse_overwrite, unfinished, write_file
 from rover_hil.terminal import Terminal
+
+NUMBER = r"[-+]?\d+(\.\d+)?"
 
 
 def ground_motion(
@@ -67,6 +72,9 @@ def ground_motion(
     Writes the motion of each frame with its standard deviation, or why it is not valid, and a picture of the
     last frame that was measured: from above, with the points that follow the ground and what is fixed in the
     picture. The columns t, x_m, y_m and yaw_rad can be imported with `rover-hil import table`.
+
+    Data: `rover-hil sample frames` writes the files, `rover-hil sample sand` the log; of your own:
+    docs/how-to/measure_the_ground_motion.md.
     """
     check_file(out, force=force)
     picture_path = out.with_suffix(".png")
@@ -76,7 +84,7 @@ def ground_motion(
     check_inputs(frames)
     inputs = read_inputs(frames, rig_path, telemetry_path)
     view = GroundView(GroundPatch(inputs.rig.geometry()))
-    estimator = GroundMotionEstimator(view)
+    estimator = GroundMotionEstimator(view, _tolerance(inputs))
     items: list[FrameMotion] = []
     picture: Image | None = None
     code = EXIT_OK
@@ -108,6 +116,12 @@ def ground_motion(
     return code
 
 
+def _tolerance(inputs: FrameInputs) -> RigTolerance | None:
+    """Return what the configuration of a log knows about this rig: its scale, and its tolerances."""
+    ground = inputs.source.ground if isinstance(inputs.source, LogFrames) else None
+    return ground.tolerance if ground is not None and ground.rig == inputs.rig else None
+
+
 def _write_picture(path: Path, picture: Image) -> None:
     is_written, data = cv2.imencode(".png", picture)
     if not is_written:
@@ -136,11 +150,11 @@ def _report(items: list[FrameMotion], out: Path, picture: Path, *, as_json: bool
     wheels = [item.wheel_m for item in valid if item.wheel_m is not None]
     wheel_m = sum(wheels) if len(wheels) == len(valid) and wheels else None
     slip = 1.0 - ahead_m / wheel_m if wheel_m else None
-    reasons = Counter(
-        item.motion.invalid_because
-        for item in motions
-        if item.motion is not None and not item.motion.is_valid
-    )
+    invalid = [each.motion.invalid_because for each in motions if each.motion and not each.motion.is_valid]
+    # Reasons that differ in their numbers only are one; the newest numbers are shown.
+    texts = {re.sub(NUMBER, "", reason): reason for reason in invalid}
+    counts = Counter(re.sub(NUMBER, "", reason) for reason in invalid)
+    reasons = Counter({texts[key]: count for key, count in counts.items()})
     if as_json:
         print_json(
             {

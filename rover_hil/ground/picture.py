@@ -31,7 +31,7 @@ def draw(grey: Image, view: GroundView, estimator: GroundMotionEstimator, title:
     mask = estimator.fixed_in_picture
     picture[mask] = (0.5 * picture[mask] + 0.5 * np.array(FIXED)).astype(np.uint8)
     large = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
-    if (tracks := estimator.tracks) is not None:
+    if estimator.pair is not None and (tracks := estimator.pair.tracks) is not None:
         ends = (np.round(scale * (each + 0.5)).astype(int).tolist() for each in (tracks.before, tracks.after))
         masked = estimator.moving_parts.mask.tolist()
         kinds = (tracks.tracked.tolist(), tracks.follows.tolist(), masked)

@@ -1,5 +1,6 @@
 """Runs the estimator of the motion over the ground over recorded frames."""
 
+import cmath
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from drivers.errors import ConfigError
 from drivers.samples import Image
 from rover_hil.ftrace.frames import to_grey
 from rover_hil.ftrace.inputs import FrameInputs
+from rover_hil.ftrace.telemetry import TelemetryRow
 
 HEADER = (
     "frame,t,valid,forward_m,left_m,turn_rad,forward_sd_m,left_sd_m,turn_sd_rad,scale_sd,duration_s,"
@@ -34,8 +36,9 @@ class FrameMotion:
         t_s: Its time.
         grey: Its pixels.
         motion: None for the first frame.
-        wheel_m: Travel by the wheels in the time of the motion; None where it is not known.
-        pose: Forward and left in m and yaw in rad since the first frame: the sum of the valid motions.
+        wheel_m: Travel of this point by the wheels in the time of the motion; None where it is not known.
+        pose: Of the rover's origin since the first frame: forward and left in m, yaw in rad; None after a
+            motion that was not measured.
     """
 
     number: int
@@ -43,7 +46,7 @@ class FrameMotion:
     grey: Image
     motion: GroundMotion | None
     wheel_m: float | None
-    pose: tuple[float, float, float]
+    pose: tuple[float, float, float] | None
 
     @property
     def slip(self) -> tuple[float, float] | None:
@@ -70,11 +73,12 @@ def measure(
     Raises:
         ConfigError: A frame has another size than the rig's, no row in the telemetry, or an earlier time.
     """
-    rolled = _Rolled(inputs)
-    pose, before = (0.0, 0.0, 0.0), None
+    path = _Path(inputs)
+    pose: tuple[float, float, float] | None = (0.0, 0.0, 0.0)
+    before: TelemetryRow | None = None
     for place, frame in enumerate(inputs.source):
         row = inputs.row(frame.number)
-        rolled.add(frame.number)
+        path.add(row)
         if place % every:
             continue
         if before is not None and row.t_s <= before.t_s:
@@ -84,67 +88,95 @@ def measure(
         grey = to_grey(frame, inputs.rig.image.width, inputs.rig.image.height)
         grey = grey if change is None else change(grey, frame.number)
         dt_s = 0.0 if before is None else row.t_s - before.t_s
-        turn, turn_sd = turned(
-            row.rates_rad_s, None if before is None else before.rates_rad_s, dt_s, DEFAULTS.turn
+        rates = None if before is None else before.rates_rad_s
+        turn, turn_sd = turned(row.rates_rad_s, rates, dt_s, DEFAULTS.turn)
+        moved_m = None if before is None else path.since(nanoseconds(before.t_s))
+        prior = MotionPrior(
+            forward_m=None if moved_m is None else moved_m.real,
+            left_m=0.0 if moved_m is None else moved_m.imag,
+            turn_rad=turn,
+            turn_sd_rad=turn_sd,
+            has_gyro=row.rates_rad_s is not None and rates is not None,
         )
-        wheel_m = None if before is None else rolled.since(nanoseconds(before.t_s))
-        t_ns = nanoseconds(row.t_s)
-        motion = estimator.step(
-            t_ns, grey, MotionPrior(forward_m=wheel_m, left_m=0.0, turn_rad=turn, turn_sd_rad=turn_sd)
-        )
+        motion = estimator.step(nanoseconds(row.t_s), grey, prior)
+        wheel_m = None
         if motion is not None:
-            wheel_m = rolled.since(motion.from_ns)
-            pose = _moved(pose, motion) if motion.is_valid else pose
+            rolled_m = path.since(motion.from_ns)
+            wheel_m = None if rolled_m is None else rolled_m.real
+            if motion.is_valid and pose is not None:
+                pose = _moved(pose, motion)
+            elif not motion.is_open:
+                pose = None
+        if estimator.from_ns is not None:
+            path.forget(estimator.from_ns)
         before = row
         yield FrameMotion(frame.number, row.t_s, grey, motion, wheel_m, pose)
 
 
-class _Rolled:
-    """Travel by the wheels at the times of the frames: trapezoids of their speed."""
+class _Path:
+    """Path of the measured point by wheels and gyro: trapezoids of speed and yaw rate."""
 
     def __init__(self, inputs: FrameInputs) -> None:
-        self._inputs = inputs
-        self._t_s, self._speed_m_s = 0.0, 0.0
-        self._rolled_m = 0.0
-        self._at_ns: dict[int, float] = {}
-        self._is_known = inputs.telemetry is not None
+        point = inputs.rig.geometry().point_m
+        self._arm_m = complex(*point) if inputs.is_of_rover else 0j
+        self._before: TelemetryRow | None = None
+        self._yaw_rad = 0.0
+        self._place_m: complex | None = None
+        self._begins: dict[int, tuple[complex | None, float, int]] = {}
+        self._gaps = 0
 
-    def add(self, number: int) -> None:
-        row = self._inputs.row(number)
-        self._is_known &= row.wheel_speed_m_s is not None
-        speed_m_s = row.wheel_speed_m_s or 0.0
-        if self._at_ns:
-            self._rolled_m += 0.5 * (speed_m_s + self._speed_m_s) * (row.t_s - self._t_s)
-        self._t_s, self._speed_m_s = row.t_s, speed_m_s
-        self._at_ns[nanoseconds(row.t_s)] = self._rolled_m
+    def add(self, row: TelemetryRow) -> None:
+        before, self._before = self._before, row
+        if before is not None:
+            dt_s = row.t_s - before.t_s
+            rates = [each[2] for each in (before.rates_rad_s, row.rates_rad_s) if each is not None]
+            turn_rad = dt_s * sum(rates) / len(rates) if rates else 0.0
+            speeds = [each.wheel_speed_m_s for each in (before, row)]
+            if speeds[0] is None or speeds[1] is None:
+                self._gaps += 1
+            else:
+                step_m = 0.5 * (speeds[0] + speeds[1]) * dt_s
+                place_m = self._place_m or 0j
+                self._place_m = place_m + cmath.rect(step_m, self._yaw_rad + 0.5 * turn_rad)
+            self._yaw_rad += turn_rad
+        self._begins[nanoseconds(row.t_s)] = (self._place_m, self._yaw_rad, self._gaps)
 
-    def since(self, t_ns: int) -> float | None:
-        """Return the travel since a frame; None where the wheels are not measured."""
-        return self._rolled_m - self._at_ns[t_ns] if self._is_known else None
+    def forget(self, before_ns: int) -> None:
+        """Forget the frames before a time."""
+        for earlier_ns in [each for each in self._begins if each < before_ns]:
+            del self._begins[earlier_ns]
+
+    def since(self, t_ns: int) -> complex | None:
+        """Return the motion since a frame in the present axes; None where the wheels were not measured."""
+        place_m, yaw_rad, gaps = self._begins[t_ns]
+        if self._place_m is None or gaps != self._gaps:
+            return None
+        turn_rad = self._yaw_rad - yaw_rad
+        moved_m = (self._place_m - (place_m or 0j)) * cmath.rect(1.0, -self._yaw_rad)
+        return moved_m + self._arm_m * (1.0 - cmath.rect(1.0, -turn_rad))
 
 
 def _moved(pose: tuple[float, float, float], motion: GroundMotion) -> tuple[float, float, float]:
-    """Return a pose after a motion that is given in the axes of its end."""
+    """Return a pose of the origin after a motion of the measured point, in the axes of its end."""
     yaw_rad = pose[2] + motion.turn_rad
-    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
-    x_m = pose[0] + cosine * motion.forward_m - sine * motion.left_m
-    y_m = pose[1] + sine * motion.forward_m + cosine * motion.left_m
-    return x_m, y_m, yaw_rad
+    arm_m = complex(*motion.point_m) * (1.0 - cmath.rect(1.0, -motion.turn_rad))
+    place_m = (complex(motion.forward_m, motion.left_m) - arm_m) * cmath.rect(1.0, yaw_rad)
+    return pose[0] + place_m.real, pose[1] + place_m.imag, yaw_rad
 
 
 def csv_row(item: FrameMotion) -> str:
     """Return a line of the output: m, s and rad; empty cells where nothing is known."""
     motion, slip = item.motion, item.slip
-    numbers: list[float | None] = [None] * 8
-    valid, reason = 0, "first frame"
+    numbers: list[float | None] = [None] * 9
+    is_valid, reason = False, "first frame"
     if motion is not None:
-        valid, reason = int(motion.is_valid), motion.invalid_because
-        duration_s = seconds(motion.to_ns - motion.from_ns)
-        measured = (
-            *(motion.forward_m, motion.left_m, motion.turn_rad),
-            *(motion.forward_sd_m, motion.left_sd_m, motion.turn_sd_rad, motion.scale_sd),
-        )
-        numbers = [*(measured if valid else [None] * 7), duration_s]
-    numbers += [item.wheel_m, *(slip or (None, None)), *item.pose]
+        is_valid, reason = motion.is_valid, motion.invalid_because
+        if is_valid:
+            numbers = [
+                *(motion.forward_m, motion.left_m, motion.turn_rad),
+                *(motion.forward_sd_m, motion.left_sd_m, motion.turn_sd_rad, motion.scale_sd),
+                *(seconds(motion.to_ns - motion.from_ns), item.wheel_m),
+            ]
+    numbers += [*(slip or (None, None)), *(item.pose or (None, None, None))]
     cells = ["" if value is None else f"{value:.6f}" for value in numbers]
-    return f'{item.number},{item.t_s:.6f},{valid},{",".join(cells)},"{reason}"'
+    return f'{item.number},{item.t_s:.6f},{int(is_valid)},{",".join(cells)},"{reason}"'

@@ -16,11 +16,12 @@ from controllers.ftrace.rut.presence import Presence
 from controllers.ftrace.rut.rut import CrossSections, Edges, RutFinder, RutPoints, two_sided
 from controllers.ftrace.rut.strips import Stretch, TraceStrips
 from controllers.ftrace.static_shading import StaticShading
-from controllers.ground_motion.estimator import GroundMotionEstimator, rotated
+from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.flow import GroundFlow, PatchMotion
 from controllers.ground_motion.ground_patch import RESOLUTION_M, Floats, Mask, Patch
 from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.prior import MotionPrior
+from controllers.ground_motion.reference_frames import rotated
 from drivers.samples import Image
 
 RIGHT_WITHIN_RAD = math.radians(5.0)
@@ -62,7 +63,7 @@ class RutTracker:
         self._backwards = 0.0
         self._confidence = 0.0
         self._noise_ratio, self._ratios = 1.0, 1
-        self._agrees = True
+        self._agrees, self._is_open = True, False
         self._apart_rad = 0.0
         self._aside_m: float | None = None
 
@@ -154,11 +155,13 @@ class RutTracker:
             turn_rad=frame.turn_rad,
             turn_sd_rad=frame.turn_sd_rad,
         )
-        self._ground_motion.step_patch(frame.t_ns, frame.ground.patch, structure, prior)
+        measured = self._ground_motion.step_patch(frame.t_ns, frame.ground.patch, structure, prior)
+        # The path has moved on by the wheels while a pair was open: the whole of it would count twice.
+        was_open, self._is_open = self._is_open, measured is not None and measured.is_open
         previous = self._previous
         self._previous = self._structure.picture(structure) if frame.usable else None
         if abs(frame.travel_m) <= self._numbers.direction.reach_m:
-            pair = self._ground_motion.pair
+            pair = None if was_open and not self._is_open else self._ground_motion.pair
             return None if pair is None or self._is_across(pair) else pair
         if previous is None or self._previous is None:
             return None

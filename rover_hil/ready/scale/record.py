@@ -107,12 +107,12 @@ def read_scale_record(path: Path) -> ScaleRecord:
     travels: list[Travel] = []
     reasons: Counter[str] = Counter()
     meter = _meter(alone)
-    view, shown = GroundView(GroundPatch(settings.rig.geometry())), None
+    view, picture = GroundView(GroundPatch(settings.rig.geometry())), None
     for image, motion in _pairs(log, config, alone, rows, wheels, meter):
         if motion.invalid_because:
             reasons[motion.invalid_because] += 1
         if motion.is_valid:
-            shown = image
+            picture = draw(image, view, meter, path.name)
         if not motion.is_open:
             travels.append(_travel(motion, wheels, fixes, point_m))
     sds = np.zeros(1) if fixes is None else fixes.position_sd_m
@@ -124,7 +124,7 @@ def read_scale_record(path: Path) -> ScaleRecord:
         rig=settings.rig,
         travels=tuple(travels),
         reasons=dict(reasons),
-        picture=None if shown is None else draw(shown, view, meter, path.name),
+        picture=picture,
     )
 
 

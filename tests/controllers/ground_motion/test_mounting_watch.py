@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -9,9 +10,7 @@ import pytest
 from controllers.ground_motion.mounting_watch import MountedMotion, MountingEffects, MountingWatch
 from controllers.ground_motion.parameters import DEFAULTS
 
-EFFECTS = MountingEffects(
-    pitch_per_rad=1.7, pitch_per_focal=-0.8, tolerance=0.006, travel_per_rad=-0.5, travel_per_focal=0.7
-)
+EFFECTS = MountingEffects(pitch_per_rad=1.7, pitch_per_focal=-0.8, tolerance=0.006)
 SCALE_SD = 0.02
 STEP_M, STEP_S = 0.02, 0.1
 
@@ -37,7 +36,8 @@ def drive(
             MountedMotion(
                 duration_s=STEP_S,
                 forward_m=STEP_M,
-                left_m=aside * STEP_M + float(rng.normal(0.0, 2e-4)),
+                moved_m=complex(STEP_M, aside * STEP_M + float(rng.normal(0.0, 2e-4))),
+                wheel_m=complex(STEP_M),
                 turn_rad=turn_rad,
                 seen_turn_rad=seen_turn * turn_rad,
                 seen_turn_sd_rad=0.002,
@@ -64,27 +64,41 @@ def test_a_slow_rover_cannot_distinguish_it_from_the_bias_of_the_gyro() -> None:
     for _ in range(500):
         watched.update(
             MountedMotion(
-                duration_s=1.0, forward_m=STEP_M, left_m=0.0, turn_rad=0.0, seen_turn_rad=0.0,
+                duration_s=1.0, forward_m=STEP_M, moved_m=STEP_M + 0j, wheel_m=STEP_M + 0j,
+                turn_rad=0.0, seen_turn_rad=0.0,
                 seen_turn_sd_rad=0.002, pitch_rad=0.09 * STEP_M,
             )
         )  # fmt: skip
     assert not watched.text
 
 
-def test_a_camera_turned_in_yaw_is_reported_after_a_rotation() -> None:
+def rotate_and_drive(
+    watched: MountingWatch, headings_deg: Sequence[float], aside: Callable[[float], float]
+) -> str:
+    """Drive 0.6 m on each heading; return what is reported."""
+    now_deg = 0.0
+    for heading_deg in headings_deg:
+        watched.rotate(math.radians(heading_deg - now_deg))
+        now_deg = heading_deg
+        drive(watched, 30, aside=aside(math.radians(heading_deg)))
+    return watched.text
+
+
+def test_a_camera_turned_in_yaw_is_reported_on_three_headings() -> None:
     watched, aside = watch(), math.tan(math.radians(3.0))
-    assert not drive(watched, 60, aside=aside)
-    drive(watched, 20, turn_rad=0.04, aside=aside)
+    assert not rotate_and_drive(watched, (15.0, 45.0), lambda _: aside)
     assert re.match(
-        r"ground moves \+(2.9|3.0|3.1) deg aside on all headings", drive(watched, 60, aside=aside)
+        r"ground moves \+(2.9|3.0|3.1) deg aside on all headings",
+        rotate_and_drive(watched, (30.0,), lambda _: aside),
     )
 
 
-def test_a_drift_on_a_slope_is_not_the_camera() -> None:
-    watched = watch()
-    drive(watched, 60, aside=0.05)
-    drive(watched, 20, turn_rad=0.05, aside=0.04)
-    assert not drive(watched, 60, aside=0.02)
+@pytest.mark.parametrize(
+    "headings_deg", [(0.0, 40.0, 0.0), (70.0, 110.0), (60.0, 90.0, 120.0), (0.0, 60.0, 120.0, 180.0)]
+)
+def test_a_drift_on_a_slope_is_not_the_camera(headings_deg: Sequence[float]) -> None:
+    """It is proportional to the sine of the angle from the line of fall."""
+    assert not rotate_and_drive(watch(), headings_deg, lambda heading_rad: 0.06 * math.sin(heading_rad))
 
 
 @pytest.mark.parametrize(("seen_turn", "is_mirrored"), [(1.0, False), (0.3, False), (-0.7, True)])
