@@ -343,7 +343,7 @@ class Estimator:
     def _account_for_unwatched_yaw(self, increment: BodyIncrement) -> None:
         self._unwatched.drive(math.hypot(increment.x_m, increment.y_m))
         turn = self._turns.turn
-        if turn is None:
+        if turn is None or self._stuck_fault is not None:  # wheels known to be wrong are no alternative
             return
         if self._unwatched.add(turn):
             self.budget.clear(UNWATCHED_YAW)

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,13 +14,12 @@ from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.ground_patch import GroundPatch
 from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.motion import GroundMotion
-from controllers.ground_motion.parameters import DEFAULTS
-from controllers.ground_motion.prior import MotionPrior, turned
-from controllers.ground_motion.rig import RigFile
+from controllers.ground_motion.prior import MotionPrior
 from controllers.ground_motion.rig_tolerance import RigTolerance
 from drivers.clock import nanoseconds
 from drivers.samples import Image
-from rover_hil.ftrace.telemetry import read_telemetry
+from rover_hil.ftrace.inputs import read_inputs
+from rover_hil.ground.run import measure as measure_frames
 
 Floats = NDArray[np.float64]
 Look = Callable[[Image, int], Image]
@@ -69,38 +67,22 @@ def measure(
         every: Only every so many frames are used.
         tolerance: What is not known about the rig.
     """
-    rig = RigFile.model_validate_json((folder / "rig.json").read_text("utf-8"))
-    telemetry = list(read_telemetry(folder / "telemetry.csv").values())
+    inputs = read_inputs(folder / "frames", folder / "rig.json", folder / "telemetry.csv")
     truth = _columns(folder / "truth.csv")
-    paths = sorted((folder / "frames").iterdir())
-    ground = GroundPatch(rig.geometry())
-    estimator = GroundMotionEstimator(GroundView(ground), tolerance)
+    ground = GroundPatch(inputs.rig.geometry())
+    estimator = _Timed(GroundView(ground), tolerance)
     poses = _poses(truth, ground.rig.point_m)
-    used = range(0, len(paths), every)
+    by_ns: dict[int, int] = {}
     motions: list[GroundMotion] = []
-    rows, spent_ms = [], []
-    last: int | None = None
-    for number in used:
-        image = np.asarray(cv2.imread(str(paths[number]), cv2.IMREAD_GRAYSCALE), np.uint8)
-        if look is not None:
-            image = look(image, number)
-        wheel_m, rates = 0.0, None
-        dt_s = 0.0 if last is None else telemetry[number].t_s - telemetry[last].t_s
-        if last is not None:
-            speeds = [telemetry[k].wheel_speed_m_s or 0.0 for k in range(last, number + 1)]
-            times = [telemetry[k].t_s for k in range(last, number + 1)]
-            wheel_m = float(np.trapezoid(speeds, times))
-            rates = telemetry[last].rates_rad_s
-        turn, turn_sd = turned(telemetry[number].rates_rad_s, rates, dt_s, DEFAULTS.turn)
-        prior = MotionPrior(forward_m=wheel_m, left_m=0.0, turn_rad=turn, turn_sd_rad=turn_sd)
-        started = time.thread_time()
-        motion = estimator.step(nanoseconds(telemetry[number].t_s), image, prior)
-        spent_ms.append(1e3 * (time.thread_time() - started))
-        if motion is not None and last is not None:
-            motions.append(motion)
-            slip = float(np.mean(truth["slip"][last : number + 1]))
-            rows.append([wheel_m, slip, *_apart(poses[last], poses[number])])
-        last = number
+    rows = []
+    for number, item in enumerate(measure_frames(inputs, estimator, look, every)):
+        by_ns[nanoseconds(item.t_s)] = number * every
+        if item.motion is None:
+            continue
+        begin, end = by_ns[item.motion.from_ns], number * every
+        slip = float(np.mean(truth["slip"][begin : end + 1]))
+        motions.append(item.motion)
+        rows.append([item.wheel_m or 0.0, slip, *_apart(poses[begin], poses[end])])
     table = np.array(rows)
     return Pairs(
         name=folder.name,
@@ -113,8 +95,22 @@ def measure(
         scale_sd=motions[0].scale_sd,
         valid=np.array([m.is_valid for m in motions]),
         reasons=[m.invalid_because for m in motions],
-        spent_ms=np.array(spent_ms[1:]),
+        spent_ms=np.array(estimator.spent_ms[1:]),
     )
+
+
+class _Timed(GroundMotionEstimator):
+    """An estimator that keeps the processor time of each step."""
+
+    def __init__(self, view: GroundView, tolerance: RigTolerance | None) -> None:
+        super().__init__(view, tolerance)
+        self.spent_ms: list[float] = []
+
+    def step(self, t_ns: int, image: Image, prior: MotionPrior) -> GroundMotion | None:
+        started = time.thread_time()
+        motion = super().step(t_ns, image, prior)
+        self.spent_ms.append(1e3 * (time.thread_time() - started))
+        return motion
 
 
 def _columns(path: Path) -> dict[str, Floats]:

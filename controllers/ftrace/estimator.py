@@ -150,8 +150,6 @@ class TraceEstimator:
             return "trace"
         if reading.by_motion:
             return "flow"
-        if reading.is_unconfirmed:
-            return "held"
         return "held" if self._unmeasured_m <= self._parameters.kept_m else "none"
 
     def _frame(self, t_ns: int, image: Image, speed_m_s: float | None, rates: Rates | None) -> Frame:
@@ -170,7 +168,6 @@ class TraceEstimator:
             travel_m=speed * dt_s,
             turn_rad=turn,
             turn_sd_rad=turn_sd,
-            is_first=self._t_ns is None,
         )
         self._t_ns, self._rates = t_ns, rates
         return frame

@@ -23,7 +23,6 @@ class Frame:
             first frame.
         turn_rad: Angles turned about x, y, z by the gyro; zeros without one.
         turn_sd_rad: Standard deviation of each.
-        is_first: True for the first frame.
     """
 
     t_ns: int
@@ -32,7 +31,6 @@ class Frame:
     travel_m: float
     turn_rad: tuple[float, float, float]
     turn_sd_rad: tuple[float, float, float]
-    is_first: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +41,6 @@ class Reading:
         found: The trace is detected in this frame.
         theta_rad: Angle of the current velocity from the wheel's axis, or None where unknown.
         theta_sd_rad: Its standard deviation; None where unknown.
-        is_unconfirmed: The angle is that of what looks like a trace in the first frame, and may be a shadow.
         by_motion: The angle is measured by the motion of the ground, without the trace.
         offset_m: Place of the trace at the contact, left of it positive.
         confidence: 0..1, probability that the wheel's trace is in this frame and has this angle within 5 deg.
@@ -53,7 +50,6 @@ class Reading:
     found: bool
     theta_rad: float | None
     theta_sd_rad: float | None
-    is_unconfirmed: bool
     by_motion: bool
     offset_m: float
     confidence: float

@@ -1,20 +1,26 @@
 """Motion of the rover over the ground, frame by frame."""
 
-from dataclasses import dataclass
+from dataclasses import replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from controllers.ground_motion.flow import Followed, GroundFlow, PatchMotion
+from controllers.ground_motion.choice import choose
+from controllers.ground_motion.flow import GroundFlow, PatchMotion
 from controllers.ground_motion.ground_patch import Floats, Mask, Patch
 from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.motion import GroundMotion
+from controllers.ground_motion.moving_parts import MovingParts
 from controllers.ground_motion.parameters import DEFAULTS, GroundMotionParameters
 from controllers.ground_motion.prior import MotionPrior
+from controllers.ground_motion.reference_frames import Reference, ReferenceFrames, rotated
+from controllers.ground_motion.repeats import RepeatWatch
 from controllers.ground_motion.rig_tolerance import RigTolerance
-from controllers.ground_motion.rig_watch import RigWatch
+from controllers.ground_motion.standing_proof import StandingProof
 from controllers.ground_motion.static_pattern import StaticPattern
-from controllers.ground_motion.tolerance import scale_of
+from controllers.ground_motion.wheel_comparison import ComparedPair, WheelComparison
+from drivers.clock import seconds
 from drivers.errors import ModelError
 from drivers.samples import Image
 
@@ -37,18 +43,26 @@ NO_MOTION = PatchMotion(
 """Between a picture and the same once more."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Past:
-    """A frame to compare with.
+CONFLICT = 3.0
+"""Two measurements of one motion that differ by more of their standard deviations are not averaged."""
+
+
+class _Compared(NamedTuple):
+    """A pair by comparison with an earlier frame.
 
     Attributes:
-        picture: Fine structure in grey levels.
-        pose: Of the measured point in the axes of the first frame of the chain: forward, left, turn, and roll
-            and pitch since then.
+        motion: Of the pair.
+        pose: Of the frame, as in `Reference`.
+        sd: Standard deviation of the motion since the earlier frame, forward and left.
+        pitch_rad: Change of pitch in the pair that the gyro does not measure.
+        is_fixed: Whether the points that show it do not move in the picture.
     """
 
-    picture: Image
+    motion: PatchMotion
     pose: Floats
+    sd: Floats
+    pitch_rad: float
+    is_fixed: bool
 
 
 class GroundMotionEstimator:
@@ -65,6 +79,7 @@ class GroundMotionEstimator:
     Attributes:
         pair: The last motion in the axes of the patch, as the pictures show it; None where not measured,
             no motion for a picture that is repeated.
+        moving_parts: Points of the view that move with the rover, and are left out.
     """
 
     def __init__(
@@ -77,21 +92,19 @@ class GroundMotionEstimator:
         self._view, self._ground, self._parameters = view, ground, parameters
         self._structure = view.structure
         self._flow = GroundFlow(ground, parameters.flow)
-        self._factor, self._scale_sd = scale_of(ground, self._flow, tolerance or RigTolerance())
+        self._wheels = WheelComparison(ground, self._flow, tolerance or RigTolerance(), parameters)
         self._visible = ground.visible.astype(np.uint8)
         self._pattern = StaticPattern(ground.shape, parameters.pattern)
-        self._watch = RigWatch(self._scale_sd, parameters.rig_watch)
+        self.moving_parts = MovingParts(len(self._flow.points_m()), parameters.moving_parts)
+        self._proof = StandingProof(ground.pixel_m, parameters.standing)
+        self._repeats = RepeatWatch(parameters.repeats)
+        self._frames = ReferenceFrames(ground, parameters.validity)
         self._most_travel_m = parameters.validity.most_travel_share * ground.shape[0] * ground.pixel_m
-        validity = parameters.validity
-        self._baseline_pixels = (
-            validity.coarse_baseline_pixels if ground.is_coarse else validity.baseline_pixels
-        )
-        self._past: list[_Past] = []
-        self._pose: Floats = np.zeros(5)
-        self._next_pose: Floats = np.zeros(5)
         self._turned: Floats = np.zeros((2, 3))
         self._travel_m: Floats | None = np.zeros(2)
         self._last_m: Floats = np.zeros(2)
+        self._has_gyro = True
+        self._left_out = 0
         self._t_ns: int | None = None
         self._grey: Image | None = None
         self.pair: PatchMotion | None = None
@@ -138,34 +151,45 @@ class GroundMotionEstimator:
             return None
         if self._is_repeated(t_ns, patch):
             self.pair = NO_MOTION
+            self._left_out += 1
             return self._invalid(before_ns, t_ns, "frame repeated")
         picture = self._structure.picture(self._pattern.without(structure))
-        motion, reason = self._measure(picture)
-        if motion is None:
+        found, reason = self._measure(picture)
+        if found is None:
+            reason += self._wheels.miss(self._travel_m)
             self._restart(t_ns, patch, structure)
             return self._invalid(before_ns, t_ns, reason)
-        self.pair = motion
-        wheel_m = self._travel_m
-        self._last_m = np.array([motion.forward_m, motion.left_m])
+        motion = found.motion
+        compared = ComparedPair(
+            motion=motion,
+            pitch_rad=found.pitch_rad,
+            wheel_m=self._travel_m,
+            turn_rad=float(self._turned[0, 2]),
+            has_gyro=self._has_gyro,
+            duration_s=seconds(t_ns - before_ns),
+        )
+        moved_m = np.array([motion.forward_m, motion.left_m])
+        reason = self._proof.why_not(structure, self._travel_m, moved_m, is_fixed=found.is_fixed)
+        reason = reason or self._wheels.contradiction(compared)
+        if reason:
+            self._leave_out(t_ns, patch, structure)
+            return self._invalid(before_ns, t_ns, reason)
+        self._last_m = moved_m
         self._pattern.update(structure, motion.moved_pixels)
-        self._remember(picture)
+        if motion.tracks is not None:
+            self.moving_parts.update(motion.tracks, motion.moved_pixels)
+        self._frames.add(Reference(picture=picture, pose=found.pose, sd=found.sd))
         self._begin(t_ns, patch)
-        if wheel_m is not None and (length_m := float(np.hypot(*wheel_m))) > 0:
-            along, across = (
-                self._factor
-                * self._last_m
-                / length_m
-                @ np.array([[wheel_m[0], -wheel_m[1]], [wheel_m[1], wheel_m[0]]])
-            )
-            sd_m = float(np.hypot(motion.forward_sd_m, motion.left_sd_m))
-            self._watch.update(length_m, complex(along, across), sd_m)
-        if self._watch.fault is not None:
-            return self._invalid(before_ns, t_ns, self._watch.fault.text)
+        if doubt := self._wheels.doubt(compared):
+            return self._invalid(before_ns, t_ns, doubt)
+        self.pair = motion
         return self._valid(before_ns, t_ns, motion)
 
     def _expect(self, prior: MotionPrior) -> None:
         """Add the motion by other sensors, in the axes of the patch."""
         self._turned = self._turned + np.array([prior.turn_rad, prior.turn_sd_rad])
+        self._has_gyro &= prior.has_gyro
+        self._wheels.rotate(prior.turn_rad[2])
         if prior.forward_m is None or self._travel_m is None:
             self._travel_m = None
             return
@@ -180,41 +204,82 @@ class GroundMotionEstimator:
             return True
         if grey is None:
             return False
-        apart = cv2.mean(cv2.absdiff(patch, grey), self._visible)[0]
-        return bool(apart < self._parameters.validity.repeated_grey)
+        apart_grey = cv2.mean(cv2.absdiff(patch, grey), self._visible)[0]
+        return self._repeats.is_repeated(apart_grey, may_wait=self._may_wait())
 
-    def _measure(self, picture: Image) -> tuple[PatchMotion | None, str]:
+    def _may_wait(self) -> bool:
+        """Return whether the pair may stay open for a frame more: by the last motion, else by the wheels."""
+        if self._last_m.any():
+            return (self._left_out + 2) * float(np.hypot(*self._last_m)) < self._most_travel_m
+        wheel_m = self._travel_m
+        return wheel_m is None or 2.0 * float(np.hypot(*wheel_m)) < self._most_travel_m
+
+    def _leave_out(self, t_ns: int, patch: Image, structure: Patch) -> None:
+        """Leave a frame out: the pair stays open, and its motion is measured with a later one."""
+        self._left_out += 1
+        if self._left_out > self._parameters.validity.most_left_out or not self._may_wait():
+            picture = self._structure.picture(self._pattern.without(structure))
+            self._frames.begin(picture)
+            self._begin(t_ns, patch)
+
+    def _measure(self, picture: Image) -> tuple[_Compared | None, str]:
         """Return the motion of the pair, and why there is none."""
         wheel_m = self._travel_m
-        if wheel_m is not None and np.hypot(*wheel_m) > self._most_travel_m:
+        if wheel_m is not None and not self._left_out and np.hypot(*wheel_m) > self._most_travel_m:
             return None, self._too_far(float(np.hypot(*wheel_m)))
         reason = ""
-        for past in self._references():
+        order, second = self._frames.choose(self._last_m)
+        for reference in order:
             for starts_m in self._starts(wheel_m):
-                motion, reason = self._compare(past, picture, starts_m)
-                if motion is None:
+                found, reason = self._compare(reference, picture, starts_m)
+                if found is None:
                     continue
-                length_m = float(np.hypot(motion.forward_m, motion.left_m))
+                if second is not reference:
+                    found = self._with_second(found, second, picture)
+                length_m = float(np.hypot(found.motion.forward_m, found.motion.left_m))
                 if length_m > self._most_travel_m:
                     return None, self._too_far(length_m)
-                return motion, ""
+                return found, ""
         return None, reason
+
+    def _with_second(self, first: _Compared, second: Reference, picture: Image) -> _Compared:
+        """Return a pair by two earlier frames, weighted by their variances.
+
+        With one, frames that are compared with the same ones would form chains of their own, whose errors
+        show in every pair. Where both differ by more than their deviations the mean is as uncertain as they
+        differ (Birge's ratio); where they contradict each other the frame farther away decides, from which
+        the ground has moved more.
+        """
+        last_sd = self._frames.last.sd
+        first_sd = np.hypot(first.sd, last_sd)
+        alone = first._replace(motion=_with_sd(first.motion, first_sd))
+        other, _ = self._compare(second, picture, np.array([_moved(first.motion)]))
+        if other is None or (other.is_fixed and not first.is_fixed):
+            return alone
+        other_sd = other.sd if second is self._frames.last else np.hypot(other.sd, last_sd)
+        both = np.array([_moved(first.motion), _moved(other.motion)])
+        ratio = np.maximum(1.0, np.abs(both[0] - both[1]) / np.hypot(first_sd, other_sd))
+        if (ratio > CONFLICT).any():
+            return alone._replace(motion=_with_sd(first.motion, np.maximum(first_sd, abs(both[0] - both[1]))))
+        weight = other_sd**2 / (first_sd**2 + other_sd**2)
+        forward_m, left_m = weight * both[0] + (1.0 - weight) * both[1]
+        pose = first.pose.copy()
+        pose[:2] = self._frames.last.pose[:2] + rotated(np.array([forward_m, left_m]), float(pose[2]))
+        moved_pixels = float(np.hypot(forward_m, left_m)) / self._ground.pixel_m
+        motion = replace(
+            first.motion, forward_m=float(forward_m), left_m=float(left_m), moved_pixels=moved_pixels
+        )
+        return first._replace(
+            motion=_with_sd(motion, ratio * first_sd * other_sd / np.hypot(first_sd, other_sd)),
+            pose=pose,
+            sd=ratio / np.sqrt(1.0 / first.sd**2 + 1.0 / (other.sd**2 + second.sd**2)),
+        )
 
     def _too_far(self, travel_m: float) -> str:
         return (
             f"{travel_m:.2f} m between two frames, at most {self._most_travel_m:.2f} m: take more frames per "
             "second, or drive more slowly"
         )
-
-    def _references(self) -> list[_Past]:
-        """Return the frames to compare with, in this order."""
-        expected = self._pose[:2] + self._last_m
-        apart = [float(np.hypot(*(expected - past.pose[:2]))) / self._ground.pixel_m for past in self._past]
-        far = [
-            past for past, pixels in zip(self._past, apart, strict=True) if pixels >= self._baseline_pixels
-        ]
-        first = far[-1] if far else self._past[0]
-        return [first] if first is self._past[-1] else [first, self._past[-1]]
 
     def _starts(self, wheel_m: Floats | None) -> list[Floats]:
         """Return motions of the pair to start from: likely ones, and others for when these fail."""
@@ -230,115 +295,68 @@ class GroundMotionEstimator:
         shares = np.linspace(1.0, 0.0, count)
         return [np.outer(shares, wheel_m), np.outer(-shares[:-1], wheel_m)]
 
-    def _compare(self, past: _Past, picture: Image, starts_m: Floats) -> tuple[PatchMotion | None, str]:
-        """Return the motion of the pair, by comparison with an earlier frame."""
+    def _compare(
+        self, reference: Reference, picture: Image, starts_m: Floats
+    ) -> tuple[_Compared | None, str]:
+        """Return the pair by comparison with an earlier frame, and why there is none."""
         (roll, pitch, yaw), deviations = self._turned
-        before = self._pose - past.pose
+        last = self._frames.last.pose
+        before = last - reference.pose
         angles = (float(before[3] + roll), float(before[4] + pitch), float(before[2] + yaw))
         # Motion between that frame and the one before, in the axes of this one.
-        known_m = rotated(before[:2], -(self._pose[2] + yaw))
+        known_m = rotated(before[:2], -float(last[2] + yaw))
         wheel_m = self._travel_m
         reach_m = self._most_travel_m if wheel_m is None else float(np.hypot(*wheel_m))
         most_m = float(np.hypot(*known_m)) + self._parameters.flow.overrun * reach_m
         followed = self._flow.follow(
-            past.picture, picture, known_m + starts_m, angles, tuple(deviations.tolist()), most_m
+            reference.picture,
+            picture,
+            known_m + starts_m,
+            angles,
+            tuple(deviations.tolist()),
+            most_m,
+            self.moving_parts.mask,
         )
-        found, reason = self._choose(followed, float(np.hypot(*known_m)) / self._ground.pixel_m)
+        validity = self._parameters.validity
+        found, reason = choose(followed, float(np.hypot(*known_m)) / self._ground.pixel_m, validity)
         if found is None:
             return None, reason
+        turn_rad = float(reference.pose[2]) + found.turn_rad
         pose = np.r_[
-            past.pose[:2] + rotated(np.array([found.forward_m, found.left_m]), past.pose[2] + found.turn_rad),
-            past.pose[2] + found.turn_rad,
-            past.pose[3:] + found.tilt_rad,
+            reference.pose[:2] + rotated(np.array(_moved(found)), turn_rad),
+            turn_rad,
+            reference.pose[3:] + found.tilt_rad,
         ]
-        forward_m, left_m = rotated(pose[:2] - self._pose[:2], -pose[2]).tolist()
-        turn_rad = float(pose[2] - self._pose[2])
-        moved = float(np.hypot(forward_m, left_m)) / self._ground.pixel_m
-        self._next_pose = pose
-        return (
-            PatchMotion(
-                forward_m=forward_m,
-                left_m=left_m,
-                turn_rad=turn_rad,
-                tilt_rad=found.tilt_rad,
-                forward_sd_m=found.forward_sd_m,
-                left_sd_m=found.left_sd_m,
-                turn_sd_rad=found.turn_sd_rad,
-                points=found.points,
-                share=found.share,
-                moved_pixels=moved,
-                moved_sd_pixels=found.moved_sd_pixels,
-            ),
-            "",
+        forward_m, left_m = rotated(pose[:2] - last[:2], -turn_rad).tolist()
+        motion = replace(
+            found,
+            forward_m=forward_m,
+            left_m=left_m,
+            turn_rad=turn_rad - float(last[2]),
+            moved_pixels=float(np.hypot(forward_m, left_m)) / self._ground.pixel_m,
         )
-
-    def _choose(self, followed: Followed, apart_pixels: float) -> tuple[PatchMotion | None, str]:
-        """Return the motion that is the ground's, or why none is.
-
-        Args:
-            followed: The groups of motions.
-            apart_pixels: Known motion between the earlier frame and the one before this.
-        """
-        numbers = self._parameters.validity
-        moving, fixed = followed.moving, followed.fixed
-        if moving is not None and moving.moved_pixels > numbers.still_pixels:
-            most_sd_pixels = min(
-                numbers.least_sd_pixels + numbers.sd_share * moving.moved_pixels, numbers.most_sd_pixels
-            )
-            if moving.points >= numbers.least_moving and moving.moved_sd_pixels < most_sd_pixels:
-                return moving, ""
-            reason = "too few points move alike"
-        else:
-            reason = "too few points follow the ground"
-        still = max((m for m in (moving, fixed) if m is not None), key=lambda m: m.points, default=None)
-        if still is None or still.moved_pixels > numbers.still_pixels:
-            return None, reason
-        if apart_pixels > 1.0:
-            return None, "what is fixed in the picture hides the ground"
-        # One that creeps is neither at rest nor clearly moving: it must be sharp, and of nearly all points.
-        creeps = still.moved_pixels > numbers.creeping_pixels
-        sharp = still.moved_sd_pixels < numbers.clear_still_sd_pixels
-        least_share = numbers.clear_still_share if sharp and not creeps else numbers.least_still_share
-        most_sd_pixels = numbers.creeping_sd_pixels if creeps else numbers.most_still_sd_pixels
-        if still.share < least_share or still.moved_sd_pixels > most_sd_pixels:
-            return None, "ground that stands cannot be distinguished from what is fixed in the picture"
-        return still, ""
-
-    def _remember(self, picture: Image) -> None:
-        """Keep this frame to compare with, at the pose that was measured last."""
-        self._pose = self._next_pose
-        numbers = self._parameters.validity
-        pixel_m = self._ground.pixel_m
-        last = self._past[-1]
-        moved = float(np.hypot(*(self._pose - last.pose)[:2])) / pixel_m
-        turned = float(self._pose[2] - last.pose[2]) * self._ground.shape[0]
-        if np.hypot(moved, turned) < numbers.stored_pixels:
-            return
-        self._past.append(_Past(picture=picture, pose=self._pose))
-        # All before the newest one that is far enough will not be compared with again.
-        while len(self._past) > 2 and (
-            len(self._past) > numbers.most_stored
-            or np.hypot(*(self._pose - self._past[1].pose)[:2]) / pixel_m >= self._baseline_pixels
-        ):
-            del self._past[0]
+        sd = np.array([found.forward_sd_m, found.left_sd_m])
+        is_fixed = found.moved_pixels <= validity.still_pixels
+        return _Compared(motion, pose, sd, found.tilt_rad[1] - angles[1], is_fixed), ""
 
     def _restart(self, t_ns: int, patch: Image, structure: Patch) -> None:
-        """Begin a new chain of poses with this frame."""
-        picture = self._structure.picture(self._pattern.without(structure))
-        self._pose = np.zeros(5)
-        self._past = [_Past(picture=picture, pose=self._pose)]
+        """Begin a new chain of poses with this frame; nothing before it is examined."""
+        self._frames.begin(self._structure.picture(self._pattern.without(structure)))
+        self._proof.begin(structure)
         self._begin(t_ns, patch)
 
     def _begin(self, t_ns: int, patch: Image) -> None:
         """Begin the next pair."""
+        self._left_out = 0
+        self._proof.begin_pair()
         self._t_ns, self._grey = t_ns, patch
-        self._travel_m, self._turned = np.zeros(2), np.zeros((2, 3))
+        self._travel_m, self._turned, self._has_gyro = np.zeros(2), np.zeros((2, 3)), True
 
     def _valid(self, from_ns: int, to_ns: int, motion: PatchMotion) -> GroundMotion:
         rig = self._ground.rig
         cosine, sine = np.cos(rig.steer_rad), np.sin(rig.steer_rad)
         forward_m, left_m = (
-            self._factor * rotated(np.array([motion.forward_m, motion.left_m]), rig.steer_rad)
+            self._wheels.factor * rotated(np.array([motion.forward_m, motion.left_m]), rig.steer_rad)
         ).tolist()
         return GroundMotion(
             from_ns=from_ns,
@@ -350,7 +368,7 @@ class GroundMotionEstimator:
             forward_sd_m=float(np.hypot(cosine * motion.forward_sd_m, sine * motion.left_sd_m)),
             left_sd_m=float(np.hypot(sine * motion.forward_sd_m, cosine * motion.left_sd_m)),
             turn_sd_rad=motion.turn_sd_rad,
-            scale_sd=self._scale_sd,
+            scale_sd=self._wheels.scale_sd,
         )
 
     def _invalid(self, from_ns: int, to_ns: int, reason: str) -> GroundMotion:
@@ -364,13 +382,16 @@ class GroundMotionEstimator:
             forward_sd_m=0.0,
             left_sd_m=0.0,
             turn_sd_rad=0.0,
-            scale_sd=self._scale_sd,
-            rig_fault=self._watch.fault,
+            scale_sd=self._wheels.scale_sd,
+            rig_fault=self._wheels.fault,
             invalid_because=reason,
+            is_open=self._t_ns == from_ns,
         )
 
 
-def rotated(vector: Floats, angle_rad: float) -> Floats:
-    """Return a plane vector, turned counter-clockwise."""
-    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
-    return np.array([cosine * vector[0] - sine * vector[1], sine * vector[0] + cosine * vector[1]])
+def _moved(motion: PatchMotion) -> tuple[float, float]:
+    return motion.forward_m, motion.left_m
+
+
+def _with_sd(motion: PatchMotion, sd: Floats) -> PatchMotion:
+    return replace(motion, forward_sd_m=float(sd[0]), left_sd_m=float(sd[1]))

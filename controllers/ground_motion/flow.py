@@ -24,6 +24,22 @@ MOST_CELLS = 1_000_000
 """Of the plane of motions; more are of points that went astray."""
 
 
+class Tracks(NamedTuple):
+    """Points of the rectified ground, and where they went.
+
+    Attributes:
+        before: Columns and rows in the earlier frame (points x 2).
+        after: In the later one.
+        tracked: Which of them could be followed.
+        follows: Which of these move with the ground.
+    """
+
+    before: Floats
+    after: Floats
+    tracked: Mask
+    follows: Mask
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PatchMotion:
     """Motion of the reference point in the axes of the patch, at the later frame.
@@ -40,6 +56,8 @@ class PatchMotion:
         share: Their share of the points in both views.
         moved_pixels: Mean motion of these points in the picture.
         moved_sd_pixels: Standard deviation of this mean, by the scatter of the points.
+        ambiguity: Points that another motion explains, over those of this one.
+        tracks: The points; None where no pictures were compared.
     """
 
     forward_m: float
@@ -53,6 +71,8 @@ class PatchMotion:
     share: float
     moved_pixels: float
     moved_sd_pixels: float
+    ambiguity: float = 0.0
+    tracks: Tracks | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +93,9 @@ class _Samples(NamedTuple):
 
     Attributes:
         moved: Motion ahead and left (points x starts x 2), m.
-        usable: Which of these could be followed (points x starts).
+        usable: Which of these could be followed and are not left out (points x starts).
+        tracked: Which of these could be followed.
+        counts: Which points are not left out.
         base: Motion of the points by the given turn (points x 2).
         design: Motion of the points by unit motions on top of it (points x 2 x 5).
         shifts: Motion of the reference point that each sample means.
@@ -84,6 +106,8 @@ class _Samples(NamedTuple):
 
     moved: Floats
     usable: Mask
+    tracked: Mask
+    counts: Mask
     base: Floats
     design: Floats
     shifts: Floats
@@ -129,6 +153,7 @@ class GroundFlow:
         turn_rad: Angles,
         turn_sd_rad: Angles,
         most_m: float,
+        left_out: Mask | None = None,
     ) -> Followed:
         """Return the motions between two patches.
 
@@ -139,14 +164,26 @@ class GroundFlow:
             turn_rad: Angles turned about x, y, z.
             turn_sd_rad: Standard deviation of each.
             most_m: Greatest length of the motion.
+            left_out: Points that are not of the ground; None for none.
         """
         base, design = self._linearised(turn_rad[2])
         angles = np.array([0.0, *turn_rad[:2]])
         turned = base + design[:, :, 2:] @ angles
-        moved, usable = self._moved(before, after, turned, starts_m)
+        moved, tracked = self._moved(before, after, turned, starts_m)
+        counts = np.ones(len(tracked), np.bool_) if left_out is None else ~left_out
+        usable = np.asarray(tracked & counts[:, None], np.bool_)
         information = np.diag(1 / np.array([turn_sd_rad[2], *turn_sd_rad[:2]]) ** 2)
         samples = _Samples(
-            moved, usable, base, design, turned[:, None] - moved, angles, information, turn_rad[2]
+            moved,
+            usable,
+            tracked,
+            counts,
+            base,
+            design,
+            turned[:, None] - moved,
+            angles,
+            information,
+            turn_rad[2],
         )
         alike_m, slack_m = (
             pixels * self._pixel_m
@@ -192,30 +229,36 @@ class GroundFlow:
 
     def _fit(self, samples: _Samples, group: Mask) -> PatchMotion | None:
         """Return the motion that most points of a group share, fitted to all points."""
-        start = self._densest(samples, group)
-        return None if start is None else self._solve(samples, start)
+        start, ambiguity = self._densest(samples, group)
+        return None if start is None else self._solve(samples, start, ambiguity)
 
-    def _densest(self, samples: _Samples, group: Mask) -> Floats | None:
+    def _densest(self, samples: _Samples, group: Mask) -> tuple[Floats | None, float]:
         """Return the motion that most points share, in the order of the design; None if too few do.
+
+        And the points of the next densest group that moves otherwise, over those of this one.
 
         A point counts once. Where the pitch is not known, far points move otherwise than near ones: several
         changes of pitch are tried, in steps that part the points less than the group is wide.
         """
         numbers = self._parameters
         if group.any(axis=1).sum() < numbers.least_points:
-            return None
+            return None, 0.0
         point = np.nonzero(group)[0]
         chosen = samples.shifts[group]
         pitched, pitch_sd_rad = samples.design[:, :, 4], float(samples.information[2, 2] ** -0.5)
         spread = float(np.ptp(pitched[:, 0])) * pitch_sd_rad / self._pixel_m
         steps = min(int(1.5 * spread / numbers.pitch_pixels), numbers.most_pitch_steps)
-        best, most = None, 0.0
+        best, most, other = None, 0.0, 0.0
         for pitch_rad in np.linspace(-1.5, 1.5, 2 * steps + 1) * pitch_sd_rad if steps else (0.0,):
             level = chosen + pitched[point] * pitch_rad
             votes, middle = self._vote(level, point)
             if votes > most:
                 best, most = np.r_[middle, 0.0, 0.0, pitch_rad], votes
-        return None if best is None else np.asarray(best + np.r_[0.0, 0.0, samples.angles], np.float64)
+                apart = np.hypot(*(level - middle).T) > numbers.other_pixels * self._pixel_m
+                other = self._vote(level[apart], point[apart])[0] if apart.any() else 0.0
+        if best is None:
+            return None, 0.0
+        return np.asarray(best + np.r_[0.0, 0.0, samples.angles], np.float64), other / most
 
     def _vote(self, shifts: Floats, point: NDArray[np.intp]) -> tuple[float, Floats]:
         """Return how many points the densest group of motions has, and its middle."""
@@ -231,7 +274,7 @@ class GroundFlow:
         near = (np.abs(cell - (row, column)) <= 1).all(axis=1)
         return float(votes[row, column]), np.asarray(shifts[near].mean(axis=0), np.float64)
 
-    def _solve(self, samples: _Samples, start: Floats) -> PatchMotion | None:
+    def _solve(self, samples: _Samples, start: Floats, ambiguity: float) -> PatchMotion | None:
         """Fit the motion to the points with Tukey weights, from a start near it."""
         numbers = self._parameters
         moved, usable, base, design = samples.moved, samples.usable, samples.base, samples.design
@@ -275,10 +318,26 @@ class GroundFlow:
             left_sd_m=float(sd[1]),
             turn_sd_rad=float(sd[2]),
             points=int(inlier.sum()),
-            share=min(float(inlier.sum()) / max(int(self._is_visible(landed).sum()), 1), 1.0),
+            share=min(
+                float(inlier.sum()) / max(int((self._is_visible(landed) & samples.counts).sum()), 1), 1.0
+            ),
             moved_pixels=float(np.hypot(*model[inlier].T).mean()) / self._pixel_m,
             moved_sd_pixels=scale / self._pixel_m * float(np.sqrt(self._covariance_factor / inlier.sum())),
+            ambiguity=ambiguity,
+            tracks=self._tracks(samples, model, numbers.cut * scale),
         )
+
+    def _tracks(self, samples: _Samples, model: Floats, most_m: float) -> Tracks:
+        """Return where the points went; those of the ground are nearer to the model than this."""
+        apart = samples.moved - model[:, None]
+        squares = np.where(samples.tracked, np.einsum("ijk,ijk->ij", apart, apart), np.inf)
+        nearest = squares.argmin(axis=1)
+        place = np.arange(len(nearest))
+        moved_m = samples.moved[place, nearest]
+        after = self._pixels + np.stack([moved_m[:, 1], -moved_m[:, 0]], axis=1) / self._pixel_m
+        follows = squares[place, nearest] < most_m**2
+        tracked = np.asarray(samples.tracked.any(axis=1), np.bool_)
+        return Tracks(self._pixels, after, tracked, np.asarray(follows, np.bool_))
 
     def _linearised(self, yaw_rad: float) -> tuple[Floats, Floats]:
         """Return displacements of the points (ahead, left) by a turn, and by unit motions on top of it.

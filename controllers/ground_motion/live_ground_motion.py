@@ -57,11 +57,16 @@ class LiveGroundMotion:
             return None
         dt_s = 0.0 if before_ns is None else seconds(t_ns - before_ns)
         angles, deviations = turned(prior.rates_rad_s, self._rates_rad_s, dt_s, DEFAULTS.turn)
+        has_gyro = prior.rates_rad_s is not None and self._rates_rad_s is not None
         self._before_ns, self._rates_rad_s = t_ns, prior.rates_rad_s
         return self._estimator.step(
             t_ns,
             frame.image,
             MotionPrior(
-                forward_m=prior.forward_m, left_m=prior.left_m, turn_rad=angles, turn_sd_rad=deviations
+                forward_m=prior.forward_m,
+                left_m=prior.left_m,
+                turn_rad=angles,
+                turn_sd_rad=deviations,
+                has_gyro=has_gyro,
             ),
         )

@@ -30,6 +30,7 @@ class GroundMotion:
         rig_fault: What contradicts the rig, and by how much the travel of all earlier pairs may be wrong by
             it; None for nothing.
         invalid_because: Why the pair measures nothing; "" where it is valid. The motion is then 0.
+        is_open: The frame was left out, and the next pair begins at `from_ns`, too.
     """
 
     from_ns: int
@@ -44,6 +45,7 @@ class GroundMotion:
     scale_sd: float
     rig_fault: Fault | None = None
     invalid_because: str = ""
+    is_open: bool = False
 
     @property
     def is_valid(self) -> bool:

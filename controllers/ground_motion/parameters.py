@@ -45,6 +45,7 @@ class FlowParameters:
     least_points: int = 14  # that follow the ground
     point_sd_pixels: float = 0.15  # of the motion of a point
     group_pixels: float = 0.3  # motions closer than this are alike
+    other_pixels: float = 3.0  # motions farther apart are others
     pitch_pixels: float = 1.0  # spread of the points' motions by a change of pitch, of a step of the search
     most_pitch_steps: int = 6  # to either side
     rounds: int = 4  # of the robust fit
@@ -75,12 +76,37 @@ class ValidityParameters:
     creeping_sd_pixels: float = 0.04  # of it
     clear_still_share: float = 0.5  # enough where passing shadows hide the others, and this group is sharp:
     clear_still_sd_pixels: float = 0.03  # windows on specks and ground scatter more
+    most_ambiguous: float = 0.6  # points that another motion explains, over those of the motion: median of
+    ambiguous_pairs: int = 5  # so many
     baseline_pixels: float = 8.0  # frames to compare with are at least this far apart, where there are any
     coarse_baseline_pixels: float = 3.0  # where rays are flat: ground looks otherwise after some metres
+    second_pixels: float = 5.0  # the same of a second one: specks pull at points that move less
     stored_pixels: float = 0.75  # least motion between two frames that are kept to compare with
     most_stored: int = 8  # of them
+    most_left_out: int = 4  # frames in a row that are left out of a pair
     most_travel_share: float = 0.15  # of the view, between two frames: beyond, too little ground is shared
-    repeated_grey: float = 0.02  # mean difference of two frames; the noise of a camera gives more
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RepeatParameters:
+    """Frames that are sent again, by their mean difference from the last new one."""
+
+    same_grey: float = 0.02  # two frames that differ less are one; the noise of a camera gives more
+    share: float = 0.3  # of the median of the differences before: a frame coded again differs less
+    kept: int = 8  # differences
+    most_in_a_row: int = 4  # more of them are of ground that stands
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StandingParameters:
+    """Proof that ground stands which does not move in the picture while the wheels roll."""
+
+    frames: int = 12  # at least `least_rolled_pixels` of the wheels apart, over which the picture is averaged
+    least_frames: int = 5  # for a mean that is not the picture itself
+    least_rolled_pixels: float = 1.0  # by the wheels: below, both stand
+    seen_pixels: float = 40.0  # of motion, before the ground is known to be visible
+    lags: tuple[int, ...] = (1, 2, 4, 8)  # frames between two that are compared
+    peak_sd: float = 8.0  # of a correlation of noise; the greatest of some thousand is 4 to 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,16 +118,53 @@ class PatternParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MovingPartsParameters:
+    """Points that never move with the ground."""
+
+    length_pixels: float = 40.0  # motion over which it is learned, as the pattern
+    least_pixels: float = 1.0  # motion of a pair: points of ground that creeps fit everything
+    least_seen: float = 0.8  # of the weight of that motion
+    most_following: float = 0.1  # of the motion, for a point that is not of the ground
+    most_share: float = 0.5  # of the points
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RigWatchParameters:
     """Contradictions of ground and wheels that a wrong rig causes."""
 
     memory_m: float = 1.0  # travel of the wheels over which sums of the travels fade
     least_travel_m: float = 0.25  # of the wheels, for a ratio to their travel
+    unfollowed_m: float = 0.5  # of the wheels, without any motion of the ground
     confirmed_travel_m: float = 0.1  # of the wheels, with the ground moving along: the camera is upright
     backwards: float = 0.3  # motion against the wheels', over theirs, that counts
     across: float = 0.7  # motion across the wheels', over theirs: no slope drags a rover aside so fast
+    slack_m: float = 0.002  # camera and wheels are timed to some hundredths of a second
     skid: float = 0.05  # ground travel beyond the wheels' that a rover reaches, downhill
     deviations: float = 3.0  # of the scale beyond that, and of the newest pair
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MountingParameters:
+    """Contradictions of near and far ground, of headings, and of the gyro that a wrong mounting causes."""
+
+    deviations: float = 4.0  # of noise and tolerance
+    memory_m: float = 5.0  # travel over which sums fade
+    least_travel_m: float = 0.4  # over which slopes are formed
+    gyro_bias_rad_s: float = 0.002  # standard deviation about the pitch axis: 0.1 deg/s
+    least_effect: float = 0.1  # change of pitch per metre by a whole error: smaller ones show nothing
+    least_turn_deg: float = 3.0  # of rotation, before that by the pictures is compared
+    heading_deg: float = 30.0  # width of a heading
+    headings: int = 3  # next to each other, that must agree: a slope differs by 13 % between three
+    alike: float = 0.1  # greatest difference of these angles, over their mean
+    ahead: float = 0.1  # greatest motion of the wheels to the side, over that ahead, for such an angle
+    least_yaw_deg: float = 1.5  # of the mounting, that counts
+    unconfirmed_scale_sd: float = 0.1  # of the travel, before a rotation on the spot has confirmed it
+    confirming_deg: float = 45.0  # of rotation on the spot
+    on_the_spot: float = (
+        0.2  # travel of the rover over that of the point below the camera, in such a rotation
+    )
+    gyro_scale_sd: float = 0.02
+    centre_sd_m: float = 0.01  # of the point about which the rover rotates
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +176,11 @@ class GroundMotionParameters:
     flow: FlowParameters = FlowParameters()
     validity: ValidityParameters = ValidityParameters()
     pattern: PatternParameters = PatternParameters()
+    repeats: RepeatParameters = RepeatParameters()
+    standing: StandingParameters = StandingParameters()
+    moving_parts: MovingPartsParameters = MovingPartsParameters()
     rig_watch: RigWatchParameters = RigWatchParameters()
+    mounting: MountingParameters = MountingParameters()
 
 
 DEFAULTS = GroundMotionParameters()

@@ -15,12 +15,14 @@ class MotionPrior:
         left_m: To its left.
         turn_rad: Angles turned about x, y, z.
         turn_sd_rad: Standard deviation of each.
+        has_gyro: Whether a gyro of three axes has measured them.
     """
 
     forward_m: float | None
     left_m: float
     turn_rad: Angles
     turn_sd_rad: Angles
+    has_gyro: bool = False
 
 
 def turned(

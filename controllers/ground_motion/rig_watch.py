@@ -26,9 +26,33 @@ class RigWatch:
         self._numbers = parameters
         self._most = 1 + parameters.skid + parameters.deviations * scale_sd
         self._wheel_m, self._ground_m = 0.0, 0j
-        self._confirmed_m = 0.0
+        self._confirmed_m = self._missed_m = 0.0
         self._used_m = self._apart_m = 0.0
         self.fault: Fault | None = None
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Return whether the ground has once moved along with the wheels."""
+        return self._confirmed_m >= self._numbers.confirmed_travel_m
+
+    @property
+    def text(self) -> str:
+        """Return what contradicts the rig; "" for nothing."""
+        return "" if self.fault is None else self.fault.text
+
+    def miss(self, wheel_m: float) -> None:
+        """Take a pair whose pictures show no motion of the ground, and the travel of the wheels."""
+        self._missed_m += wheel_m
+
+    @property
+    def unfollowed(self) -> str:
+        """Return a hint where the ground has never been followed, "" otherwise."""
+        if self._used_m or self._missed_m < self._numbers.unfollowed_m:
+            return ""
+        return (
+            f", over {self._missed_m:.1f} m of the wheels so far: check that the camera is not upside down, "
+            "its rig, focus and light"
+        )
 
     def update(self, wheel_m: float, ground_m: complex, sd_m: float) -> None:
         """Take a pair.
@@ -43,7 +67,7 @@ class RigWatch:
         self._wheel_m = kept * self._wheel_m + wheel_m
         self._ground_m = kept * self._ground_m + ground_m
         slack_m = numbers.deviations * sd_m
-        is_confirmed = self._confirmed_m >= numbers.confirmed_travel_m
+        is_confirmed = self.is_confirmed
         before_m = 0.0 if self.fault is None else self.fault.bound.position_m
         text = "" if is_confirmed else self._wrong_course(slack_m)
         wrong_m = self._apart_m

@@ -7,11 +7,14 @@ import numpy as np
 
 from controllers.ground_motion.flow import GroundFlow
 from controllers.ground_motion.ground_patch import Floats, GroundPatch, project
+from controllers.ground_motion.mounting_watch import MountingEffects
 from controllers.ground_motion.rig import RigGeometry
 from controllers.ground_motion.rig_tolerance import RigTolerance
 
 STEP_M = 0.01
 """Travel that is compared; the factor hardly depends on it."""
+PITCH_STEP_RAD, FOCAL_STEP = 0.01, 0.01
+"""Errors of the rig that are tried; the effects are hardly more than linear."""
 TILT_SD_RAD = (0.002, 0.002, 0.01)
 """Deviations of the angles turned in the fit, as with a gyro; the factor hardly depends on them."""
 
@@ -38,13 +41,39 @@ def scale_of(ground: GroundPatch, flow: GroundFlow, tolerance: RigTolerance) -> 
     return factor, factor * float(np.linalg.norm(effects))
 
 
+def effects_of(ground: GroundPatch, flow: GroundFlow, tolerance: RigTolerance) -> MountingEffects:
+    """Return what errors of the rig do to the motion of near and far ground."""
+    rig = ground.rig
+    focal = np.diag([1 + FOCAL_STEP, 1 + FOCAL_STEP, 1.0])
+    right, by_pitch, by_focal = (
+        _fitted_ahead(true, ground, flow)
+        for true in (
+            rig,
+            replace(rig, rotation=pitched(PITCH_STEP_RAD) @ rig.rotation),
+            replace(rig, camera_matrix=rig.camera_matrix @ focal),
+        )
+    )
+    per_rad, per_focal = (by_pitch - right) / PITCH_STEP_RAD, (by_focal - right) / FOCAL_STEP
+    effects = per_rad[4] * np.radians(tolerance.pitch_sd_deg), per_focal[4] * tolerance.focal_length_sd
+    return MountingEffects(
+        pitch_per_rad=float(per_rad[4]),
+        pitch_per_focal=float(per_focal[4]),
+        tolerance=float(np.hypot(*effects)),
+    )
+
+
 def travel_factor(true: RigGeometry, ground: GroundPatch, flow: GroundFlow) -> float:
     """Return measured over true travel forward, where the camera is mounted otherwise than the rig says."""
+    return float(_fitted_ahead(true, ground, flow)[0])
+
+
+def _fitted_ahead(true: RigGeometry, ground: GroundPatch, flow: GroundFlow) -> Floats:
+    """Return the motion that is measured per metre ahead: forward, left, turn, roll, pitch."""
     points = ground.to_vehicle(*flow.points_m().T)
     before, after = (
         seen_at(true, ground, points + np.array([shift_m, 0.0, 0.0])) for shift_m in (STEP_M, 0.0)
     )
-    return float(flow.fitted((after - before) * (-1.0, 1.0), TILT_SD_RAD)[0]) / STEP_M
+    return np.asarray(flow.fitted((after - before) * (-1.0, 1.0), TILT_SD_RAD) / STEP_M, np.float64)
 
 
 def pitched(angle_rad: float) -> Floats:

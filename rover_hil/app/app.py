@@ -42,6 +42,7 @@ COMMANDS: Entries = {
     ),
     "scomp": Place("rover_hil.scomp.command", "run_scomp"),
     "ftrace": Place("rover_hil.ftrace.command", "trace_angles"),
+    "ground": Place("rover_hil.ground.command", "ground_motion"),
     "gap": Room(
         "Find where a simulation and measured runs disagree; `find` may be left out.",
         {

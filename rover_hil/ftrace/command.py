@@ -4,29 +4,24 @@ import sys
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, NamedTuple, get_args
+from typing import Annotated, get_args
 
 import numpy as np
 import typer
 
 from controllers.ftrace.estimator import Method, TraceEstimator
-from controllers.ground_motion.rig import RigFile
 from drivers.camera.images import NO_PIXELS
 from drivers.errors import ConfigError
-from rover_hil.config import read_rig
 from rover_hil.console.exit_codes import EXIT_INTERRUPTED, EXIT_OK
 from rover_hil.console.json_text import print_json
 from rover_hil.console.options import ForceOption, JsonOption, check_inputs, out_option
 from rover_hil.console.steps import show_progress
-from rover_hil.ftrace.frames import FrameSource
-from rover_hil.ftrace.log_frames import LogFrames
-from rover_hil.ftrace.overlay import OverlayWriter
+from rover_hil.ftrace.inputs import read_inputs
+from rover_hil.ftrace.overlay import OverlayWriter, draw
 from rover_hil.ftrace.run import HEADER, FrameAngle, csv_row, estimate, longest_gap
-from rover_hil.ftrace.telemetry import TelemetryRow, read_telemetry
 from rover_hil.pages.atomic_write import check_file, refuse_overwrite, unfinished, write_file
 from rover_hil.terminal import Terminal
 
-LOG_SUFFIX = ".mcap"
 METHODS: tuple[Method, ...] = get_args(Method)
 
 
@@ -74,9 +69,8 @@ def trace_angles(
     if overlay is not None:
         refuse_overwrite(overlay, force=force, option="--overlay")
     check_inputs(frames)
-    drive = _read(frames, rig_path, telemetry_path)
-    source, rig, telemetry = drive.source, drive.rig, drive.telemetry
-    geometry = rig.geometry()
+    inputs = read_inputs(frames, rig_path, telemetry_path)
+    geometry = inputs.rig.geometry()
     estimator = TraceEstimator(geometry, chosen)
     angles: list[FrameAngle] = []
     code = EXIT_OK
@@ -84,13 +78,15 @@ def trace_angles(
         writer = None
         if overlay is not None:
             part = resources.enter_context(unfinished(overlay, option="--overlay"))
-            writer = resources.enter_context(closing(OverlayWriter(part, geometry, rig.image.fps)))
+            writer = resources.enter_context(
+                closing(OverlayWriter(part, (geometry.width, geometry.height), inputs.rig.image.fps))
+            )
         try:
             with show_progress() as progress:
-                task = progress.add_task("frames", total=source.count)
-                for item in estimate(source, rig, telemetry, estimator):
+                task = progress.add_task("frames", total=inputs.source.count)
+                for item in estimate(inputs, estimator):
                     if writer is not None:
-                        writer.add(item.number, item.grey, item.angle, geometry.wheel_width_m)
+                        writer.add(item.number, draw(item.grey, item.angle, geometry, geometry.wheel_width_m))
                     angles.append(replace(item, grey=NO_PIXELS))
                     progress.advance(task)
         except KeyboardInterrupt:
@@ -98,36 +94,6 @@ def trace_angles(
         write_file(out, "\n".join([HEADER, *map(csv_row, angles)]) + "\n")
     _report(angles, out, chosen, as_json=as_json)
     return code
-
-
-class _Drive(NamedTuple):
-    """Frames, calibration of their camera, and telemetry by frame number."""
-
-    source: FrameSource | LogFrames
-    rig: RigFile
-    telemetry: dict[int, TelemetryRow] | None
-
-
-def _read(frames: Path, rig_path: Path | None, telemetry_path: Path | None) -> _Drive:
-    """Return what a drive consists of.
-
-    Raises:
-        ConfigError: A file is wrong or missing.
-        LogError: The log cannot be read, or holds no frames.
-    """
-    given = None if rig_path is None else read_rig(rig_path)
-    if frames.suffix == LOG_SUFFIX:
-        if telemetry_path is not None:
-            raise ConfigError(f"--telemetry: {frames} holds its own, leave the option out")
-        log = LogFrames(frames)
-        rig = given or log.rig
-        if rig is None:
-            raise ConfigError(f"{frames} holds no calibration of its camera: give its rig file with --rig")
-        return _Drive(log, rig, log.telemetry)
-    if given is None:
-        raise ConfigError("--rig is missing: give the rig file of the camera; only a log may hold its own")
-    telemetry = None if telemetry_path is None else read_telemetry(telemetry_path)
-    return _Drive(FrameSource(frames), given, telemetry)
 
 
 def _method(name: str) -> Method:

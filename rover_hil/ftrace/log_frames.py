@@ -34,6 +34,7 @@ class LogFrames:
     Attributes:
         count: Number of frames.
         rig: Calibration of the camera in the log's configuration; None without one.
+        ground: How the motion over the ground is measured; None without [ground_motion].
         telemetry: What was measured at each frame, by its number; times are in s since the start of the log.
 
     Raises:
@@ -60,7 +61,9 @@ class LogFrames:
         if not frames_ns:
             raise LogError(_no_frames(path))
         self.count = len(frames_ns)
-        self.rig: RigFile | None = None if config.scomp is None else config.scomp.rig
+        self.ground = config.ground_motion
+        rig = None if config.ground_motion is None else config.ground_motion.rig
+        self.rig: RigFile | None = rig if config.scomp is None else config.scomp.rig
         self.telemetry = self._telemetry(config, rows, np.array(frames_ns, np.int64))
 
     def __iter__(self) -> Iterator[FrameFile]:

@@ -27,28 +27,27 @@ class OverlayWriter:
 
     Args:
         path: Video file or folder to make; must not exist.
-        rig: Calibration of the camera.
+        size: Width and height of the pictures.
         frame_rate_hz: Of the video.
 
     Raises:
         ConfigError: The video cannot be written.
     """
 
-    def __init__(self, path: Path, rig: RigGeometry, frame_rate_hz: float) -> None:
-        self._path, self._rig = path, rig
+    def __init__(self, path: Path, size: tuple[int, int], frame_rate_hz: float) -> None:
+        self._path = path
         self._video: cv2.VideoWriter | None = None
         suffix = path.suffix.lower()
         if suffix not in VIDEOS:
             path.mkdir()
             return
         code = cv2.VideoWriter.fourcc(*VIDEOS[suffix])
-        self._video = cv2.VideoWriter(str(path), code, frame_rate_hz, (rig.width, rig.height))
+        self._video = cv2.VideoWriter(str(path), code, frame_rate_hz, size)
         if not self._video.isOpened():
             raise ConfigError(f"cannot write video {path.name}: choose another --overlay")
 
-    def add(self, number: int, grey: Image, angle: TraceAngle, width_m: float) -> None:
-        """Draw one frame."""
-        picture = draw(grey, angle, self._rig, width_m)
+    def add(self, number: int, picture: Image) -> None:
+        """Write the BGR picture of one frame."""
         if self._video is not None:
             self._video.write(picture)
         else:

@@ -1,17 +1,16 @@
 """Runs the trace estimator over recorded frames."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 from controllers.ftrace.estimator import TraceAngle, TraceEstimator
-from controllers.ground_motion.rig import RigFile
 from drivers.clock import nanoseconds
 from drivers.errors import ConfigError
 from drivers.samples import Image
-from rover_hil.ftrace.frames import FrameFile, to_grey
-from rover_hil.ftrace.telemetry import TelemetryRow
+from rover_hil.ftrace.frames import to_grey
+from rover_hil.ftrace.inputs import FrameInputs
 
 HEADER = "frame,t,theta_t_deg,d_t_m,confidence,detected,source,theta_sd_deg"
 
@@ -26,30 +25,21 @@ class FrameAngle:
     angle: TraceAngle
 
 
-def estimate(
-    source: Iterable[FrameFile],
-    rig: RigFile,
-    telemetry: dict[int, TelemetryRow] | None,
-    estimator: TraceEstimator,
-) -> Iterator[FrameAngle]:
+def estimate(inputs: FrameInputs, estimator: TraceEstimator) -> Iterator[FrameAngle]:
     """Yield the estimate of each frame.
 
     Raises:
         ConfigError: A frame has another size than the rig's, no row in the telemetry, or an earlier time.
     """
     before = -float("inf")
-    for frame in source:
-        row = TelemetryRow(frame.number / rig.image.fps, None, None)
-        if telemetry is not None:
-            if frame.number not in telemetry:
-                raise ConfigError(f"the telemetry has no row for frame {frame.number}: every frame needs one")
-            row = telemetry[frame.number]
+    for frame in inputs.source:
+        row = inputs.row(frame.number)
         if row.t_s <= before:
             raise ConfigError(
                 f"time goes backwards: frame {frame.number} at {row.t_s:g} s follows one at {before:g} s"
             )
         before = row.t_s
-        grey = to_grey(frame, rig.image.width, rig.image.height)
+        grey = to_grey(frame, inputs.rig.image.width, inputs.rig.image.height)
         angle = estimator.step(
             nanoseconds(row.t_s), grey, wheel_speed_m_s=row.wheel_speed_m_s, rates_rad_s=row.rates_rad_s
         )

@@ -93,7 +93,7 @@ def test_until_a_watched_gyro_has_agreed_the_wheels_may_be_right(measured: float
 
 def test_a_watched_gyro_shows_once_that_it_measures_turns() -> None:
     unwatched = UnwatchedTurn(SLIP_M, is_watched=True)
-    assert any([unwatched.add(evidence(0.01, 0.01, 0.0)) for _ in range(50)])
+    assert any(unwatched.add(evidence(0.01, 0.01, 0.0)) for _ in range(50))
     for _ in range(50):
         unwatched.add(evidence(-0.01, 0.01, 0.0))
     assert unwatched.error_rad == 0.0

@@ -31,7 +31,7 @@ NOTICE_BAR_S, NOTICE_BAR_M = 1.5, 0.15
 NEES_BAR = 16.27
 """99.9 % of a chi-square distribution with 3 degrees of freedom."""
 RESOLUTION = 0.001
-"""In m and rad: in the first cycle of a motion nothing is uncertain, and every error is infinitely unlikely."""
+"""In m and rad: in the first cycle of a motion nothing is uncertain, and every error infinitely unlikely."""
 HEADING_SHOWS_RAD = math.radians(1.0)
 """A gyro that has turned wrongly by this much shows in the headings of the simulated compass: three standard
 errors of averages of a second (0.4 deg), its resolution (0.1 deg), deviation and damping (0.5 deg)."""

@@ -55,7 +55,6 @@ class HoughTracker:
             found=found,
             theta_rad=theta,
             theta_sd_rad=None,
-            is_unconfirmed=False,
             by_motion=False,
             offset_m=offset,
             confidence=match if found else 0.0,

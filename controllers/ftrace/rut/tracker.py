@@ -16,11 +16,12 @@ from controllers.ftrace.rut.presence import Presence
 from controllers.ftrace.rut.rut import CrossSections, Edges, RutFinder, RutPoints, two_sided
 from controllers.ftrace.rut.strips import Stretch, TraceStrips
 from controllers.ftrace.static_shading import StaticShading
-from controllers.ground_motion.estimator import GroundMotionEstimator, rotated
+from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.flow import GroundFlow, PatchMotion
 from controllers.ground_motion.ground_patch import RESOLUTION_M, Floats, Mask, Patch
 from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.prior import MotionPrior
+from controllers.ground_motion.reference_frames import rotated
 from drivers.samples import Image
 
 RIGHT_WITHIN_RAD = math.radians(5.0)
@@ -62,10 +63,9 @@ class RutTracker:
         self._backwards = 0.0
         self._confidence = 0.0
         self._noise_ratio, self._ratios = 1.0, 1
-        self._agrees = True
+        self._agrees, self._is_open = True, False
         self._apart_rad = 0.0
         self._aside_m: float | None = None
-        self._at_first: PathFilter | None = None
 
     def track(self, frame: Frame) -> Reading:
         """Return the trace in the next frame."""
@@ -80,15 +80,13 @@ class RutTracker:
             found = not goes_back and self._find(sections, moved_m)
         if not found:
             self._path = deepcopy(self._odometry)
-        path = self._at_first if frame.is_first and self._at_first is not None else self._path
         s = self._finder.s_m
-        sd_rad, most_sd_rad = self._theta_sd_rad(path), self._numbers.direction.most_direction_sd_rad
+        sd_rad, most_sd_rad = self._theta_sd_rad(self._path), self._numbers.direction.most_direction_sd_rad
         is_measured = self._is_moving(motion) and self._agrees and not goes_back
         return Reading(
             found=found,
-            theta_rad=path.theta_rad,
+            theta_rad=self._path.theta_rad,
             theta_sd_rad=sd_rad,
-            is_unconfirmed=path is not self._path,
             by_motion=is_measured and sd_rad < most_sd_rad,
             offset_m=self._offset_m,
             confidence=self._confidence * within(RIGHT_WITHIN_RAD, sd_rad),
@@ -157,11 +155,13 @@ class RutTracker:
             turn_rad=frame.turn_rad,
             turn_sd_rad=frame.turn_sd_rad,
         )
-        self._ground_motion.step_patch(frame.t_ns, frame.ground.patch, structure, prior)
+        measured = self._ground_motion.step_patch(frame.t_ns, frame.ground.patch, structure, prior)
+        # The path has moved on by the wheels while a pair was open: the whole of it would count twice.
+        was_open, self._is_open = self._is_open, measured is not None and measured.is_open
         previous = self._previous
         self._previous = self._structure.picture(structure) if frame.usable else None
         if abs(frame.travel_m) <= self._numbers.direction.reach_m:
-            pair = self._ground_motion.pair
+            pair = None if was_open and not self._is_open else self._ground_motion.pair
             return None if pair is None or self._is_across(pair) else pair
         if previous is None or self._previous is None:
             return None
@@ -197,8 +197,6 @@ class RutTracker:
         self._confidence = confidence(stretch.log_odds, self._numbers.confidence)
         if not self._presence.update(stretch, moved_m):
             self._confidence = min(self._confidence, self._numbers.confidence.most_in_doubt)
-            if stretch.log_odds > self._numbers.presence.start_odds:
-                self._at_first = self._path_by_trace(sections, curve, edges, stretch)
             return False
         signature = _visible(self._presence.signature, stretch)
         self._apart_rad = self._apart(sections, signature, stretch.reading, moved_m)
@@ -216,19 +214,6 @@ class RutTracker:
         residuals = points.y_m - self._path.curve(points.s_m)
         self._offset_m = float(np.average(residuals, weights=1 / sd**2))
         return True
-
-    def _path_by_trace(
-        self, sections: CrossSections, curve: Floats, edges: Edges, stretch: Stretch
-    ) -> PathFilter | None:
-        """Return the path corrected by what looks like a trace, or is a shadow; None with too few places."""
-        best = edges[0][stretch.reading], edges[1][stretch.reading]
-        points = self._finder.points(sections, curve, best, _visible(stretch.sums, stretch))
-        if len(points.s_m) < self._numbers.sections.least_blocks:
-            return None
-        path = deepcopy(self._odometry)
-        sd_m = points.sd_m * self._search.point_sd_factor
-        path.observe_trace(points.s_m, points.y_m, sd_m, self._search.offset_sd_m, self._search.slope_sd)
-        return path
 
     def _apart(self, sections: CrossSections, signature: Floats, reading: int, moved_m: float) -> float:
         """Return the angle between the near trace and the path by the motion alone; 0 where they agree.

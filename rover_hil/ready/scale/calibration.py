@@ -18,7 +18,7 @@ from rover_hil.datasets.toml_text import toml_text
 from rover_hil.pages.picture import Drawing
 from rover_hil.ready.options import command
 from rover_hil.ready.procedure import Drive, Entry, Facts, FileProcedure, Request, comments
-from rover_hil.ready.scale.figures import draw_scale
+from rover_hil.ready.scale.figures import draw_scale, draw_view
 from rover_hil.ready.scale.fit import ScaleFit, fit_scale
 from rover_hil.ready.scale.record import ScaleRecord, read_scale_record
 from rover_hil.ready.turns import DEFAULT_SPEED_M_S, on_firm_floor
@@ -141,7 +141,14 @@ class ScaleCalibration(FileProcedure[Sequence[ScaleRecord], ScaleFit]):
             "See whether the blue dots lie around zero, without a trend. A trend, "
             "or single pieces far off, is ground that slips."
         )
-        return (Drawing("Camera against known travel", caption, lambda: draw_scale(result)),)
+        seen = (
+            "Green points follow the ground. Magenta is left out: what never moves in the picture, and "
+            "crosses where something moves with the rover. Clean the lens or turn the camera if it is much."
+        )
+        return (
+            Drawing("Camera against known travel", caption, lambda: draw_scale(result)),
+            Drawing("What the camera sees", seen, lambda: draw_view(record[-1].picture)),
+        )
 
     def write(self, record: Sequence[ScaleRecord], result: ScaleFit) -> str:
         tolerance = {"ground_motion": {"tolerance": _values(result, _day(record))}}

@@ -3,8 +3,21 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from drivers.samples import Image
 from rover_hil.pages import style
 from rover_hil.ready.scale.fit import ScaleFit
+
+
+def draw_view(picture: Image | None) -> Figure | None:
+    """Draw the ground from above, BGR; None without a picture."""
+    if picture is None:
+        return None
+    rows, columns = picture.shape[:2]
+    figure = Figure(figsize=(style.WIDTH_IN, style.WIDTH_IN * rows / columns), layout="constrained")
+    axes = figure.subplots()
+    axes.imshow(picture[..., ::-1])
+    axes.set_axis_off()
+    return figure
 
 
 def draw_scale(fit: ScaleFit) -> Figure | None:

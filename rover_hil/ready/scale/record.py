@@ -23,6 +23,7 @@ from drivers.samples import Image
 from rover_hil.config import Config
 from rover_hil.datasets.arrays import Array, Times
 from rover_hil.datasets.log import LogRows, TruePoses
+from rover_hil.ground.picture import draw
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.images import capture_time_ns, decode_image
 from rover_hil.recording.reader import LogReader
@@ -30,7 +31,6 @@ from rover_hil.recording.schema import RAW
 
 RATES = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 WHEELS = "wheels"
-REPEATED = "frame repeated"
 FREE_TURN_SD_RAD = 0.05
 """Of a pair, where the camera alone is to measure the turn: many times what the picture leaves open."""
 
@@ -64,6 +64,7 @@ class ScaleRecord:
         rig: Calibration of the camera.
         travels: Pair by pair; one that is not valid ends a piece of the drive.
         reasons: Why pairs are not valid, and how many.
+        picture: The ground from above at the last valid pair, with what is left out; None without one.
     """
 
     path: Path
@@ -73,6 +74,7 @@ class ScaleRecord:
     rig: RigFile
     travels: tuple[Travel, ...]
     reasons: dict[str, int]
+    picture: Image | None
 
     @property
     def height_m(self) -> float:
@@ -104,10 +106,14 @@ def read_scale_record(path: Path) -> ScaleRecord:
     point_m = complex(*settings.rig.geometry().point_m)
     travels: list[Travel] = []
     reasons: Counter[str] = Counter()
-    for motion in _pairs(log, config, alone, rows, wheels):
+    meter = _meter(alone)
+    view, picture = GroundView(GroundPatch(settings.rig.geometry())), None
+    for image, motion in _pairs(log, config, alone, rows, wheels, meter):
         if motion.invalid_because:
             reasons[motion.invalid_because] += 1
-        if motion.invalid_because != REPEATED:
+        if motion.is_valid:
+            picture = draw(image, view, meter, path.name)
+        if not motion.is_open:
             travels.append(_travel(motion, wheels, fixes, point_m))
     sds = np.zeros(1) if fixes is None else fixes.position_sd_m
     return ScaleRecord(
@@ -118,6 +124,7 @@ def read_scale_record(path: Path) -> ScaleRecord:
         rig=settings.rig,
         travels=tuple(travels),
         reasons=dict(reasons),
+        picture=picture,
     )
 
 
@@ -141,8 +148,9 @@ def read_ground_yaw(log: LogReader, config: Config, rows: LogRows) -> tuple[Time
     runs: list[list[tuple[int, float]]] = [[]]
     try:
         wheels = _Wheels(config, rows, log.path)
-        for motion in _pairs(log, config, stamped, rows, wheels, turn_sd_rad=FREE_TURN_SD_RAD):
-            if motion.invalid_because == REPEATED:
+        meter = _meter(stamped)
+        for _, motion in _pairs(log, config, stamped, rows, wheels, meter, turn_sd_rad=FREE_TURN_SD_RAD):
+            if motion.is_open:
                 continue
             if not motion.is_valid:
                 runs.append([])
@@ -162,10 +170,11 @@ def _pairs(
     settings: GroundMotionSettings,
     rows: LogRows,
     wheels: "_Wheels",
+    meter: GroundMotionEstimator,
     *,
     turn_sd_rad: float | None = None,
-) -> Iterator[GroundMotion]:
-    """Yield the motion of each pair of frames.
+) -> Iterator[tuple[Image, GroundMotion]]:
+    """Yield frame and motion of each pair of frames.
 
     Args:
         log: The log.
@@ -173,9 +182,9 @@ def _pairs(
         settings: Those of the camera.
         rows: All readings of the log.
         wheels: Where the search begins.
+        meter: Measures the motion.
         turn_sd_rad: Standard deviation of the turn by the wheels, which is then used instead of the gyro's.
     """
-    meter = GroundMotionEstimator(GroundView(GroundPatch(settings.rig.geometry())), settings.tolerance)
     point_m = complex(*settings.rig.geometry().point_m)
     before: tuple[int, Rates | None] | None = None
     for t_ns, image in _frames(log, config, settings):
@@ -195,7 +204,11 @@ def _pairs(
         )
         motion = meter.step(t_ns, image, prior)
         if motion is not None:
-            yield motion
+            yield image, motion
+
+
+def _meter(settings: GroundMotionSettings) -> GroundMotionEstimator:
+    return GroundMotionEstimator(GroundView(GroundPatch(settings.rig.geometry())), settings.tolerance)
 
 
 class _Wheels:

@@ -41,6 +41,7 @@ def drive(
         rig=settings.rig,
         travels=tuple(travels),
         reasons={},
+        picture=None,
     )
 
 

@@ -1,0 +1,39 @@
+"""Which of the motions that the points share is that of the ground."""
+
+from controllers.ground_motion.flow import Followed, PatchMotion
+from controllers.ground_motion.parameters import ValidityParameters
+
+
+def choose(
+    followed: Followed, apart_pixels: float, numbers: ValidityParameters
+) -> tuple[PatchMotion | None, str]:
+    """Return the motion that is the ground's, or why none is.
+
+    Args:
+        followed: The groups of motions.
+        apart_pixels: Known motion between the earlier frame and the one before this.
+        numbers: What a pair must show.
+    """
+    moving, fixed = followed.moving, followed.fixed
+    if moving is not None and moving.moved_pixels > numbers.still_pixels:
+        most_sd_pixels = min(
+            numbers.least_sd_pixels + numbers.sd_share * moving.moved_pixels, numbers.most_sd_pixels
+        )
+        if moving.points >= numbers.least_moving and moving.moved_sd_pixels < most_sd_pixels:
+            return moving, ""
+        reason = "too few points move alike"
+    else:
+        reason = "too few points follow the ground"
+    still = max((m for m in (moving, fixed) if m is not None), key=lambda m: m.points, default=None)
+    if still is None or still.moved_pixels > numbers.still_pixels:
+        return None, reason
+    if apart_pixels > 1.0:
+        return None, "what is fixed in the picture hides the ground"
+    # One that creeps is neither at rest nor clearly moving: it must be sharp, and of nearly all points.
+    creeps = still.moved_pixels > numbers.creeping_pixels
+    sharp = still.moved_sd_pixels < numbers.clear_still_sd_pixels
+    least_share = numbers.clear_still_share if sharp and not creeps else numbers.least_still_share
+    most_sd_pixels = numbers.creeping_sd_pixels if creeps else numbers.most_still_sd_pixels
+    if still.share < least_share or still.moved_sd_pixels > most_sd_pixels:
+        return None, "ground that stands cannot be distinguished from what is fixed in the picture"
+    return still, ""

@@ -1,0 +1,225 @@
+"""Whether the camera is mounted, and built, as its rig says: pitch, focal length, yaw, mirrored pictures."""
+
+import cmath
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from controllers.ground_motion.parameters import MountingParameters
+
+CONFIRMS_SD = 2.0
+"""A rotation on the spot confirms a scale that is within so many standard deviations."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MountingEffects:
+    """What errors of a rig do to the motion of near and far ground.
+
+    Ground that moves ahead then looks like a change of pitch.
+
+    Attributes:
+        pitch_per_rad: Change of pitch per metre, per rad of wrong pitch.
+        pitch_per_focal: The same, per share of wrong focal length.
+        tolerance: Standard deviation of it, by the tolerance of the rig.
+    """
+
+    pitch_per_rad: float
+    pitch_per_focal: float
+    tolerance: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MountedMotion:
+    """Motion of a pair as the watch takes it.
+
+    Attributes:
+        duration_s: From frame to frame.
+        forward_m: Of the measured point, as the pictures show it.
+        moved_m: Of the rover's origin, as the pictures show it: forward, to the left as imaginary part.
+        wheel_m: The same by rolling wheels.
+        turn_rad: By the gyro.
+        seen_turn_rad: By the pictures.
+        seen_turn_sd_rad: Standard deviation of it.
+        pitch_rad: Change of pitch that the pictures show and the gyro does not.
+    """
+
+    duration_s: float
+    forward_m: float
+    moved_m: complex
+    wheel_m: complex
+    turn_rad: float
+    seen_turn_rad: float
+    seen_turn_sd_rad: float
+    pitch_rad: float
+
+
+class MountingWatch:
+    """Sums up the motion of valid pairs while the rover drives; older ones fade.
+
+    Pitch and focal length cannot be distinguished by it, and the height not at all. A rover that drifts on a
+    slope looks like a camera that is turned in yaw: this is reported only where the angle is the same on
+    three headings next to each other.
+
+    In a rotation on the spot the gyro measures how far the point below the camera moves: that is the only
+    check of the height, and of the scale of the travel. Until then the travel may be wrong by a tenth.
+
+    Args:
+        effects: Of errors of this rig.
+        scale_sd: Standard deviation of the travel's factor, if the rig is as stated.
+        parameters: Tuned numbers.
+        is_calibrated: Whether a drive has shown the scale already.
+
+    Attributes:
+        text: What contradicts the rig; "" for nothing.
+    """
+
+    def __init__(
+        self,
+        effects: MountingEffects,
+        scale_sd: float,
+        parameters: MountingParameters,
+        *,
+        is_calibrated: bool,
+    ) -> None:
+        self._effects, self._scale_sd, self._numbers = effects, scale_sd, parameters
+        self._is_confirmed = is_calibrated
+        self._swing, self._spun_rad = _Slope(), 0.0
+        self._pitch, self._turn = _Slope(), _Slope()
+        self._drifts = [_Slope() for _ in range(round(360.0 / parameters.heading_deg))]
+        self._heading_rad = 0.0
+        self._seen_rad2 = self._duration_s = 0.0
+        self.text = ""
+
+    @property
+    def scale_sd(self) -> float:
+        """Standard deviation of the travel's factor."""
+        unconfirmed_sd = 0.0 if self._is_confirmed else self._numbers.unconfirmed_scale_sd
+        return max(self._scale_sd, unconfirmed_sd)
+
+    def rotate(self, turn_rad: float) -> None:
+        """Take a rotation by the gyro, whether or not its pair is valid."""
+        self._heading_rad += turn_rad
+
+    def spin(self, turn_rad: float, swing_m: complex, moved_m: complex) -> None:
+        """Take a pair of a rotation on the spot.
+
+        Args:
+            turn_rad: By the gyro.
+            swing_m: Motion of the point below the camera by it, forward and left.
+            moved_m: Its motion as the pictures show it.
+        """
+        self._spun_rad += abs(turn_rad)
+        self._swing.add(abs(swing_m), (moved_m * swing_m.conjugate()).real / abs(swing_m))
+        if math.degrees(self._spun_rad) >= self._numbers.confirming_deg:
+            self._is_confirmed |= abs(self._swing.slope - 1.0) <= CONFIRMS_SD * self._scale_sd
+
+    def update(self, motion: MountedMotion) -> None:
+        """Take a pair."""
+        kept = math.exp(-abs(motion.forward_m) / self._numbers.memory_m)
+        for slope in (self._pitch, self._turn):
+            slope.fade(kept)
+        self._seen_rad2 *= kept
+        self._duration_s *= kept
+        if motion.forward_m:
+            self._duration_s += motion.duration_s
+        self._pitch.add(motion.forward_m, motion.pitch_rad)
+        self._turn.add(motion.turn_rad, motion.seen_turn_rad)
+        self._seen_rad2 += (motion.turn_rad * motion.seen_turn_sd_rad) ** 2
+        self._add_drift(motion)
+        self.text = self._mirrored() or self._near_and_far() or self._yaw() or self._scale()
+
+    def _add_drift(self, motion: MountedMotion) -> None:
+        """Add the angle from the wheels' motion ahead to that of the ground, at the present heading."""
+        wheel_m = motion.wheel_m
+        if wheel_m.real <= 0.0 or abs(wheel_m.imag) > self._numbers.ahead * wheel_m.real:
+            return
+        drift_m = motion.moved_m * cmath.rect(1.0, -cmath.phase(wheel_m))
+        width_rad = math.radians(self._numbers.heading_deg)
+        slope = self._drifts[math.floor(self._heading_rad / width_rad) % len(self._drifts)]
+        slope.fade(math.exp(-abs(drift_m.real) / self._numbers.memory_m))
+        slope.add(drift_m.real, drift_m.imag)
+
+    def _mirrored(self) -> str:
+        numbers = self._numbers
+        if self._turn.length < math.radians(numbers.least_turn_deg):
+            return ""
+        if self._turn.slope > -numbers.deviations * math.sqrt(self._seen_rad2) / self._turn.xx:
+            return ""
+        return "pictures rotate against the gyro: check that they are not mirrored, and the sign of the gyro"
+
+    def _near_and_far(self) -> str:
+        if self._pitch.length < self._numbers.least_travel_m:
+            return ""
+        effects, slope = self._effects, self._pitch.slope
+        by_bias = self._numbers.gyro_bias_rad_s * self._duration_s / self._pitch.length
+        limit = self._numbers.deviations * math.hypot(self._pitch.sd, effects.tolerance, by_bias)
+        causes = []
+        if abs(effects.pitch_per_rad) > self._numbers.least_effect:
+            wrong_deg = math.degrees(slope / effects.pitch_per_rad)
+            causes.append(f"the pitch of the camera (about {wrong_deg:+.1f} deg wrong)")
+        if abs(effects.pitch_per_focal) > self._numbers.least_effect:
+            causes.append(f"its focal length (about {100.0 * slope / effects.pitch_per_focal:+.0f} %)")
+        if abs(slope) <= limit or not causes:
+            return ""
+        return f"near and far ground move differently: check {' or '.join(causes)}"
+
+    def _yaw(self) -> str:
+        """Return the angle of neighbouring headings that all agree."""
+        numbers, count = self._numbers, len(self._drifts)
+        for first in range(count):
+            near = [self._drifts[(first + step) % count] for step in range(numbers.headings)]
+            if min(each.length for each in near) < numbers.least_travel_m:
+                continue
+            degrees = [math.degrees(math.atan(each.slope)) for each in near]
+            if mean_deg := self._common_deg(degrees):
+                return (
+                    f"ground moves {mean_deg:+.1f} deg aside on all headings: check the yaw of the camera's "
+                    "mounting, and that the pictures are not mirrored"
+                )
+        return ""
+
+    def _common_deg(self, degrees: Sequence[float]) -> float:
+        mean_deg = sum(degrees) / len(degrees)
+        is_alike = max(degrees) - min(degrees) < self._numbers.alike * abs(mean_deg)
+        return mean_deg if is_alike and abs(mean_deg) >= self._numbers.least_yaw_deg else 0.0
+
+    def _scale(self) -> str:
+        if math.degrees(self._spun_rad) < self._numbers.confirming_deg:
+            return ""
+        numbers, scale = self._numbers, self._swing.slope
+        radius_m = self._swing.length / self._spun_rad
+        by_centre = numbers.centre_sd_m / radius_m
+        sd = math.hypot(self._scale_sd, self._swing.sd, numbers.gyro_scale_sd, by_centre)
+        if abs(scale - 1.0) <= numbers.deviations * sd:
+            return ""
+        return (
+            f"in rotations on the spot the ground moves {scale:.2f} times as far as the gyro measures: check "
+            "height and focal length of the camera, and t_vehicle_camera of the rig"
+        )
+
+
+class _Slope:
+    """Least squares of y over x, through zero."""
+
+    def __init__(self) -> None:
+        self.xx = self._xy = self._yy = self.length = self._count = 0.0
+
+    def fade(self, kept: float) -> None:
+        self.xx, self._xy, self._yy = kept * self.xx, kept * self._xy, kept * self._yy
+        self.length, self._count = kept * self.length, kept * self._count
+
+    def add(self, x: float, y: float) -> None:
+        self.xx, self._xy, self._yy = self.xx + x * x, self._xy + x * y, self._yy + y * y
+        self.length += abs(x)
+        self._count += 1.0
+
+    @property
+    def slope(self) -> float:
+        return self._xy / self.xx if self.xx > 0.0 else 0.0
+
+    @property
+    def sd(self) -> float:
+        if self._count < 2.0 or self.xx <= 0.0:
+            return math.inf
+        residual = max(0.0, self._yy - self._xy * self.slope)
+        return math.sqrt(residual / (self._count - 1.0) / self.xx)

@@ -1,0 +1,171 @@
+"""The motion of the ground beside that of the wheels and the gyro: frames out of order, and a wrong rig."""
+
+from collections import deque
+from statistics import median
+from typing import NamedTuple
+
+import numpy as np
+
+from controllers.fault import Fault
+from controllers.ground_motion.flow import GroundFlow, PatchMotion
+from controllers.ground_motion.ground_patch import Floats, GroundPatch
+from controllers.ground_motion.mounting_watch import MountedMotion, MountingWatch
+from controllers.ground_motion.parameters import GroundMotionParameters
+from controllers.ground_motion.reference_frames import rotated
+from controllers.ground_motion.rig_tolerance import RigTolerance
+from controllers.ground_motion.rig_watch import RigWatch
+from controllers.ground_motion.tolerance import effects_of, scale_of
+
+
+class ComparedPair(NamedTuple):
+    """A pair that was measured, and the other sensors in its time.
+
+    Attributes:
+        motion: By the pictures, in the axes of the patch.
+        pitch_rad: Change of pitch in it that the gyro does not measure.
+        wheel_m: By the wheels, likewise; None where they are not measured.
+        turn_rad: By the gyro.
+        has_gyro: Whether it has measured all axes.
+        duration_s: From frame to frame.
+    """
+
+    motion: PatchMotion
+    pitch_rad: float
+    wheel_m: Floats | None
+    turn_rad: float
+    has_gyro: bool
+    duration_s: float
+
+
+class WheelComparison:
+    """Compares each pair with wheels and gyro.
+
+    Args:
+        ground: The rectified ground.
+        flow: Its points.
+        tolerance: What is not known about the rig.
+        parameters: Tuned numbers.
+
+    Attributes:
+        factor: True travel over that by the rig.
+    """
+
+    def __init__(
+        self,
+        ground: GroundPatch,
+        flow: GroundFlow,
+        tolerance: RigTolerance,
+        parameters: GroundMotionParameters,
+    ) -> None:
+        self._rig, self._parameters = ground.rig, parameters
+        self.factor, self._scale_sd = scale_of(ground, flow, tolerance)
+        self._rig_watch = RigWatch(self._scale_sd, parameters.rig_watch)
+        self._mounting = MountingWatch(
+            effects_of(ground, flow, tolerance),
+            self._scale_sd,
+            parameters.mounting,
+            is_calibrated=tolerance.scale_sd is not None,
+        )
+        self._contradictions = 0
+        self._contradicting = ""
+        self._ambiguities: deque[float] = deque(maxlen=parameters.validity.ambiguous_pairs)
+
+    @property
+    def scale_sd(self) -> float:
+        """Standard deviation of the travel's factor."""
+        return self._mounting.scale_sd
+
+    @property
+    def fault(self) -> Fault | None:
+        """What contradicts the rig, and by how much the travel until now may be wrong by it."""
+        return self._rig_watch.fault
+
+    def rotate(self, turn_rad: float) -> None:
+        """Take a rotation by the gyro, whether or not its pair is valid."""
+        self._mounting.rotate(turn_rad)
+
+    def miss(self, wheel_m: Floats | None) -> str:
+        """Take a pair that shows no motion; return what to check where the ground was never followed."""
+        self._rig_watch.miss(0.0 if wheel_m is None else float(np.hypot(*wheel_m)))
+        return self._rig_watch.unfollowed
+
+    def contradiction(self, pair: ComparedPair) -> str:
+        """Return why no rover on these wheels moves so: a frame out of order; "" where one may.
+
+        One that rolls back, or is pushed, contradicts its wheels in every frame, and so does a wrong rig:
+        after some of one kind in a row the next ones count.
+        """
+        text = "" if pair.wheel_m is None else self._against_wheels(pair.motion, pair.wheel_m)
+        self._contradictions = self._contradictions + 1 if text == self._contradicting else 1
+        self._contradicting = text
+        if not text or self._contradictions > MOST_CONTRADICTING:
+            return ""
+        if not self._rig_watch.is_confirmed and self._contradictions == 1:
+            self._update_rig(pair)
+        return self._rig_watch.text or text
+
+    def doubt(self, pair: ComparedPair) -> str:
+        """Take a pair that is used; return what speaks against it, "" for nothing."""
+        self._update_rig(pair)
+        self._update_mounting(pair)
+        self._ambiguities.append(pair.motion.ambiguity)
+        if doubt := self._rig_watch.text or self._mounting.text:
+            return doubt
+        if median(self._ambiguities) <= self._parameters.validity.most_ambiguous:
+            return ""
+        return "several motions explain the ground, its pattern repeats: take more frames per second"
+
+    def _against_wheels(self, motion: PatchMotion, wheel_m: Floats) -> str:
+        numbers, length_m = self._parameters.rig_watch, float(np.hypot(*wheel_m))
+        along_m = (motion.forward_m * wheel_m[0] + motion.left_m * wheel_m[1]) / max(length_m, 1e-9)
+        slack_m = numbers.slack_m + numbers.deviations * (motion.forward_sd_m + self._scale_sd * length_m)
+        if along_m > (1.0 + numbers.skid) * length_m + slack_m:
+            return (
+                "ground moves farther than the wheels: frames are missing, repeated or out of order, or "
+                "check camera_delay_s and the wheels' radius"
+            )
+        if along_m < -numbers.backwards * length_m - slack_m:
+            return "ground moves against the wheels: frames are out of order, or the rover is pushed"
+        return ""
+
+    def _update_rig(self, pair: ComparedPair) -> None:
+        wheel_m, motion = pair.wheel_m, pair.motion
+        if wheel_m is None or not (length_m := float(np.hypot(*wheel_m))):
+            return
+        axes = np.array([[wheel_m[0], -wheel_m[1]], [wheel_m[1], wheel_m[0]]])
+        moved_m = np.array([motion.forward_m, motion.left_m])
+        along_m, across_m = self.factor * moved_m / length_m @ axes
+        sd_m = float(np.hypot(motion.forward_sd_m, motion.left_sd_m))
+        self._rig_watch.update(length_m, complex(along_m, across_m), sd_m)
+
+    def _update_mounting(self, pair: ComparedPair) -> None:
+        """Compare the motion of the rover's origin, and in rotations that of the point below the camera."""
+        if pair.wheel_m is None or not pair.has_gyro:
+            return
+        motion, rig = pair.motion, self._rig
+        point, foot = (
+            complex(*rotated(np.array(each, np.float64), -rig.steer_rad))
+            for each in (rig.point_m, tuple(rig.position_m[:2].tolist()))
+        )
+        lever_m = 1j * pair.turn_rad * point
+        moved_m = self.factor * complex(motion.forward_m, motion.left_m) - lever_m
+        wheel_m = complex(*pair.wheel_m) - lever_m
+        swing_m = 1j * pair.turn_rad * foot
+        if abs(wheel_m) < self._parameters.mounting.on_the_spot * abs(swing_m):
+            self._mounting.spin(pair.turn_rad, swing_m, moved_m - wheel_m + swing_m)
+        self._mounting.update(
+            MountedMotion(
+                duration_s=pair.duration_s,
+                forward_m=motion.forward_m,
+                moved_m=moved_m,
+                wheel_m=wheel_m,
+                turn_rad=pair.turn_rad,
+                seen_turn_rad=motion.turn_rad,
+                seen_turn_sd_rad=motion.turn_sd_rad,
+                pitch_rad=pair.pitch_rad,
+            )
+        )
+
+
+MOST_CONTRADICTING = 2
+"""Frames out of order in a row: a rover that rolls back contradicts its wheels in every frame."""

@@ -1,0 +1,124 @@
+"""Contradictions of near and far ground, headings and gyro, on motions that are written down here."""
+
+import math
+import re
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from controllers.ground_motion.mounting_watch import MountedMotion, MountingEffects, MountingWatch
+from controllers.ground_motion.parameters import DEFAULTS
+
+EFFECTS = MountingEffects(pitch_per_rad=1.7, pitch_per_focal=-0.8, tolerance=0.006)
+SCALE_SD = 0.02
+STEP_M, STEP_S = 0.02, 0.1
+
+
+def watch(*, is_calibrated: bool = False) -> MountingWatch:
+    return MountingWatch(EFFECTS, SCALE_SD, DEFAULTS.mounting, is_calibrated=is_calibrated)
+
+
+def drive(
+    watched: MountingWatch,
+    pairs: int,
+    *,
+    turn_rad: float = 0.0,
+    seen_turn: float = 1.0,
+    pitch_per_m: float = 0.0,
+    aside: float = 0.0,
+) -> str:
+    """Drive ahead; return what is reported."""
+    rng = np.random.default_rng(4)
+    for _ in range(pairs):
+        watched.rotate(turn_rad)
+        watched.update(
+            MountedMotion(
+                duration_s=STEP_S,
+                forward_m=STEP_M,
+                moved_m=complex(STEP_M, aside * STEP_M + float(rng.normal(0.0, 2e-4))),
+                wheel_m=complex(STEP_M),
+                turn_rad=turn_rad,
+                seen_turn_rad=seen_turn * turn_rad,
+                seen_turn_sd_rad=0.002,
+                pitch_rad=pitch_per_m * STEP_M + float(rng.normal(0.0, 5e-4)),
+            )
+        )
+    return watched.text
+
+
+@pytest.mark.parametrize("wrong_deg", [-3.0, 3.0])
+def test_a_wrong_pitch_is_reported_with_its_size(wrong_deg: float) -> None:
+    text = drive(watch(), 50, pitch_per_m=EFFECTS.pitch_per_rad * math.radians(wrong_deg))
+    found = re.search(r"about ([-+][\d.]+) deg wrong", text)
+    assert found is not None
+    assert float(found[1]) == pytest.approx(wrong_deg, abs=0.4)
+
+
+def test_a_pitch_within_the_tolerance_is_not_reported() -> None:
+    assert not drive(watch(), 200, pitch_per_m=EFFECTS.pitch_per_rad * math.radians(0.3))
+
+
+def test_a_slow_rover_cannot_distinguish_it_from_the_bias_of_the_gyro() -> None:
+    watched = watch()
+    for _ in range(500):
+        watched.update(
+            MountedMotion(
+                duration_s=1.0, forward_m=STEP_M, moved_m=STEP_M + 0j, wheel_m=STEP_M + 0j,
+                turn_rad=0.0, seen_turn_rad=0.0,
+                seen_turn_sd_rad=0.002, pitch_rad=0.09 * STEP_M,
+            )
+        )  # fmt: skip
+    assert not watched.text
+
+
+def rotate_and_drive(
+    watched: MountingWatch, headings_deg: Sequence[float], aside: Callable[[float], float]
+) -> str:
+    """Drive 0.6 m on each heading; return what is reported."""
+    now_deg = 0.0
+    for heading_deg in headings_deg:
+        watched.rotate(math.radians(heading_deg - now_deg))
+        now_deg = heading_deg
+        drive(watched, 30, aside=aside(math.radians(heading_deg)))
+    return watched.text
+
+
+def test_a_camera_turned_in_yaw_is_reported_on_three_headings() -> None:
+    watched, aside = watch(), math.tan(math.radians(3.0))
+    assert not rotate_and_drive(watched, (15.0, 45.0), lambda _: aside)
+    assert re.match(
+        r"ground moves \+(2.9|3.0|3.1) deg aside on all headings",
+        rotate_and_drive(watched, (30.0,), lambda _: aside),
+    )
+
+
+@pytest.mark.parametrize(
+    "headings_deg", [(0.0, 40.0, 0.0), (70.0, 110.0), (60.0, 90.0, 120.0), (0.0, 60.0, 120.0, 180.0)]
+)
+def test_a_drift_on_a_slope_is_not_the_camera(headings_deg: Sequence[float]) -> None:
+    """It is proportional to the sine of the angle from the line of fall."""
+    assert not rotate_and_drive(watch(), headings_deg, lambda heading_rad: 0.06 * math.sin(heading_rad))
+
+
+@pytest.mark.parametrize(("seen_turn", "is_mirrored"), [(1.0, False), (0.3, False), (-0.7, True)])
+def test_mirrored_pictures_rotate_against_the_gyro(seen_turn: float, is_mirrored: bool) -> None:
+    text = drive(watch(), 30, turn_rad=0.01, seen_turn=seen_turn)
+    assert ("not mirrored" in text) is is_mirrored
+
+
+@pytest.mark.parametrize(
+    ("scale", "is_confirmed", "is_wrong"), [(1.0, True, False), (1.06, False, False), (1.2, False, True)]
+)
+def test_a_rotation_on_the_spot_shows_the_scale(scale: float, is_confirmed: bool, is_wrong: bool) -> None:
+    watched = watch()
+    assert watched.scale_sd == DEFAULTS.mounting.unconfirmed_scale_sd
+    for _ in range(50):
+        watched.spin(0.02, 0.02 * 0.4j, scale * 0.02 * 0.4j)
+        drive(watched, 1)
+    assert watched.scale_sd == (SCALE_SD if is_confirmed else DEFAULTS.mounting.unconfirmed_scale_sd)
+    assert ("times as far as the gyro" in watched.text) is is_wrong
+
+
+def test_a_calibrated_scale_is_confirmed() -> None:
+    assert watch(is_calibrated=True).scale_sd == SCALE_SD

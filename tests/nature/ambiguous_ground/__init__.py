@@ -1,0 +1,4 @@
+"""Rendered drives over grounds that mislead a camera, with truth.
+
+Run `python -m tests.nature.ambiguous_ground FOLDER`.
+"""
