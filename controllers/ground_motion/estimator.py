@@ -180,9 +180,9 @@ class GroundMotionEstimator:
             self.moving_parts.update(motion.tracks, motion.moved_pixels)
         self._frames.add(Reference(picture=picture, pose=found.pose, sd=found.sd))
         self._begin(t_ns, patch)
+        self.pair = motion
         if doubt := self._wheels.doubt(compared):
             return self._invalid(before_ns, t_ns, doubt)
-        self.pair = motion
         return self._valid(before_ns, t_ns, motion)
 
     def _expect(self, prior: MotionPrior) -> None:
