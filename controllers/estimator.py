@@ -136,7 +136,12 @@ class Estimator:
         )
         self._stuck = StuckEncoders(settings, kinematics.wheel_count)
         self._stuck_fault: Fault | None = None
-        self._unwatched = UnwatchedTurn(settings.slip_distance_m, is_watched=is_yaw_watched)
+        # Poses and a camera decide between gyro and wheels themselves, see `YawWatch`.
+        self._unwatched = (
+            UnwatchedTurn(settings.slip_distance_m, is_watched=is_yaw_watched)
+            if roles.headings or not is_yaw_watched
+            else None
+        )
         self._velocity = BodyVelocity(
             self.odometry, self.gyro, self._turns, self.pose_filter, slip, self.ground
         )
@@ -341,6 +346,8 @@ class Estimator:
             self.budget.raise_to(fault.cause, fault.bound)
 
     def _account_for_unwatched_yaw(self, increment: BodyIncrement) -> None:
+        if self._unwatched is None:
+            return
         self._unwatched.drive(math.hypot(increment.x_m, increment.y_m))
         turn = self._turns.turn
         if turn is None or self._stuck_fault is not None:  # wheels known to be wrong are no alternative

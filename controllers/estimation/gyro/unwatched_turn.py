@@ -23,7 +23,7 @@ class UnwatchedTurn:
     the gyro has agreed with the wheels in a turn that no slip explains, its own turn may be wrong by that and
     by its difference to the wheels. What it may have been wrong by before stays: nothing has measured it.
 
-    Where headings, poses or a camera watch the yaw, they measure what slip adds. Then a gyro only has to show
+    Where headings watch the yaw, they measure what slip adds. Then a gyro only has to show
     once that it has the sign and scale of the wheels; until then the turn by the wheels may be the right one.
 
     Args:
