@@ -9,7 +9,7 @@ that; a gyro of a wrong sign or scale has it from the start. The ground truth is
 
 A run is right where the first new reason or warning names the device within 3 s or 1 m, or where NEES (x, y,
 yaw) stays at most 16.3 and the 95 % radius at most 0.2 m and half the true distance; that by the wheels, of
-which slip loses a part, is a column of its own. A warning about the rover itself blames no device. Exit code
+which slip loses a part, is a separate column. A warning about the rover itself blames no device. Exit code
 1 where fewer than 95 % of the runs of a class are right, where NEES exceeds 30 and nothing is reported within
 3 s, or where only another device is named in more than 1 % of all runs.
 """

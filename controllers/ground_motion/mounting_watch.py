@@ -54,7 +54,9 @@ class MountedMotion:
 
 
 class MountingWatch:
-    """Sums up the motion of valid pairs while the rover drives; older ones fade.
+    """Sums up the motion of valid pairs while the rover drives.
+
+    Older pairs fade, but not rotations on the spot.
 
     Pitch and focal length cannot be distinguished by it, and the height not at all. A rover that drifts on a
     slope looks like a camera that is turned in yaw: this is reported only where the angle is the same on

@@ -1,6 +1,7 @@
 """What moves with the rover: points of the view that never move with the ground.
 
-A rim, a track or a cable has a motion of its own. Its points are followed well, but never fit the ground.
+A rim, a track or a cable moves otherwise than the ground. Its points are followed well, but never fit the
+ground.
 """
 
 import numpy as np

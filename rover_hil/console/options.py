@@ -44,6 +44,12 @@ DriveOption = Annotated[
     bool, typer.Option("--drive", help="Drive the real rover without a question; needed without a terminal.")
 ]
 ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite earlier results.")]
+RigOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--rig", help="Rig file, JSON, schema rear-camera-rig/1; a log holds that of its configuration."
+    ),
+]
 ClusterOption = Annotated[
     str | None,
     typer.Option(

@@ -14,7 +14,7 @@ from drivers.camera.images import NO_PIXELS
 from drivers.errors import ConfigError
 from rover_hil.console.exit_codes import EXIT_INTERRUPTED, EXIT_OK
 from rover_hil.console.json_text import print_json
-from rover_hil.console.options import ForceOption, JsonOption, check_inputs, out_option
+from rover_hil.console.options import ForceOption, JsonOption, RigOption, check_inputs, out_option
 from rover_hil.console.steps import show_progress
 from rover_hil.ftrace.inputs import read_inputs
 from rover_hil.ftrace.overlay import OverlayWriter, draw
@@ -32,12 +32,7 @@ def trace_angles(
     ],
     *,
     out: Annotated[Path, out_option("CSV file to write: one row per frame.")],
-    rig_path: Annotated[
-        Path | None,
-        typer.Option(
-            "--rig", help="Rig file, JSON, schema rear-camera-rig/1; a log holds that of its configuration."
-        ),
-    ] = None,
+    rig_path: RigOption = None,
     telemetry_path: Annotated[
         Path | None,
         typer.Option(

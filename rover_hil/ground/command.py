@@ -14,15 +14,14 @@ import typer
 from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.ground_patch import GroundPatch
 from controllers.ground_motion.ground_view import GroundView
-from controllers.ground_motion.rig_tolerance import RigTolerance
 from drivers.camera.images import NO_PIXELS
 from drivers.errors import ConfigError
 from drivers.samples import Image
 from rover_hil.console.exit_codes import EXIT_INTERRUPTED, EXIT_OK
 from rover_hil.console.json_text import print_json
-from rover_hil.console.options import ForceOption, JsonOption, check_inputs, out_option
+from rover_hil.console.options import ForceOption, JsonOption, RigOption, check_inputs, out_option
 from rover_hil.console.steps import show_progress
-from rover_hil.ftrace.inputs import FrameInputs, read_inputs
+from rover_hil.ftrace.inputs import read_inputs
 from rover_hil.ftrace.log_frames import LogFrames
 from rover_hil.ftrace.overlay import OverlayWriter
 from rover_hil.ground.picture import draw
@@ -40,12 +39,7 @@ def ground_motion(
     ],
     *,
     out: Annotated[Path, out_option("CSV file to write: one row per frame. A picture is written beside it.")],
-    rig_path: Annotated[
-        Path | None,
-        typer.Option(
-            "--rig", help="Rig file, JSON, schema rear-camera-rig/1; a log holds that of its configuration."
-        ),
-    ] = None,
+    rig_path: RigOption = None,
     telemetry_path: Annotated[
         Path | None,
         typer.Option(
@@ -78,13 +72,21 @@ def ground_motion(
     """
     check_file(out, force=force)
     picture_path = out.with_suffix(".png")
+    if picture_path == out:
+        raise ConfigError(
+            f"--out {out} is the name of the picture beside the table: choose another, like .csv"
+        )
     check_file(picture_path, force=force)
     if overlay is not None:
         refuse_overwrite(overlay, force=force, option="--overlay")
     check_inputs(frames)
     inputs = read_inputs(frames, rig_path, telemetry_path)
+    ground = inputs.source.ground if isinstance(inputs.source, LogFrames) else None
+    if ground is not None and rig_path is None:
+        inputs = inputs._replace(rig=ground.rig)
+    tolerance = ground.tolerance if ground is not None and ground.rig == inputs.rig else None
     view = GroundView(GroundPatch(inputs.rig.geometry()))
-    estimator = GroundMotionEstimator(view, _tolerance(inputs))
+    estimator = GroundMotionEstimator(view, tolerance)
     items: list[FrameMotion] = []
     picture: Image | None = None
     code = EXIT_OK
@@ -114,12 +116,6 @@ def ground_motion(
             _write_picture(picture_path, picture)
     _report(items, out, picture_path, as_json=as_json)
     return code
-
-
-def _tolerance(inputs: FrameInputs) -> RigTolerance | None:
-    """Return what the configuration of a log knows about this rig: its scale, and its tolerances."""
-    ground = inputs.source.ground if isinstance(inputs.source, LogFrames) else None
-    return ground.tolerance if ground is not None and ground.rig == inputs.rig else None
 
 
 def _write_picture(path: Path, picture: Image) -> None:

@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from controllers.estimation.ground.travel import WHEELS_SD
 from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.motion import GroundMotion
 from controllers.ground_motion.parameters import DEFAULTS
@@ -20,9 +21,6 @@ HEADER = (
     "frame,t,valid,forward_m,left_m,turn_rad,forward_sd_m,left_sd_m,turn_sd_rad,scale_sd,duration_s,"
     "wheel_travel_m,slip,slip_sd,x_m,y_m,yaw_rad,reason"
 )
-WHEELS_SD = 0.005
-"""Of the travel of rolling wheels, as a share: radius and encoders."""
-
 Changed = Callable[[Image, int], Image]
 """From the grey pixels of a frame and its number to those that are used."""
 

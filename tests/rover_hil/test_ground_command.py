@@ -134,6 +134,13 @@ def test_nothing_is_overwritten(drive: Path, tmp_path: Path) -> None:
     assert (tmp_path / "motion.png").read_bytes() == b"mine"
 
 
+def test_the_table_must_not_have_the_name_of_the_picture(drive: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"motion\.png is the name of the picture"):
+        ground_motion(drive / "frames", rig_path=drive / "rig.json", out=tmp_path / "motion.png")
+
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_folder_of_pictures_needs_a_rig(drive: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="--rig is missing"):
         ground_motion(drive / "frames", out=tmp_path / "motion.csv")
