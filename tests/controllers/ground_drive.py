@@ -21,7 +21,7 @@ from tests.controllers.simulated import (
 )
 from tests.nature.ground_camera import DEVICE, CameraErrors, GroundCamera
 
-EXACT = CameraErrors(moving_sd_m=0.0, share_sd=0.0, scale_sd=0.0, drift_sd=0.0, burst_probability=0.0)
+EXACT = CameraErrors(share_sd=0.0, scale_sd=0.0, drift_sd=0.0, burst_probability=0.0)
 WITH_GYRO = DeviceRoles(wheels="wheels", gyro="gyro", required={"wheels": 0.15, "gyro": 0.15}, camera=DEVICE)
 WITHOUT_GYRO = replace(WITH_GYRO, gyro=None, required={"wheels": 0.15})
 

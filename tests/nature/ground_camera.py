@@ -18,8 +18,6 @@ from controllers.ground_motion.motion import GroundMotion
 from drivers.samples import FrameSample
 
 DEVICE = "ground camera"
-RESTS_M = 0.0003
-"""A rover that moves less between two frames rests."""
 NO_PICTURE = np.zeros((1, 1), np.uint8)
 
 
@@ -55,8 +53,7 @@ class CameraErrors:
     """Errors of the camera, and what it reports of them.
 
     Attributes:
-        place_sd_m: Of the place of a frame while the rover rests, forward; to the left half as much again.
-        moving_sd_m: Of it, beside that, while the rover moves: frames in a row are compared with others.
+        place_sd_m: Of the place of a frame, forward; to the left half as much again.
         share_sd: Of the travel of a pair, over itself, in any direction.
         told_sd_m: What it reports of a pair, forward; to the left half as much again.
         turn_sd_rad: Of the turn of a pair, and what it reports of it.
@@ -70,9 +67,8 @@ class CameraErrors:
     """
 
     place_sd_m: float = 7e-5
-    moving_sd_m: float = 2e-4
-    share_sd: float = 0.015
-    told_sd_m: float = 2.2e-4
+    share_sd: float = 0.005
+    told_sd_m: float = 2e-4
     turn_sd_rad: float = 5e-4
     scale_sd: float = 0.015
     drift_sd: float = 0.005
@@ -165,9 +161,7 @@ class GroundCamera:
         self._drift = kept * self._drift + math.sqrt(1.0 - kept**2) * errors.drift_sd * float(noise[3])
         measured_m = travel_m * (self._scale + self._drift)
         measured_m += errors.share_sd * abs(travel_m) * complex(noise[0], noise[1])
-        moves = abs(travel_m) > RESTS_M
-        place_sd_m = math.hypot(errors.place_sd_m, errors.moving_sd_m) if moves else errors.place_sd_m
-        before_m, self._place_m = self._place_m, place_sd_m * complex(noise[4], 1.5 * noise[5])
+        before_m, self._place_m = self._place_m, errors.place_sd_m * complex(noise[4], 1.5 * noise[5])
         measured_m += self._place_m - before_m
         reason = self._invalid_because(now)
         return GroundMotion(

@@ -60,11 +60,11 @@ def test_the_model_errs_as_rendered_drives_do(rendered: list[Pairs]) -> None:
     ("errors", "told"),
     [
         (CameraErrors(scale_sd=0.002), "bias"),
-        (CameraErrors(moving_sd_m=0.0), "correlation"),
-        (CameraErrors(moving_sd_m=5e-4), "pair_mm"),
+        (CameraErrors(place_sd_m=4e-4), "correlation"),
+        (CameraErrors(share_sd=0.03), "pair_mm"),
         (CameraErrors(burst_probability=0.0), "valid"),
     ],
-    ids=["no error of scale", "neighbours too alike", "too noisy", "never blind"],
+    ids=["no error of scale", "neighbours too different", "too noisy", "never blind"],
 )
 def test_a_model_that_errs_otherwise_is_told(rendered: list[Pairs], errors: CameraErrors, told: str) -> None:
     assert [text for text in differences(model_of(rendered, errors), figures(rendered)) if told in text]
