@@ -1,5 +1,7 @@
 """Which of the motions that the points share is that of the ground."""
 
+from dataclasses import replace
+
 from controllers.ground_motion.flow import Followed, PatchMotion
 from controllers.ground_motion.parameters import ValidityParameters
 
@@ -15,6 +17,10 @@ def choose(
         numbers: What a pair must show.
     """
     moving, fixed = followed.moving, followed.fixed
+    if moving is not None and fixed is not None and _shared(moving, fixed) > numbers.most_shared:
+        # Points that stand and move at once are of ground that repeats, not ground behind specks.
+        is_faint = moving.points < numbers.most_ambiguous * fixed.points
+        moving = None if is_faint else replace(moving, ambiguity=1.0)
     if moving is not None and moving.moved_pixels > numbers.still_pixels:
         most_sd_pixels = min(
             numbers.least_sd_pixels + numbers.sd_share * moving.moved_pixels, numbers.most_sd_pixels
@@ -37,3 +43,11 @@ def choose(
     if still.share < least_share or still.moved_sd_pixels > most_sd_pixels:
         return None, "ground that stands cannot be distinguished from what is fixed in the picture"
     return still, ""
+
+
+def _shared(moving: PatchMotion, fixed: PatchMotion) -> float:
+    """Return the share of the points of one motion that the other explains too."""
+    if moving.tracks is None or fixed.tracks is None:
+        return 0.0
+    follows = moving.tracks.follows
+    return float((follows & fixed.tracks.follows).sum()) / max(int(follows.sum()), 1)

@@ -78,6 +78,7 @@ class ValidityParameters:
     clear_still_sd_pixels: float = 0.03  # windows on specks and ground scatter more
     most_ambiguous: float = 0.6  # points that another motion explains, over those of the motion: median of
     ambiguous_pairs: int = 5  # so many
+    most_shared: float = 0.5  # of the points that move, with those that do not: two motions of one body
     baseline_pixels: float = 8.0  # frames to compare with are at least this far apart, where there are any
     coarse_baseline_pixels: float = 3.0  # where rays are flat: ground looks otherwise after some metres
     second_pixels: float = 5.0  # the same of a second one: specks pull at points that move less
