@@ -24,7 +24,7 @@ class Presence:
     def __init__(self, start_m: float, parameters: PresenceParameters) -> None:
         self._start_m = start_m
         self._parameters = parameters
-        self._travelled_m = 0.0
+        self._travelled_m = self._doubtful_m = 0.0
         self._signature = np.zeros(0)
         self._first: tuple[float, float] | None = None
         self.locked = False
@@ -47,9 +47,13 @@ class Presence:
         """
         numbers = self._parameters
         self._travelled_m += moved_m
+        self._doubtful_m = 0.0 if stretch.log_odds > numbers.lock_odds else self._doubtful_m + moved_m
         if self.locked:
-            present = stretch.log_odds > numbers.keep_odds
+            bridges = self._doubtful_m < numbers.bridged_m
+            present = stretch.log_odds > (numbers.bridge_odds if bridges else numbers.keep_odds)
         elif self._travelled_m > self._start_m + numbers.start_error_m:
+            present = stretch.log_odds > numbers.lock_odds
+        elif stretch.is_followed and self._travelled_m > numbers.followed_for_m:
             present = stretch.log_odds > numbers.lock_odds
         else:
             present = stretch.log_odds > numbers.start_odds and self._was_there_before(stretch)
