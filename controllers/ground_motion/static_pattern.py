@@ -17,11 +17,14 @@ class StaticPattern:
     Args:
         shape: Of the rectified ground.
         parameters: Tuned numbers.
+
+    Attributes:
+        mean: Mean structure over the motion, at each pixel.
     """
 
     def __init__(self, shape: tuple[int, int], parameters: PatternParameters) -> None:
         self._parameters = parameters
-        self._mean: Patch = np.zeros(shape, np.float32)
+        self.mean: Patch = np.zeros(shape, np.float32)
         self._fixed: Patch = np.zeros(shape, np.float32)
         self._moved_pixels = 0.0
 
@@ -37,10 +40,10 @@ class StaticPattern:
         # Weights fall exponentially with motion; before the length is reached the mean is a plain one.
         known = 1.0 - np.exp(-self._moved_pixels / length)
         gain = np.float32((1.0 - np.exp(-moved_pixels / length)) / known)
-        self._mean += gain * (structure - self._mean)
+        self.mean += gain * (structure - self.mean)
         if self._moved_pixels > length:
-            strong = np.abs(self._mean) > self._parameters.least_strength
-            self._fixed = np.where(strong, self._mean, np.float32(0.0))
+            strong = np.abs(self.mean) > self._parameters.least_strength
+            self._fixed = np.where(strong, self.mean, np.float32(0.0))
 
     def without(self, structure: Patch) -> Patch:
         """Return a structure less the pattern."""

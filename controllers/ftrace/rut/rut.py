@@ -79,6 +79,7 @@ class RutFinder:
         self.blocks = ground.shape[0] // rows
         self.s_m: Floats = np.asarray((np.arange(self.blocks) + 0.5) * self.block_m, np.float64)
         self._rows = self.blocks * rows
+        self.shape = (self._rows, self._columns)
         self._visible = ground.visible[: self._rows].astype(np.float32)
         window = 2 * round(self._parameters.light_m / 2 / RESOLUTION_M) + 1
         self._window = (window, window)

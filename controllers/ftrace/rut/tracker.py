@@ -22,6 +22,7 @@ from controllers.ground_motion.ground_patch import RESOLUTION_M, Floats, Mask, P
 from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.prior import MotionPrior
 from controllers.ground_motion.reference_frames import rotated
+from controllers.ground_motion.static_pattern import StaticPattern
 from drivers.samples import Image
 
 RIGHT_WITHIN_RAD = math.radians(5.0)
@@ -52,6 +53,10 @@ class RutTracker:
         self._ground_motion = GroundMotionEstimator(view, parameters=parameters.ground_motion)
         self._match = GroundMatch(ground, parameters.matching)
         self._light = StaticShading(visible, ground.centre, shading.lit_share, shading)
+        fixed = parameters.fixed
+        self._fixed_structure = StaticPattern(ground.shape, fixed.pattern)
+        self._fixed_detail = StaticPattern(self._finder.shape, fixed.pattern)
+        self._seen_m = 0.0
         self._front = FrontWheelTrace(ground.rig, self._finder.block_m, self._search.touching_widths)
         self._path = PathFilter(ground.rig.behind_m, parameters.path)
         self._odometry = PathFilter(ground.rig.behind_m, parameters.path)
@@ -76,6 +81,7 @@ class RutTracker:
         if frame.usable:
             self._light.update(log_grey, motion)
             detail = self._finder.detail(log_grey - self._light.field)
+            detail, structure = self._without_fixed(detail, structure, 0.0 if motion is None else moved_m)
             sections = self._finder.cross_sections(detail, self._finder.roughness(structure))
             found = not goes_back and self._find(sections, moved_m)
         if not found:
@@ -92,6 +98,19 @@ class RutTracker:
             confidence=self._confidence * within(RIGHT_WITHIN_RAD, sd_rad),
             path_m=np.stack([s, self._path.curve(s)], axis=1),
         )
+
+    def _without_fixed(self, detail: Patch, structure: Patch, moved_m: float) -> tuple[Patch, Patch]:
+        """Return a frame less what is fixed in the picture, as a dark band is.
+
+        The mean of a trace that is driven straight is fixed as well. Prints and irregular edges remain of it.
+        """
+        self._seen_m += moved_m
+        if moved_m > 0.0:
+            self._fixed_detail.update(detail, moved_m / RESOLUTION_M)
+            self._fixed_structure.update(structure, moved_m / RESOLUTION_M)
+        if self._seen_m < self._numbers.fixed.known_m:
+            return detail, structure
+        return detail - self._fixed_detail.mean, structure - self._fixed_structure.mean
 
     def _theta_sd_rad(self, path: PathFilter) -> float:
         """Return the standard deviation of the angle.

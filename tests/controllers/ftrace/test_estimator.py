@@ -5,8 +5,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
+import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from controllers.ftrace.estimator import Method, TraceAngle, TraceEstimator
 from controllers.ftrace.frame import Frame
@@ -160,6 +162,33 @@ def test_ground_without_a_trace() -> None:
     true_deg = np.array([row.theta_t_deg for row in sequence.truth])
     assert rms(np.array([angle.theta_deg for angle in angles])[2:] - true_deg[2:]) < 1.0
     assert max(angle.confidence for angle in angles) < 0.5
+
+
+@pytest.mark.parametrize("grey", [0.5, 0.8])
+def test_a_dark_band_that_is_fixed_in_the_picture_is_no_trace(grey: float) -> None:
+    sequence = make_sequence("no_trace", 2, 9.0)
+    clear = grey_frames(sequence)
+    mask = np.ones(clear[0].shape, np.float32)
+    cv2.fillConvexPoly(mask, _behind_the_wheel(sequence), grey)
+    band = np.asarray(cv2.GaussianBlur(mask, (0, 0), 3.0))
+    frames = [(image * band).astype(np.uint8) for image in clear]
+
+    found = [angle.detected for angle in follow(sequence, frames, "fused")]
+
+    assert sum(found) <= 0.02 * len(found)
+
+
+def _behind_the_wheel(sequence: FrameSequence) -> NDArray[np.int32]:
+    """Return the corners of a strip of ground as wide as the wheel, in the picture."""
+    rig = sequence.rig
+    half_m = rig.wheel.width_m / 2
+    ground_m = np.array([[rig.wheel.x_m - s, rig.wheel.y_m + y, 0.0] for s, y in _corners(half_m)])
+    seen = (ground_m - rig.camera_m) @ rig.vehicle_from_camera @ rig.camera_matrix.T
+    return np.round(seen[:, :2] / seen[:, 2:]).astype(np.int32)
+
+
+def _corners(half_m: float) -> list[tuple[float, float]]:
+    return [(0.1, -half_m), (0.1, half_m), (1.0, half_m), (1.0, -half_m)]
 
 
 def test_ground_at_rest_under_spinning_wheels_has_no_direction() -> None:
