@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.gates.floors import Way
-from benchmarks.safety.missions import Driven
+from benchmarks.safety.faults.measures import RESOLUTION
+from benchmarks.safety.healthy_missions import greatest_radius_m
+from benchmarks.safety.missions import Driven, Moment
 from controllers.control_loop import StepOutput
 from controllers.estimation.ground.travel import GroundReport
 from controllers.safety import Mode
@@ -39,7 +41,8 @@ class Result(NamedTuple):
         end_m: Error of the estimate at the end.
         rms_m: Rms error of the estimate over the true path.
         wheels_rms_m: The same of the wheels alone.
-        nees: Greatest NEES without a report.
+        nees: Greatest NEES without a report; errors of 1 mm and 1 mrad count for nothing.
+        radius_m: Greatest radius of the 95 % region of the position.
         valid: Share of the frames with a valid pair, since the rover may move.
         slip_off: Mean of measured less true slip.
         slip_rms: Rms of it.
@@ -57,6 +60,7 @@ class Result(NamedTuple):
     rms_m: float
     wheels_rms_m: float
     nees: float
+    radius_m: float
     valid: float
     slip_off: float
     slip_rms: float
@@ -76,6 +80,11 @@ class Result(NamedTuple):
         """Return whether one of the causes was reported."""
         return any(cause in report for report in self.reports for cause in causes)
 
+    @property
+    def blames_camera(self) -> bool:
+        """Whether a report is about the camera or its rig."""
+        return any("camera" in report or "rig" in report for report in self.reports)
+
 
 def judge(driven: Driven, config: Config, scene: LiveScene) -> Result:
     """Compare a mission with the truth of its cycles, and with that along the ground at its exposures."""
@@ -84,7 +93,7 @@ def judge(driven: Driven, config: Config, scene: LiveScene) -> Result:
     errors_m, wheel_errors_m = (_distances(poses, true) for poses in (estimate, wheels))
     measured, truth = _slips(driven, wheels, scene)
     off = measured - truth
-    silent = [moment.nees for moment in driven.moments if not _reports(moment.output)]
+    silent = [_nees(moment) for moment in driven.moments if not _reports(moment.output)]
     seen = _ground_frames(driven)
     reports = [(t_s, text) for t_s, output in _cycles(driven) for text in _reports(output)]
     reasons = [(t_s, ground.reason) for t_s, ground in seen if ground.reason and not _asks(ground)]
@@ -97,6 +106,7 @@ def judge(driven: Driven, config: Config, scene: LiveScene) -> Result:
         rms_m=_rms(errors_m[1:], steps_m),
         wheels_rms_m=_rms(wheel_errors_m[1:], steps_m),
         nees=max(silent, default=math.nan),
+        radius_m=greatest_radius_m(driven),
         valid=_mean(np.array([not ground.reason for _, ground in seen], np.float64)),
         slip_off=_mean(off),
         slip_rms=math.sqrt(_mean(off**2)),
@@ -105,6 +115,12 @@ def judge(driven: Driven, config: Config, scene: LiveScene) -> Result:
         reports=_lines(reports),
         reasons=_lines(reasons),
     )
+
+
+def _nees(moment: Moment) -> float:
+    xx, xy, xt, yy, yt, tt = moment.output.estimate.covariance
+    covariance = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]) + RESOLUTION**2 * np.eye(3)
+    return float(moment.error @ np.linalg.solve(covariance, moment.error))
 
 
 def _cycles(driven: Driven) -> list[tuple[float, StepOutput]]:
