@@ -10,7 +10,7 @@ slopes of up to 12 deg. Nothing but the camera measures their slip: no yaw excit
 
 16 missions have the right rig, 8 another rig than the camera that is rendered, or ground that repeats itself.
 Paths: `sides`, a rectangle of 0.5 m by 0.25 m with the heading held; `turns`, the same with the nose along
-the path; `arc`, four sides of 0.4 m with 30 deg between them; `line`, 1.5 m.
+the path; `arc`, three sides of 0.5 m with 30 deg between them; `line`, 1.5 m.
 
 Columns; errors are of the position, in plan view, and weighted by the true path:
 
@@ -21,8 +21,9 @@ Columns; errors are of the position, in plan view, and weighted by the true path
 - valid: share of the frames since the start of the motion whose pair was valid;
 - slip off: mean of measured less true slip, and its rms, where slip was measured; `true slip` is the mean;
 - ok: of right missions. Estimate: finished without a stop, rms at most half of the wheels' or at most 15 mm,
-  and slip off by at most 0.05. Way: finished, and the true path within 45 mm (rms) and 100 mm (closure) of
-  the wanted one, as in `benchmarks.gates.floors`. Of wrong missions: whether the cause was reported.
+  and slip off by at most 0.05. Way, of the Robotinos: finished, and the true path within 45 mm (rms) and 100
+  mm (closure) of the wanted one, as in `benchmarks.gates.floors`; the El-Dorado slides down side slopes. Of
+  wrong missions: whether the cause was reported in 25 cycles or more, or is a reason of that many frames.
 
 Before the table are all reports with their numbers of cycles, and other reasons of the ground motion with
 their numbers of frames. Exit code 1 where a right mission is not ok in both, a cause was not reported, or
@@ -59,7 +60,7 @@ PATHS: dict[str, dict[str, Any]] = {
     "turns": {"type": "rectangle", "length_m": 0.5, "width_m": 0.25, "heading": "along_path"},
     "arc": {
         "type": "waypoints",
-        "points": [[0.4, 0.0], [0.746, 0.2], [0.946, 0.546], [0.946, 0.946]],
+        "points": [[0.5, 0.0], [0.933, 0.25], [1.183, 0.683]],
         "heading": "along_path",
     },
     "line": {"type": "line", "length_m": 1.5},
@@ -112,8 +113,8 @@ MISSIONS = (
     Mission("yaw_off", "robotino", "arc", ("aside", "yaw of the")),
     Mission("mirrored", "nature", "turns", ("mirror", "against the gyro")),
     Mission("upside_down", "el-dorado", "line", ("upside down", "turned round")),
-    Mission("tiles_long", "robotino", "line", ("pattern", "period", "repeats itself")),
-    Mission("tiles_short", "nature", "line", ("pattern", "period", "repeats itself")),
+    Mission("tiles_long", "el-dorado", "line", ("pattern", "period")),
+    Mission("tiles_short", "nature", "line", ("pattern", "period")),
 )
 
 
@@ -215,7 +216,9 @@ def cells(mission: Mission, result: Result) -> list[str]:
     if mission.causes:
         verdicts = ["named" if result.names(mission.causes) else "NO", ""]
     else:
-        verdicts = ["yes" if is_ok else "NO" for is_ok in (result.is_near, result.way.is_within)]
+        verdicts = ["yes" if result.is_near else "NO", "yes" if result.way.is_within else "NO"]
+    if mission.rover == "el-dorado":
+        verdicts[1] = ""
     return [
         mission.rover,
         mission.path,
@@ -245,8 +248,8 @@ def texts_of(title: str, result: Result, recipe: Recipe) -> list[str]:
     return [
         f"{title}: {recipe.kind}, camera {camera.position[2]:.2f} m high, {camera.depression_deg:.0f} deg "
         f"down, {recipe.motion.fps:g} frames/s, {drawn}",
-        *(f"    report: {text}" for text in result.reports),
-        *(f"    no pair: {text}" for text in result.reasons),
+        *(f"    report: {finding}" for finding in result.reports),
+        *(f"    no pair: {finding}" for finding in result.reasons),
     ]
 
 
@@ -254,15 +257,16 @@ def summarise(done: Sequence[tuple[Mission, Result]]) -> int:
     """Print the counts; return the exit code."""
     right = [result for mission, result in done if not mission.causes]
     named = [result.names(mission.causes) for mission, result in done if mission.causes]
-    near, within = sum(each.is_near for each in right), sum(each.way.is_within for each in right)
+    ways = [result.way for mission, result in done if not mission.causes and mission.rover != "el-dorado"]
+    near, within = sum(each.is_near for each in right), sum(way.is_within for way in ways)
     silent = sum(result.nees > SILENT_NEES for _, result in done)
     print(f"right missions within the bars of the estimate: {near} of {len(right)}")
-    print(f"right missions within the bars of the way: {within} of {len(right)}")
+    print(f"right missions within the bars of the way: {within} of {len(ways)}")
     blamed = sum(each.blames_camera for each in right)
     print(f"right missions in which the camera or its rig was reported: {blamed} of {len(right)}")
     print(f"cause reported: {sum(named)} of {len(named)}")
     print(f"NEES above {SILENT_NEES:g} without a report: {silent} of {len(done)}")
-    is_reached = near == within == len(right) and all(named) and not silent
+    is_reached = near == len(right) and within == len(ways) and all(named) and not silent
     return 0 if is_reached else 1
 
 

@@ -25,9 +25,27 @@ from tests.nature.ambiguous_ground.live_camera import LiveScene
 Floats = NDArray[np.float64]
 
 RMS_RATIO, RMS_M, SLIP_OFF = 0.5, 0.015, 0.05
+LEAST_TIMES = 25
 SLIP_WINDOW_M = 0.05
 """Travel of the wheels over which the loop reports its slip."""
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+
+
+class Finding(NamedTuple):
+    """What was reported, or why nothing was measured: the text without its numbers.
+
+    Attributes:
+        text: Each number is replaced by #.
+        first_s: Time of the first one.
+        times: Number of cycles, or of frames.
+    """
+
+    text: str
+    first_s: float
+    times: int
+
+    def __str__(self) -> str:
+        return f"{self.first_s:.1f} s, {self.times} times: {self.text}"
 
 
 class Result(NamedTuple):
@@ -48,8 +66,8 @@ class Result(NamedTuple):
         slip_rms: Rms of it.
         true_slip: Mean true slip where slip was measured.
         way: The true way.
-        reports: What was reported: time of the first one, number of cycles, and text without its numbers.
-        reasons: Other reasons of the ground motion, likewise, with the number of frames.
+        reports: What was reported, by cycles.
+        reasons: Other reasons of the ground motion, by frames.
     """
 
     frames: int
@@ -66,8 +84,8 @@ class Result(NamedTuple):
     slip_rms: float
     true_slip: float
     way: Way
-    reports: tuple[str, ...]
-    reasons: tuple[str, ...]
+    reports: tuple[Finding, ...]
+    reasons: tuple[Finding, ...]
 
     @property
     def is_near(self) -> bool:
@@ -77,13 +95,14 @@ class Result(NamedTuple):
         return self.mode is Mode.FINISHED and not self.stops and is_near and has_slip
 
     def names(self, causes: Iterable[str]) -> bool:
-        """Return whether one of the causes was reported."""
-        return any(cause in report for report in self.reports for cause in causes)
+        """Return whether one of the causes was reported, for longer than the false alarms of right rigs."""
+        found = [each for each in (*self.reports, *self.reasons) if each.times >= LEAST_TIMES]
+        return any(cause in each.text for each in found for cause in causes)
 
     @property
     def blames_camera(self) -> bool:
         """Whether a report is about the camera or its rig."""
-        return any("camera" in report or "rig" in report for report in self.reports)
+        return any("camera" in each.text or "rig" in each.text for each in self.reports)
 
 
 def judge(driven: Driven, config: Config, scene: LiveScene) -> Result:
@@ -112,8 +131,8 @@ def judge(driven: Driven, config: Config, scene: LiveScene) -> Result:
         slip_rms=math.sqrt(_mean(off**2)),
         true_slip=_mean(truth),
         way=_way(config, driven, true),
-        reports=_lines(reports),
-        reasons=_lines(reasons),
+        reports=_findings(reports),
+        reasons=_findings(reasons),
     )
 
 
@@ -206,14 +225,14 @@ def _ground_frames(driven: Driven) -> list[tuple[float, GroundReport]]:
     return [after for before, after in pairwise(each) if before[1].t_ns != after[1].t_ns]
 
 
-def _lines(texts: Iterable[tuple[float, str]]) -> tuple[str, ...]:
-    """Return each text once, without its numbers, with the time of the first one and their number."""
+def _findings(texts: Iterable[tuple[float, str]]) -> tuple[Finding, ...]:
+    """Return each text once."""
     counts, first_s = Counter[str](), dict[str, float]()
     for t_s, text in texts:
         alike = NUMBER.sub("#", text)
         counts[alike] += 1
         first_s.setdefault(alike, t_s)
-    return tuple(f"{first_s[text]:.1f} s, {count} times: {text}" for text, count in counts.items())
+    return tuple(Finding(text, first_s[text], count) for text, count in counts.items())
 
 
 def _way(config: Config, driven: Driven, true: Floats) -> Way:
