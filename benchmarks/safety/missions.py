@@ -63,6 +63,9 @@ ROVERS = {"robotino": robotino, "el-dorado": el_dorado}
 MakePlant = Callable[[int], Plant]
 """From the time of the first step to a rover that takes the place of the configured one."""
 
+ChangeWorld = Callable[[World], None]
+"""Changes the simulated rover and its devices before they run."""
+
 MakeCamera = Callable[[Plant], GroundCamera]
 """From the rover to a camera that measures its motion over the ground."""
 
@@ -189,6 +192,7 @@ def drive(
     limit_s: float = 120.0,
     make_plant: MakePlant | None = None,
     make_camera: MakeCamera | None = None,
+    change_world: ChangeWorld = lambda _: None,
 ) -> Driven:
     """Run the loop on the simulated rover of `config` to its end.
 
@@ -199,12 +203,14 @@ def drive(
         limit_s: The run ends after this time.
         make_plant: Makes a rover that takes the place of the simulated one of `config`.
         make_camera: Makes a camera that measures the motion over the ground; None for a rover without.
+        change_world: Changes the simulated rover of `config`, or the one in its place.
     """
     clock = VirtualClock()
     rig, world = build_virtual_rig(config, clock, NoTap())
     start_ns = now_ns = clock.now_ns()
     if make_plant is not None:
         put(world, make_plant(start_ns))
+    change_world(world)
     camera = None if make_camera is None else make_camera(world.plant)
     if camera is not None:
         roles = replace(config.device_roles(), camera=DEVICE)

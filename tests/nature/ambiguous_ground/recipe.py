@@ -127,16 +127,18 @@ class Recipe:
 def pictures(recipe: Recipe) -> list[Frame]:
     """The frames of the drive."""
     noise = generator(recipe.case, recipe.draw, 1)
-    layers = [*recipe.layers, *recipe.lens, recipe.exposure, *recipe.after]
-    frames = []
-    for i in range(recipe.frames):
-        picture = ground_picture(recipe, i)
-        for layer in layers:
-            picture = layer(picture, i)
-        frames.append(digitise(picture, recipe.noise, noise))
+    frames = [digital(recipe, i, noise) for i in range(recipe.frames)]
     for change in recipe.stream:
         frames = change(frames)
     return frames
+
+
+def digital(recipe: Recipe, frame: int, noise: np.random.Generator) -> Frame:
+    """A frame as the sensor hands it out."""
+    picture = ground_picture(recipe, frame)
+    for layer in (*recipe.layers, *recipe.lens, recipe.exposure, *recipe.after):
+        picture = layer(picture, frame)
+    return digitise(picture, recipe.noise, noise)
 
 
 def ground_picture(recipe: Recipe, frame: int) -> Picture:

@@ -21,17 +21,25 @@ class Rain:
         count = drops * n
         self._born = np.repeat(np.arange(n), drops)
         u, v = rng.uniform(0, WIDTH, count), rng.uniform(0, HEIGHT, count)
-        seen = camera.on_plane(u, v)
+        self._seen = camera.on_plane(u, v)
         self._at = np.zeros((count, 2))
-        for i in range(n):
-            new = self._born == i
-            c, s = np.cos(motion.psi[i]), np.sin(motion.psi[i])
-            x, y = seen[new].T
-            self._at[new] = np.stack([motion.x[i] + c * x - s * y, motion.y[i] + s * x + c * y], axis=1)
+        self._fallen_frames = 0
         self._radius = rng.uniform(0.002, 0.007, count)
         self._darker = rng.uniform(0.15, 0.45, count)
 
+    def _fall(self, frame: int) -> None:
+        """Drops of the frames up to this one fall where the camera is then."""
+        for i in range(self._fallen_frames, frame + 1):
+            new = self._born == i
+            c, s = np.cos(self._motion.psi[i]), np.sin(self._motion.psi[i])
+            x, y = self._seen[new].T
+            self._at[new] = np.stack(
+                [self._motion.x[i] + c * x - s * y, self._motion.y[i] + s * x + c * y], axis=1
+            )
+        self._fallen_frames = max(self._fallen_frames, frame + 1)
+
     def __call__(self, picture: Picture, frame: int) -> Picture:
+        self._fall(frame)
         fallen = self._born <= frame
         psi = self._motion.psi[frame]
         dx, dy = (self._at[fallen] - [self._motion.x[frame], self._motion.y[frame]]).T
