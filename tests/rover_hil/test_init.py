@@ -34,6 +34,7 @@ from rover_hil.datasets.log import read_drive
 from rover_hil.doctor.finding import SystemPaths
 from rover_hil.ready.set_up import command as init
 from rover_hil.ready.set_up import probing, turning
+from rover_hil.ready.set_up.cameras import ground_motion
 from rover_hil.ready.set_up.command import POSITIONS
 from rover_hil.ready.set_up.config_text import Answers, config_text
 from rover_hil.ready.set_up.drives import (
@@ -738,6 +739,11 @@ def test_the_simulated_overhead_camera_measures_the_pose(command: Command, answe
     assert (estimate["x_m"], estimate["y_m"]) == pytest.approx((true.x_m[-1], true.y_m[-1]), abs=0.01)
 
 
+def test_the_time_without_a_valid_pair_fits_the_frame_rate() -> None:
+    ages_s = [ground_motion("rig.json", rate_hz)["greatest_age_s"] for rate_hz in (10.0, 5.0, 2.0)]
+    assert ages_s == [0.5, 0.5, 1.25]
+
+
 def test_a_view_that_cannot_be_simulated_is_written_without_simulation(
     command: Command, answers: list[str], on_ports: list[probing.Found]
 ) -> None:
@@ -798,7 +804,10 @@ def test_a_wrong_answer_about_the_camera_is_asked_again_at_a_terminal(
     answers += wrong
     assert command("init", "rover.toml") == 2
     assert "50 is outside 0.1 .. 3" in command.error
-    assert list(tmp_path.glob("rover*")) == []
+    answers[:] = [*wrong[:-1], "0.5", "60", "-0.3", "0.1", "60", "no", "heavy"]
+    assert command("init", "rover.toml") == 2
+    assert "rover_rig.json" in command.error
+    assert list(tmp_path.glob("rover*")) == []  # nor the rig
     monkeypatch.setattr(sys.stdin, "isatty", lambda: True)
     answers[:] = [*wrong, "0.5", "60", "-0.3", "0.1", "sixty", "60", "no", "12.6"]
     assert command("init", "rover.toml") == 0, command.error
