@@ -761,7 +761,7 @@ def test_a_camera_that_looks_elsewhere_measures_nothing(command: Command, answer
     assert command("init", "rover.toml") == 0, command.error
     config = load_config("rover.toml")
     assert "camera" in config.devices
-    assert config.roles.camera is config.ground_motion is config.slip is None
+    assert (config.roles.camera, config.ground_motion, config.slip) == (None, None, None)
 
 
 @pytest.mark.usefixtures("on_ports")
