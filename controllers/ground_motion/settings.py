@@ -18,7 +18,7 @@ class GroundMotionSettings(Settings):
         camera_delay_s: From the middle of an exposure to the time of its frame: the capture time where the
             camera reports it, else the arrival. Negative where the capture time is the exposure's beginning.
         greatest_age_s: Without a valid pair of frames for this long the wheels, and what else compensates
-            their slip, are used again.
+            their slip, are used again; the yaw excitation resumes.
     """
 
     rig: RigFile

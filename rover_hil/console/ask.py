@@ -28,7 +28,7 @@ def ask_yes(question: str, *, default: bool) -> bool:
         answer = ask(f"{question} (yes/no)", "yes" if default else "no").lower()
         if answer in ("y", "yes", "n", "no"):
             return answer.startswith("y")
-        _again(question, "answer yes or no")
+        again(question, "answer yes or no")
 
 
 def ask_number(question: str, lower: float, upper: float, default: float | None = None) -> float:
@@ -38,11 +38,11 @@ def ask_number(question: str, lower: float, upper: float, default: float | None 
         try:
             value = float(answer)
         except ValueError:
-            _again(question, f"'{answer}' is not a number: use a point, like 0.04")
+            again(question, f"'{answer}' is not a number: use a point, like 0.04")
             continue
         if lower <= value <= upper:
             return value
-        _again(question, f"{value:g} is outside {lower:g} .. {upper:g}: correct it")
+        again(question, f"{value:g} is outside {lower:g} .. {upper:g}: correct it")
 
 
 def ask_choice(question: str, choices: tuple[str, ...], default: str) -> str:
@@ -52,11 +52,11 @@ def ask_choice(question: str, choices: tuple[str, ...], default: str) -> str:
         for choice in choices:
             if answer == choice or (answer.isdigit() and answer in choice.split()):
                 return choice
-        _again(question, f"'{answer}' is none of them")
+        again(question, f"'{answer}' is none of them")
 
 
-def _again(question: str, words: str) -> None:
-    """Report what is wrong with an answer.
+def again(question: str, words: str) -> None:
+    """Report what is wrong with an answer, before the question is asked again.
 
     Raises:
         ConfigError: Nobody sits at the terminal: the next line answers another question.

@@ -46,7 +46,7 @@ def make_rig(emulator: CameraEmulatorSettings, width: int, height: int, fps: flo
         fps=fps,
         camera_matrix=np.array([[focal_px, 0, (width - 1) / 2], [0, focal_px, (height - 1) / 2], [0, 0, 1]]),
         distortion=np.array(emulator.distortion),
-        vehicle_from_camera=looking_back(emulator.tilt_deg),
+        vehicle_from_camera=looking_back(emulator.tilt_deg, emulator.pan_deg, emulator.bank_deg),
         camera_m=np.array([x_m - emulator.behind_m, y_m, emulator.height_m]),
         wheel=wheel("rear_left", x_m, y_m),
         other_wheels=(

@@ -54,10 +54,10 @@ class CameraEmulatorSettings(Settings):
     """Where the simulated camera looks, how well, and what disturbs it.
 
     The camera is above and a little behind the point where a wheel touches the ground, by default the rear
-    left one of the simulated four-wheeled rover, looks backwards and is tilted down. It sees about
-    0.7 m x 0.7 m of ground by default; the rear camera of the rover El-Dorado saw 0.6 m x 0.8 m. The other
-    three wheels mirror this one about the rover's axes. On a rover that leaves no traces, the wheel is only
-    the point that the camera is behind.
+    left one of the simulated four-wheeled rover, looks backwards unless it is panned, and is tilted down. It
+    sees about 0.7 m x 0.7 m of ground by default; the rear camera of the rover El-Dorado saw 0.6 m x 0.8 m.
+    The other three wheels mirror this one about the rover's axes. On a rover that leaves no traces, the wheel
+    is only the point that the camera is behind.
 
     Attributes:
         wheel_x_m: Contact point of the wheel, forward of the rover's origin.
@@ -65,6 +65,8 @@ class CameraEmulatorSettings(Settings):
         behind_m: Distance of the camera behind that point.
         height_m: Height of the camera above the floor of the trace.
         tilt_deg: Angle of the optical axis below the horizontal.
+        pan_deg: Angle of the optical axis about the vertical, counter-clockwise from straight back.
+        bank_deg: Angle of the image about the optical axis; 180 for a camera upside down.
         horizontal_view_deg: Angle of view over the width of the image.
         distortion: k1, k2, p1, p2, k3 of the lens, as OpenCV defines them.
         trace_width_m: Width of the wheels.
@@ -98,6 +100,8 @@ class CameraEmulatorSettings(Settings):
     behind_m: Annotated[float, Field(ge=-0.5, le=1)] = 0.02
     height_m: Annotated[float, Field(ge=0.1, le=3)] = 0.5
     tilt_deg: Annotated[float, Field(gt=0, le=90)] = 60.0
+    pan_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    bank_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
     horizontal_view_deg: Annotated[float, Field(ge=10, le=120)] = 60.0
     distortion: tuple[LensCoefficient, LensCoefficient, LensCoefficient, LensCoefficient, LensCoefficient] = (
         -0.12,

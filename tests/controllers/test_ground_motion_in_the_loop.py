@@ -6,15 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.safety.missions import any_rig
 from benchmarks.safety.missions import drive as run_mission
 from controllers.ground_motion.motion import GroundMotion
+from controllers.ground_motion.settings import GroundMotionSettings
 from controllers.motion.settings import WaypointsMission
 from controllers.safety import Mode
+from controllers.slip.effort.ground_knowledge import SlipSource
 from drivers.samples import FrameSample, RateSample, Sample
 from rover_hil.config import load_config
 from tests.controllers.ground_drive import EXACT, WITHOUT_GYRO, start
 from tests.controllers.simulated import SECOND_NS
 from tests.nature.ground_camera import DEVICE, CameraErrors, GroundCamera
+
+BLIND = "too few points move alike"
 
 
 def half_of_the_turn(sample: Sample) -> Sample:
@@ -123,6 +128,34 @@ def test_the_yaw_is_not_excited_while_the_slip_is_measured() -> None:
         turns_rad_s[has_camera] = float(np.abs(speeds.mean(axis=1)).max())
     assert turns_rad_s[False] > 1.0
     assert turns_rad_s[True] < 0.5
+
+
+def test_the_yaw_is_excited_again_after_the_stated_time_without_a_valid_pair() -> None:
+    """The camera is blind on a part of the way: the excitation begins on it, and ends after it."""
+    config = load_config("robotino")
+    errors = CameraErrors(burst_probability=0.0, blind_m=0.2, sees_again_m=0.5)
+    driven = run_mission(
+        config,
+        limit_s=13.0,
+        make_camera=lambda rover: GroundCamera(rover, np.random.default_rng(0), errors),
+    )
+    reports = [moment.output.ground for moment in driven.moments]
+    is_blind = [report is not None and report.reason == BLIND for report in reports]
+    begin, end = is_blind.index(True), len(is_blind) - is_blind[::-1].index(True)
+    speeds_rad_s = np.array([moment.output.command.speed_rad_s for moment in driven.moments])
+    turns_rad_s = speeds_rad_s.mean(axis=1)
+    rate_hz = config.loop.rate_hz
+    age_s = GroundMotionSettings(rig=any_rig()).greatest_age_s
+    period_s, delay_s = errors.period_ns / SECOND_NS, errors.delay_ns / SECOND_NS
+    # The age is that of the last valid exposure, a period and a delay before the first report of blindness.
+    resumes, half = begin + round(rate_hz * (age_s - period_s - delay_s)), round(0.5 * rate_hz)
+    assert np.ptp(turns_rad_s[begin - half : resumes]) < 0.2
+    assert np.ptp(turns_rad_s[resumes : resumes + round(0.2 * rate_hz)]) > 0.3
+    assert np.ptp(turns_rad_s[end - half : end]) > 0.8
+    assert np.ptp(turns_rad_s[end + 2 : end + half]) < 0.6
+    slips = [moment.output.slip for moment in driven.moments[resumes:end]]
+    sources = {report.rover.source for report in slips if report is not None and report.rover is not None}
+    assert SlipSource.EXCITATION in sources
 
 
 def test_without_a_gyro_the_camera_also_measures_the_turn() -> None:

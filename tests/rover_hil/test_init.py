@@ -1,6 +1,7 @@
 """`rover-hil init` sets up a simulated rover that it knows nothing of, from answers on the standard input."""
 
 import io
+import math
 import os
 import shutil
 import subprocess
@@ -10,9 +11,12 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Self
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
+from controllers.ground_motion.rig import RigFile
 from controllers.motion.rover_geometry import WheelsRoverSettings
 from drivers.can.frame import CanFrame, unpack_can_frame
 from drivers.can_wheels.mapping_file import SHIPPED_FOLDER, load_mapping
@@ -30,6 +34,7 @@ from rover_hil.datasets.log import read_drive
 from rover_hil.doctor.finding import SystemPaths
 from rover_hil.ready.set_up import command as init
 from rover_hil.ready.set_up import probing, turning
+from rover_hil.ready.set_up.cameras import ground_motion
 from rover_hil.ready.set_up.command import POSITIONS
 from rover_hil.ready.set_up.config_text import Answers, config_text
 from rover_hil.ready.set_up.drives import (
@@ -43,6 +48,8 @@ from rover_hil.ready.set_up.drives import (
 from rover_hil.ready.set_up.places import find_places
 from rover_hil.ready.set_up.probing import max_age_s
 from rover_hil.ready.set_up.simulated_rover import RoverTable, simulation_table
+from rover_hil.recording.reader import LogReader
+from rover_hil.recording.schema import ESTIMATE, ESTIMATE_SHAPE, EstimateRecord
 from rover_hil.terminal import Terminal
 from sim_backends.build import build_world
 from tests.rover_hil.command import PROGRAM, Command, assert_one_sentence
@@ -614,3 +621,195 @@ def test_every_kind_of_rover_gets_a_simulation_that_drives_straight(
     true = read_drive(Path("virtual/run.mcap")).true_poses()
     assert true.x_m[-1] - true.x_m[0] == pytest.approx(0.5, abs=0.05)
     assert abs(true.y_m[-1] - true.y_m[0]) < 0.05
+
+
+def found(kind: str, **settings: object) -> probing.Found:
+    device = TypeAdapter(AnyDeviceSettings).validate_python(settings)
+    return probing.Found(settings=device, what=kind, kinds=frozenset({kind}), rate_hz=50.0)
+
+
+BOARD = found("wheels", type="robotino_board", port="ports/board", max_age_s=0.15)
+GYRO = found("rate", type="witmotion", port="ports/imu", max_age_s=0.15)
+CAMERA = found(
+    "frames", type="camera", source="live_folder", path="ports/camera", width=640, height=480,
+    frame_rate_hz=10, max_age_s=0.5,
+)  # fmt: skip
+FOUR_WHEELS = found(
+    "wheels", type="canopen_wheels", interface="virtual", channel="bus", max_age_s=0.15,
+    wheel=[{"node": node} for node in range(1, 5)], counts_per_motor_turn=4096, gear_ratio=50.0,
+)  # fmt: skip
+TO_THE_CAMERA = ("yes", "yes", "0.04", "0.125", "no", "5")
+"""Use gyro and camera; the Robotino; no wheel is turned; the speed."""
+OVERHEAD = (*TO_THE_CAMERA, "overhead", "2.5", "2.4", "7", "0.12", "0.2")
+TRACE = ("yes", "yes", "0.1", "0.5", "no", "5", "trace", "0.6", "0.5", "60", "-0.32", "60", "no", "0.1")
+
+
+@pytest.fixture
+def on_ports(monkeypatch: pytest.MonkeyPatch) -> list[probing.Found]:
+    """Give the list of devices that are found."""
+    devices = [BOARD, GYRO, CAMERA]
+    monkeypatch.setattr(init, "_look", lambda *_: devices)
+    return devices
+
+
+def estimates() -> list[EstimateRecord]:
+    """Return the cycles of the run."""
+    messages = LogReader(Path("virtual/run.mcap")).messages()
+    return [ESTIMATE_SHAPE.validate_json(each.data) for each in messages if each.topic == ESTIMATE]
+
+
+def middle_of_the_view(rig: RigFile) -> NDArray[np.float64]:
+    """Return where the ray through the middle of the picture meets the ground."""
+    (columns, _, right), (_, rows, down), _ = rig.camera_matrix
+    assert (columns, right, down) == (rows, (rig.image.width - 1) / 2, (rig.image.height - 1) / 2)
+    ray = np.array(rig.R_vehicle_camera) @ (0.0, 0.0, 1.0)
+    lens = np.array(rig.t_vehicle_camera)
+    return np.asarray(lens - ray * (lens[2] / ray[2]), np.float64)
+
+
+@pytest.mark.parametrize(
+    ("looks", "away", "upside_down"),
+    [("back", (-1, 0), "no"), ("ahead", (1, 0), "yes"), ("left", (0, 1), "no"), ("right", (0, -1), "no")],
+)
+@pytest.mark.usefixtures("on_ports")
+def test_a_ground_camera_gets_a_rig_by_rulers(
+    command: Command, answers: list[str], looks: str, away: tuple[int, int], upside_down: str
+) -> None:
+    answers += [*TO_THE_CAMERA, "ground", looks, "0.5", "60", "-0.3", "0.1", "60", upside_down, "12.6"]
+    assert command("init", "rover.toml") == 0, command.error
+    assert answers == []
+    assert "calibration by rulers written: rover_rig.json" in command.error
+    assert "`rover-hil calibrate scale rover.toml --out scale.toml --enter`" in command.error
+    config = load_config("rover.toml")
+    assert config.roles.camera == "camera"
+    ground, slip = config.ground_motion, config.slip
+    assert ground is not None
+    assert ground.greatest_age_s == 0.5
+    reach_m = 0.5 / math.tan(math.radians(60.0))
+    expected = (-0.3 + away[0] * reach_m, 0.1 + away[1] * reach_m, 0.0)
+    assert middle_of_the_view(ground.rig) == pytest.approx(expected, abs=1e-6)
+    rotation = np.array(ground.rig.R_vehicle_camera)
+    assert np.linalg.det(rotation) == pytest.approx(1.0)
+    assert rotation[2, 0] == 0.0  # level
+    assert (rotation[2, 1] > 0.0) == (upside_down == "yes")
+    half_view = math.atan(ground.rig.image.width / 2 / ground.rig.camera_matrix[0][0])
+    assert 2.0 * math.degrees(half_view) == pytest.approx(60.0)
+    assert slip is not None
+    assert (slip.use, slip.excite_beside_ground, slip.excitation.mass_kg) == ("yaw_probe", False, 12.6)
+    assert command("check", "rover.toml") == 0
+    assert "warning: camera: its rig is of rulers only" in command.out
+    assert "run `rover-hil calibrate scale CONFIG --enter --out FILE`" in command.out
+    assert "  run --virtual: yes\n" in command.out
+    assert "  slip: ground motion by camera" in command.out
+    assert "then yaw excitation (on the real rover after commissioning)" in command.out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "given",
+    [
+        (*TO_THE_CAMERA, "ground", "back", "0.5", "65", "-0.2", "0", "60", "no", "12.6"),
+        (*TO_THE_CAMERA, "ground", "left", "0.5", "65", "0", "0.2", "60", "yes", "12.6"),
+        TRACE,
+    ],
+    ids=["back", "left", "trace"],
+)
+def test_the_simulated_ground_camera_measures_the_slip(
+    command: Command, answers: list[str], on_ports: list[probing.Found], given: tuple[str, ...]
+) -> None:
+    """The rig that is written, and the simulated camera, share no code."""
+    on_ports[0] = FOUR_WHEELS if given is TRACE else BOARD
+    answers += given
+    assert command("init", "rover.toml") == 0, command.error
+    assert command("run", "rover.toml", "--virtual", "--out", "virtual") == 0, command.error
+    reports = [report for row in estimates() if (report := row.get("ground")) is not None]
+    assert sum(not report["reason"] for report in reports) > 0.6 * len(reports)
+    slips = [report["slip"] for report in reports if report["slip"] is not None]
+    assert abs(float(np.median(slips))) < 0.04
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("on_ports")
+def test_the_simulated_overhead_camera_measures_the_pose(command: Command, answers: list[str]) -> None:
+    answers += OVERHEAD
+    assert command("init", "rover.toml") == 0, command.error
+    assert command("run", "rover.toml", "--virtual", "--out", "virtual") == 0, command.error
+    estimate = estimates()[-1]["estimate"]
+    true = read_drive(Path("virtual/run.mcap")).true_poses()
+    assert (estimate["x_m"], estimate["y_m"]) == pytest.approx((true.x_m[-1], true.y_m[-1]), abs=0.01)
+
+
+def test_the_time_without_a_valid_pair_fits_the_frame_rate() -> None:
+    ages_s = [ground_motion("rig.json", rate_hz)["greatest_age_s"] for rate_hz in (10.0, 5.0, 2.0)]
+    assert ages_s == [0.5, 0.5, 1.25]
+
+
+def test_a_view_that_cannot_be_simulated_is_written_without_simulation(
+    command: Command, answers: list[str], on_ports: list[probing.Found]
+) -> None:
+    answers += [*TO_THE_CAMERA, "ground", "ahead", "0.8", "40", "0.2", "0", "70", "no", "12.6"]
+    assert command("init", "rover.toml") == 0, command.error
+    assert "simulated camera views ground more than 1.3 m from its wheel" in command.error
+    assert "[simulation] is left out: `run --virtual` is not possible" in command.error
+    assert "--virtual`\n" not in command.error.replace("left out: `run --virtual`", "")
+    assert load_config("rover.toml").simulation is None
+
+
+@pytest.mark.usefixtures("on_ports")
+def test_a_camera_that_looks_elsewhere_measures_nothing(command: Command, answers: list[str]) -> None:
+    answers += [*TO_THE_CAMERA, ""]
+    assert command("init", "rover.toml") == 0, command.error
+    config = load_config("rover.toml")
+    assert "camera" in config.devices
+    assert (config.roles.camera, config.ground_motion, config.slip) == (None, None, None)
+
+
+@pytest.mark.usefixtures("on_ports")
+def test_an_overhead_camera_gives_pose_fixes(command: Command, answers: list[str]) -> None:
+    answers += OVERHEAD
+    assert command("init", "rover.toml") == 0, command.error
+    assert answers == []
+    config = load_config("rover.toml")
+    assert config.roles.fixes == ("camera",)
+    assert config.devices["camera"].type == "overhead_camera"
+    assert command("check", "rover.toml") == 0
+    assert "  run --virtual: yes\n" in command.out
+
+
+def test_the_trace_of_a_wheel_is_used_by_ground_motion_and_scomp(
+    command: Command, answers: list[str], on_ports: list[probing.Found]
+) -> None:
+    on_ports[0] = FOUR_WHEELS
+    answers += TRACE
+    assert command("init", "rover.toml") == 0, command.error
+    assert answers == []
+    config = load_config("rover.toml")
+    assert config.scomp is not None
+    assert config.ground_motion is not None
+    rig = config.ground_motion.rig
+    assert config.scomp.rig == rig
+    assert rig.wheel is not None
+    assert rig.wheel.contact_point == (-0.3, 0.25, 0.0)
+    assert rig.geometry().lead_m == pytest.approx((0.6, 0.0))
+    assert command("check", "rover.toml") == 0
+    assert "  run --virtual: yes\n" in command.out
+    assert "then slip law with the wheel trace by camera" in command.out
+
+
+@pytest.mark.usefixtures("on_ports")
+def test_a_wrong_answer_about_the_camera_is_asked_again_at_a_terminal(
+    command: Command, monkeypatch: pytest.MonkeyPatch, answers: list[str], tmp_path: Path
+) -> None:
+    wrong = [*TO_THE_CAMERA, "ground", "back", "50"]
+    answers += wrong
+    assert command("init", "rover.toml") == 2
+    assert "50 is outside 0.1 .. 3" in command.error
+    answers[:] = [*wrong[:-1], "0.5", "60", "-0.3", "0.1", "60", "no", "heavy"]
+    assert command("init", "rover.toml") == 2
+    assert "rover_rig.json" in command.error
+    assert list(tmp_path.glob("rover*")) == []  # nor the rig
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True)
+    answers[:] = [*wrong, "0.5", "60", "-0.3", "0.1", "sixty", "60", "no", "12.6"]
+    assert command("init", "rover.toml") == 0, command.error
+    assert "'sixty' is not a number" in command.error
+    assert answers == []

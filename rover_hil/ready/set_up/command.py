@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from drivers.camera.settings import CameraSettings
 from drivers.can_wheels.mapping_file import SHIPPED_FOLDER
 from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.canopen_wheels.settings import CanopenWheelsSettings
@@ -26,6 +28,7 @@ from rover_hil.console.steps import show_steps
 from rover_hil.doctor.finding import SystemPaths
 from rover_hil.pages.atomic_write import check_file, unfinished, write_file
 from rover_hil.ready.check import examine_config
+from rover_hil.ready.set_up.cameras import Views
 from rover_hil.ready.set_up.config_text import Answers, config_text
 from rover_hil.ready.set_up.drives import (
     canopen_nodes,
@@ -45,7 +48,7 @@ from rover_hil.ready.set_up.probing import (
     probe_can_log,
     probe_serial,
 )
-from rover_hil.ready.set_up.simulated_rover import RoverTable, WheelTable, simulation_table
+from rover_hil.ready.set_up.simulated_rover import MASS_KG, RoverTable, WheelTable, simulation_table
 from rover_hil.ready.set_up.turning import Turner
 from rover_hil.run.drive_order import port_of
 from rover_hil.run.drive_permission import permit_turning
@@ -65,6 +68,7 @@ POSITIONS = {
 }
 """Wheels in the order of the configuration."""
 NAMES = {"frames": "camera", "rate": "imu", "heading": "compass", "position": "gnss"}
+FIX_TYPES = ("nmea_gnss", "overhead_camera")
 Made = dict[Path, bytes | None]
 """Files beside the configuration that were written, and what they held before."""
 
@@ -170,27 +174,61 @@ def _set_up(
         console.print(
             "and 500 kbit/s; check order and sign of the wheels with the wheels lifted before you drive"
         )
-    speed = ask_number("Greatest speed of the wheels to begin with, rad/s", 0.5, 200.0, 5.0)
+    seen = Views(out, made, console, force)
     gyro = next((name for name, (each, _) in devices.items() if _has(on_ports, each, "rate")), None)
-    compasses = [name for name, (each, _) in devices.items() if each.type == "nmea_compass"]
+    answers = _ask_rest((settings, drive[1]), rover, kinematics, devices, gyro, seen)
+    _write(out, answers, console)
+    return _report(out, console, has_ground_camera=seen.camera is not None)
+
+
+def _ask_rest(
+    drive: tuple[AnyDeviceSettings, str],
+    rover: RoverTable,
+    kinematics: str,
+    devices: Mapping[str, tuple[AnyDeviceSettings, str]],
+    gyro: str | None,
+    seen: Views,
+) -> Answers:
+    """Ask how fast the rover is, and where its cameras look; return all answers."""
+    speed = ask_number("Greatest speed of the wheels to begin with, rad/s", 0.5, 200.0, 5.0)
     radius_m = rover["wheel_radius_m"] if "wheel_radius_m" in rover else rover["wheels"][0]["radius_m"]
-    answers = Answers(
+    speed_m_s = float(f"{max(0.01, min(0.1, 0.4 * speed * radius_m)):.2g}")
+    for name, (camera, _) in devices.items():
+        if isinstance(camera, CameraSettings):
+            seen.ask(name, camera, speed_m_s, rover, kinematics)
+    used = {name: (seen.overhead.get(name, each), what) for name, (each, what) in devices.items()}
+    is_excited = seen.camera is not None and kinematics == "omni3" and gyro is not None
+    mass_kg = ask_number("Mass of the rover with its load, kg", 0.5, 500.0, 12.0) if is_excited else None
+    simulation = simulation_table(rover, drive[0].type, speed, mass_kg or MASS_KG)
+    return Answers(
         rover=rover,
-        devices=[("wheels", settings, drive[1]), *((name, *each) for name, each in devices.items())],
+        devices=[("wheels", *drive), *((name, *each) for name, each in used.items())],
         wheels="wheels",
         gyro=gyro,
-        headings=compasses,
-        fixes=[name for name, (each, _) in devices.items() if each.type == "nmea_gnss"],
+        headings=[name for name, (each, _) in used.items() if each.type == "nmea_compass"],
+        fixes=[name for name, (each, _) in used.items() if each.type in FIX_TYPES],
         wheel_speed_rad_s=speed,
         moves_sideways=kinematics == "omni3",
-        speed_m_s=float(f"{max(0.01, min(0.1, 0.4 * speed * radius_m)):.2g}"),
-        simulation=simulation_table(rover, drive[0].type, speed),
+        speed_m_s=speed_m_s,
+        simulation=simulation | ({"devices": seen.simulated} if seen.simulated else {}),
+        camera=seen.camera,
+        ground_motion=seen.ground_motion,
+        has_trace=seen.has_trace,
+        mass_kg=mass_kg,
     )
+
+
+def _write(out: Path, answers: Answers, console: Terminal) -> None:
+    """Write the configuration and its schema, without [simulation] where a view cannot be simulated."""
     write_file(out, config_text(answers), option=OUT)
     schema = out.with_name(SCHEMA_NAME)
     if not schema.exists():
         write_file(schema, schema_text(), option=OUT)
-    return _report(out, console)
+    if "devices" in answers.simulation and (mistakes := examine_config(str(out)).mistakes):
+        write_file(out, config_text(replace(answers, simulation={})), option=OUT)
+        for mistake in mistakes:
+            console.print(readable_line(mistake))
+        console.print("[simulation] is left out: `run --virtual` is not possible")
 
 
 def _look(ports: Path | None, console: Terminal) -> list[Found]:
@@ -466,14 +504,20 @@ def _name_of(device: Found) -> str:
     return next(name for kind, name in (*NAMES.items(), ("", "device")) if kind in device.kinds or not kind)
 
 
-def _report(out: Path, console: Terminal) -> int:
-    mistakes = examine_config(str(out)).mistakes
+def _report(out: Path, console: Terminal, *, has_ground_camera: bool) -> int:
+    examined = examine_config(str(out))
+    mistakes = examined.mistakes
     for mistake in mistakes:
         console.print(readable_line(mistake))
     if mistakes:
         console.print(f"{out} was written, but has mistakes: correct them and run `rover-hil check {out}`")
         return EXIT_NO
-    console.print(f"{out} is written and valid. Without the rover: `rover-hil run {out} --virtual`")
+    virtual = (
+        "" if examined.lacks["run --virtual"] else f". Without the rover: `rover-hil run {out} --virtual`"
+    )
+    console.print(f"{out} is written and valid{virtual}")
     console.print(f"Next: `rover-hil doctor {out}`, then with the wheels lifted")
     console.print(f"`rover-hil run {out} --duration 5`; docs/how-to/run_on_a_rover.md")
+    if has_ground_camera:
+        console.print(f"On the ground: `rover-hil calibrate scale {out} --out scale.toml --enter`")
     return EXIT_OK

@@ -4,6 +4,7 @@ import math
 from typing import TypedDict
 
 BOARDS = frozenset({"robotino_board", "robotino3_board"})
+MASS_KG = 20.0
 NO_LOAD_SHARE = 1.5
 """No-load speed of the motors over the greatest setpoint."""
 CASTOR_SHARE = 0.6
@@ -33,7 +34,9 @@ class RoverTable(TypedDict, total=False):
     wheels: list[WheelTable]
 
 
-def simulation_table(rover: RoverTable, drive: str, wheel_speed_rad_s: float) -> dict[str, object]:
+def simulation_table(
+    rover: RoverTable, drive: str, wheel_speed_rad_s: float, mass_kg: float = MASS_KG
+) -> dict[str, object]:
     """Return the section [simulation] of a rover on a level floor.
 
     Mass, motors, castors and, of four wheels that do not steer, the distance of the axles are assumed.
@@ -42,12 +45,13 @@ def simulation_table(rover: RoverTable, drive: str, wheel_speed_rad_s: float) ->
         rover: The section [rover].
         drive: Type of the device that turns the wheels.
         wheel_speed_rad_s: Greatest setpoint.
+        mass_kg: Of the rover; that of a Robotino is known.
     """
     if drive in BOARDS:
         return {"seed": 1, "plant": {"type": "robotino", "site": "floor_table"}}
-    plant: dict[str, object] = {"type": "wheels", "site": "floor_table", "mass_kg": 20.0}
+    plant: dict[str, object] = {"type": "wheels", "site": "floor_table", "mass_kg": mass_kg}
     motor = {"stall_torque_nm": 10.0, "no_load_rad_s": NO_LOAD_SHARE * wheel_speed_rad_s}
-    wheels = _wheels(rover)
+    wheels = wheels_of(rover)
     half_track_m = max(abs(wheel["y_m"]) for wheel in wheels)
     if len(wheels) == 2:
         castor_m = 2.0 * CASTOR_SHARE * half_track_m
@@ -57,7 +61,7 @@ def simulation_table(rover: RoverTable, drive: str, wheel_speed_rad_s: float) ->
     return {"seed": 1, "plant": plant}
 
 
-def _wheels(rover: RoverTable) -> list[WheelTable]:
+def wheels_of(rover: RoverTable) -> list[WheelTable]:
     """Return the wheels of a section [rover] one by one."""
     if "wheels" in rover:
         return rover["wheels"]
