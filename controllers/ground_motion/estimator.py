@@ -100,6 +100,7 @@ class GroundMotionEstimator:
         self._repeats = RepeatWatch(parameters.repeats)
         self._frames = ReferenceFrames(ground, parameters.validity)
         self._most_travel_m = parameters.validity.most_travel_share * ground.shape[0] * ground.pixel_m
+        self._foot_m = (float(ground.rig.position_m[0]), float(ground.rig.position_m[1]))
         self._turned: Floats = np.zeros((2, 3))
         self._travel_m: Floats | None = np.zeros(2)
         self._last_m: Floats = np.zeros(2)
@@ -362,6 +363,7 @@ class GroundMotionEstimator:
             from_ns=from_ns,
             to_ns=to_ns,
             point_m=rig.point_m,
+            foot_m=self._foot_m,
             forward_m=forward_m,
             left_m=left_m,
             turn_rad=motion.turn_rad,
@@ -369,6 +371,7 @@ class GroundMotionEstimator:
             left_sd_m=float(np.hypot(sine * motion.forward_sd_m, cosine * motion.left_sd_m)),
             turn_sd_rad=motion.turn_sd_rad,
             scale_sd=self._wheels.scale_sd,
+            direction_sd_rad=self._wheels.direction_sd_rad,
         )
 
     def _invalid(self, from_ns: int, to_ns: int, reason: str) -> GroundMotion:
@@ -376,6 +379,7 @@ class GroundMotionEstimator:
             from_ns=from_ns,
             to_ns=to_ns,
             point_m=self._ground.rig.point_m,
+            foot_m=self._foot_m,
             forward_m=0.0,
             left_m=0.0,
             turn_rad=0.0,
@@ -383,6 +387,7 @@ class GroundMotionEstimator:
             left_sd_m=0.0,
             turn_sd_rad=0.0,
             scale_sd=self._wheels.scale_sd,
+            direction_sd_rad=self._wheels.direction_sd_rad,
             rig_fault=self._wheels.fault,
             invalid_because=reason,
             is_open=self._t_ns == from_ns,

@@ -13,13 +13,14 @@ class GroundMotion:
     """What a pair of frames shows about the rover's motion.
 
     The motion is that of `point_m` over the ground, in the vehicle's axes of the later frame. An error has
-    two parts: one of this pair, and one in proportion to the travel that all pairs share (height and pitch of
-    the camera, sinkage, focal length). The second part does not average: sums keep it.
+    two parts: one of this pair, and one in proportion to the travel that all pairs share (height, pitch and yaw
+    of the camera, sinkage, focal length). The second part does not average: sums keep it.
 
     Attributes:
         from_ns: Time of the earlier frame, middle of its exposure.
         to_ns: Time of the later frame.
         point_m: The point of the vehicle frame that moved, forward and left.
+        foot_m: The point below the camera, likewise: about it a wrong height scales the view.
         forward_m: Travel along the vehicle's x axis; negative backwards.
         left_m: Travel to its left.
         turn_rad: Turn, counter-clockwise.
@@ -27,6 +28,7 @@ class GroundMotion:
         left_sd_m: Standard deviation of `left_m`, the part of this pair.
         turn_sd_rad: Standard deviation of `turn_rad`.
         scale_sd: Standard deviation of the shared factor of the travel, 1.
+        direction_sd_rad: Standard deviation of the shared direction of the travel, 0.
         rig_fault: What contradicts the rig, and by how much the travel of all earlier pairs may be wrong by
             it; None for nothing.
         invalid_because: Why the pair measures nothing; "" where it is valid. The motion is then 0.
@@ -36,6 +38,7 @@ class GroundMotion:
     from_ns: int
     to_ns: int
     point_m: tuple[float, float]
+    foot_m: tuple[float, float]
     forward_m: float
     left_m: float
     turn_rad: float
@@ -43,6 +46,7 @@ class GroundMotion:
     left_sd_m: float
     turn_sd_rad: float
     scale_sd: float
+    direction_sd_rad: float
     rig_fault: Fault | None = None
     invalid_because: str = ""
     is_open: bool = False

@@ -70,6 +70,7 @@ class MountingWatch:
         scale_sd: Standard deviation of the travel's factor, if the rig is as stated.
         parameters: Tuned numbers.
         is_calibrated: Whether a drive has shown the scale already.
+        yaw_sd_deg: Standard deviation of the camera's yaw.
 
     Attributes:
         text: What contradicts the rig; "" for nothing.
@@ -82,9 +83,11 @@ class MountingWatch:
         parameters: MountingParameters,
         *,
         is_calibrated: bool,
+        yaw_sd_deg: float,
     ) -> None:
         self._effects, self._scale_sd, self._numbers = effects, scale_sd, parameters
         self._is_confirmed = is_calibrated
+        self._direction_sd_rad = math.radians(yaw_sd_deg)
         self._swing, self._spun_rad = _Slope(), 0.0
         self._pitch, self._turn = _Slope(), _Slope()
         self._drifts = [_Slope() for _ in range(round(360.0 / parameters.heading_deg))]
@@ -97,6 +100,11 @@ class MountingWatch:
         """Standard deviation of the travel's factor."""
         unconfirmed_sd = 0.0 if self._is_confirmed else self._numbers.unconfirmed_scale_sd
         return max(self._scale_sd, unconfirmed_sd)
+
+    @property
+    def direction_sd_rad(self) -> float:
+        """Standard deviation of the direction of the travel."""
+        return self._direction_sd_rad
 
     def rotate(self, turn_rad: float) -> None:
         """Take a rotation by the gyro, whether or not its pair is valid."""
@@ -178,6 +186,9 @@ class MountingWatch:
                     f"ground moves {mean_deg:+.1f} deg aside on all headings: check the yaw of the camera's "
                     "mounting, and that the pictures are not mirrored"
                 )
+            if max(map(abs, degrees)) < numbers.least_yaw_deg:
+                confirmed_rad = math.radians(numbers.confirmed_yaw_deg)
+                self._direction_sd_rad = min(self._direction_sd_rad, confirmed_rad)
         return ""
 
     def _common_deg(self, degrees: Sequence[float]) -> float:

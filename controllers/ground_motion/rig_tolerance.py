@@ -20,6 +20,8 @@ class RigTolerance(Settings):
         height_sd_m: Of the height of the camera over the plane of the wheels' contacts.
         pitch_sd_deg: Of the angle between the camera's axis and the ground.
         focal_length_sd: Of the focal length, over itself.
+        yaw_sd_deg: Of the yaw of the camera. Once the rover has driven on three neighbouring headings without
+            a contradiction, 0.75 deg at most.
         sinkage_m: Usual depth to which the wheels sink into the ground, with the camera.
         sinkage_sd_m: Standard deviation of it.
     """
@@ -30,5 +32,6 @@ class RigTolerance(Settings):
     height_sd_m: Deviation = 0.005
     pitch_sd_deg: Deviation = 0.2
     focal_length_sd: Deviation = 0.005
+    yaw_sd_deg: Deviation = 3.0
     sinkage_m: Deviation = 0.0
     sinkage_sd_m: Deviation = 0.01

@@ -103,4 +103,4 @@ class RigWatch:
         """Return whether the ground has moved further than the wheels can have moved it."""
         if is_confirmed and self._wheel_m < self._numbers.least_travel_m:
             return False
-        return self._ground_m.real > self._most * self._wheel_m + slack_m
+        return self._ground_m.real > self._most * self._wheel_m + slack_m + self._numbers.slack_m

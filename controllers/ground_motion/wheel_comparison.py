@@ -65,6 +65,7 @@ class WheelComparison:
             self._scale_sd,
             parameters.mounting,
             is_calibrated=tolerance.scale_sd is not None,
+            yaw_sd_deg=tolerance.yaw_sd_deg,
         )
         self._contradictions = 0
         self._contradicting = ""
@@ -74,6 +75,11 @@ class WheelComparison:
     def scale_sd(self) -> float:
         """Standard deviation of the travel's factor."""
         return self._mounting.scale_sd
+
+    @property
+    def direction_sd_rad(self) -> float:
+        """Standard deviation of the travel's direction."""
+        return self._mounting.direction_sd_rad
 
     @property
     def fault(self) -> Fault | None:

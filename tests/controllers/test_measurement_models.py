@@ -46,7 +46,9 @@ MOTION = GroundMotion(
     left_sd_m=2e-3,
     turn_sd_rad=1e-2,
     scale_sd=0.01,
+    direction_sd_rad=0.0,
     point_m=(-0.3, 0.1),
+    foot_m=(-0.1, 0.05),
 )
 
 

@@ -25,6 +25,7 @@ def pairs(
                 from_ns=STEP_NS * index,
                 to_ns=STEP_NS * (index + 1),
                 point_m=(0.0, 0.0),
+                foot_m=(0.0, 0.0),
                 forward_m=(step_m * moved).real,
                 forward_sd_m=sd_m,
                 left_m=(step_m * moved).imag,
@@ -32,6 +33,7 @@ def pairs(
                 turn_rad=0.0,
                 turn_sd_rad=0.01,
                 scale_sd=0.01,
+                direction_sd_rad=0.0,
                 invalid_because="",
             ),
         )

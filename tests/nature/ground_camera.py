@@ -168,6 +168,7 @@ class GroundCamera:
             from_ns=from_ns,
             to_ns=t_ns,
             point_m=self.point_m,
+            foot_m=self.point_m,
             forward_m=0.0 if reason else measured_m.real,
             left_m=0.0 if reason else measured_m.imag,
             turn_rad=0.0 if reason else turn_rad + errors.turn_sd_rad * float(noise[2]),
@@ -175,6 +176,7 @@ class GroundCamera:
             left_sd_m=1.5 * errors.told_sd_m,
             turn_sd_rad=errors.turn_sd_rad,
             scale_sd=math.hypot(errors.scale_sd, errors.drift_sd),
+            direction_sd_rad=0.0,
             invalid_because=reason,
         )
 

@@ -7,8 +7,9 @@ from controllers.estimation.settings import FilterSettings
 from drivers.samples import HeadingReference
 
 X, Y, YAW, BIAS, FIRST_OFFSET = range(5)
-_, _, _, SCALE = range(4)
-"""Index of the scale of the measured travel, after the pose at the newest frame."""
+_, _, _, SCALE, DIRECTION = range(5)
+"""Index of scale and direction of the measured travel, after the pose at the newest frame."""
+FRAME_STATES = 5
 CERTAIN = 1e-12
 UNKNOWN_ANGLE_RAD2 = 10.0
 UNKNOWN_POSITION_M2 = 1e4
@@ -25,7 +26,7 @@ class StateLayout:
     Attributes:
         offsets: Of the heading at a yaw of zero, by device and reference.
         origins: First index of the pose of the local frame on the floor of a device that gives fixes.
-        frame: Pose at the newest frame of the camera, and the scale; without a camera none of these states.
+        frame: Pose at the newest frame of the camera, scale and direction; without a camera none of these states.
         first_slip: Pairs of slips: what compensation leaves, that of wheels where it is not valid, and that
             while a camera measures it.
         estimated_pairs: Pairs of slips that no camera measures.
@@ -71,7 +72,7 @@ def lay_out(
     sources = [(device, reference) for device in heading_devices for reference in HeadingReference]
     first_origin = FIRST_OFFSET + len(sources)
     frame = first_origin + 3 * len(fix_devices)
-    first_slip = frame + (4 if has_ground else 0)
+    first_slip = frame + (FRAME_STATES if has_ground else 0)
     estimated_pairs = (2 if is_compensated else 1) if settings.has_slip else 0
     slip_pairs = estimated_pairs + has_ground
     first_deviation = first_slip + 2 * slip_pairs
@@ -93,7 +94,7 @@ def lay_out(
             settings.gyro_bias_rad_s**2,
             *[UNKNOWN_ANGLE_RAD2] * len(sources),
             *[UNKNOWN_POSITION_M2, UNKNOWN_POSITION_M2, UNKNOWN_ANGLE_RAD2] * len(fix_devices),
-            *[CERTAIN] * (4 if has_ground else 0),
+            *[CERTAIN] * (FRAME_STATES if has_ground else 0),
             *[1.0] * (2 * slip_pairs),
             *[settings.heading_deviation_rad**2] * (HARMONICS * len(deviating)),
             *(max(float(variance), CERTAIN) for variance in block_variances),

@@ -52,8 +52,8 @@ class GroundFollower:
         return self._camera if self._travel is not None and sample.device == self._camera else None
 
     def measured_ns(self, sample: FrameSample, t_ns: int) -> int:
-        """Return the middle of the exposure."""
-        return t_ns if self._travel is None else self._travel.exposed_ns(sample, t_ns)
+        """Return the time of the wheel positions in the middle of the exposure."""
+        return t_ns if self._travel is None else self._travel.wheels_ns(sample, t_ns)
 
     def correct(self, sample: FrameSample, now: Situation) -> Iterator[Innovation]:
         """Correct by the motion over the ground since the frame before; yield the innovations."""

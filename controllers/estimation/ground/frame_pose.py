@@ -3,9 +3,10 @@
 import numpy as np
 
 from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.measurement_model import Measured
 from controllers.estimation.filter.motion_history import WayBack, pose_then
 from controllers.estimation.filter.pose_filter import PoseFilter
-from controllers.estimation.filter.state_layout import BIAS, SCALE, YAW, X, Y
+from controllers.estimation.filter.state_layout import BIAS, DIRECTION, SCALE, YAW, X, Y
 from controllers.estimation.ground.model import GroundTravel
 from controllers.estimation.parameters import ESTIMATION
 from controllers.ground_motion.motion import GroundMotion
@@ -20,7 +21,7 @@ class FramePose:
 
     def __init__(self, pose_filter: PoseFilter) -> None:
         self._filter = pose_filter
-        self._has_scale = False
+        self._shared_variance = {SCALE: 0.0, DIRECTION: 0.0}
 
     @property
     def measured_slip(self) -> complex:
@@ -56,9 +57,8 @@ class FramePose:
             corrects_yaw: Whether the turn is used, too; a gyro that is fresh measures it better.
         """
         frame, kalman = self._filter.layout.frame, self._filter.kalman
-        if not self._has_scale:
-            self._has_scale = True
-            kalman.add_variance(frame + SCALE, motion.scale_sd**2)
+        self._take_shared(device, SCALE, motion.scale_sd**2)
+        self._take_shared(device, DIRECTION, motion.direction_sd_rad**2)
         model = GroundTravel(
             device=device, motion=motion, way_back=way_back, frame_index=frame, has_turn=corrects_yaw
         )
@@ -72,3 +72,16 @@ class FramePose:
                 kalman.add_variance(YAW, residuals[YAW] ** 2)
             kalman.correct(model, model.measured)
         return innovations
+
+    def _take_shared(self, device: str, part: int, variance: float) -> None:
+        """Take the variance of an error that all pairs share: it grows, or has become better known."""
+        kalman, index = self._filter.kalman, self._filter.layout.frame + part
+        before, self._shared_variance[part] = self._shared_variance[part], variance
+        if variance > before:
+            kalman.add_variance(index, variance - before)
+            return
+        known = kalman.covariance[index][index]
+        if variance < min(before, known):
+            row = np.zeros(len(kalman.state))
+            row[index] = 1.0
+            kalman.update(Measured(device), -kalman.value(index), row, known * variance / (known - variance))

@@ -7,7 +7,7 @@ import numpy as np
 
 from controllers.estimation.filter.measurement_model import Array, Expected, Measured
 from controllers.estimation.filter.motion_history import WayBack, pose_then
-from controllers.estimation.filter.state_layout import SCALE, YAW, X, Y
+from controllers.estimation.filter.state_layout import DIRECTION, SCALE, YAW, X, Y
 from controllers.ground_motion.motion import GroundMotion
 from controllers.motion.planar import wrap_angle
 
@@ -16,16 +16,18 @@ from controllers.motion.planar import wrap_angle
 class GroundTravel:
     """Travel of a point of the body over the ground since an earlier frame, in the axes of the later one.
 
-        d = (1 + s) [R(-yaw2) (x2 - x1) + q - R(yaw1 - yaw2) q],   turn = yaw2 - yaw1
+        d = (1 + s + j a) [R(-yaw2) (x2 - x1) + f - R(yaw1 - yaw2) f] + (q - f) - R(yaw1 - yaw2) (q - f),
+        turn = yaw2 - yaw1
 
     with the poses (x1, yaw1) and (x2, yaw2) at the two frames, the first a copy of the pose then, the point q
-    of the body, and the scale s.
+    of the body, the scale s, and the direction a of the camera in yaw. A wrong height or focal length scales
+    the view about the point f below the camera: q is then not where the rig says, and this point is.
 
     Attributes:
         device: Name of the camera.
         motion: A valid one.
         way_back: From the present pose to that at the later frame.
-        frame_index: First state of the pose at the earlier frame; the scale follows.
+        frame_index: First state of the pose at the earlier frame; scale and direction follow.
         has_turn: Whether the turn is used, too.
     """
 
@@ -59,21 +61,23 @@ class GroundTravel:
         before_m = complex(state.item(frame + X), state.item(frame + Y))
         turn_rad = wrap_angle(then_rad - state.item(frame + YAW))
         axes, point_m = cmath.rect(1.0, -then_rad), complex(*motion.point_m)
-        turned_m = point_m * cmath.rect(1.0, -turn_rad)
-        factor = 1.0 + state.item(frame + SCALE)
+        foot_m = complex(*motion.foot_m)
+        turned_m, turned_foot_m = (each * cmath.rect(1.0, -turn_rad) for each in (point_m, foot_m))
+        factor = complex(1.0 + state.item(frame + SCALE), state.item(frame + DIRECTION))
         chord_m = axes * (then_m - before_m)
-        travel_m = chord_m + point_m - turned_m
+        travel_m = chord_m + foot_m - turned_foot_m
+        turned_m = factor * turned_foot_m + turned_m - turned_foot_m
         # Derivatives of the expected travel over the states, to the left as imaginary part.
         slopes = np.zeros(len(state), dtype=complex)
         slopes[X], slopes[Y] = factor * axes, factor * 1j * axes
         arm_m = then_m - complex(state.item(X), state.item(Y))
-        slopes[YAW] = factor * 1j * (axes * arm_m - chord_m + turned_m)
+        slopes[YAW] = 1j * (factor * (axes * arm_m - chord_m) + turned_m)
         slopes[frame + X], slopes[frame + Y] = -slopes[X], -slopes[Y]
-        slopes[frame + YAW] = -factor * 1j * turned_m
-        slopes[frame + SCALE] = travel_m
+        slopes[frame + YAW] = -1j * turned_m
+        slopes[frame + SCALE], slopes[frame + DIRECTION] = travel_m, 1j * travel_m
         turn_row = np.zeros(len(state))
         turn_row[YAW], turn_row[frame + YAW] = 1.0, -1.0
-        expected_m = factor * travel_m
+        expected_m = factor * chord_m + factor * foot_m + point_m - foot_m - turned_m
         used = slice(3 if self.has_turn else 2)
         return Expected(
             np.array([expected_m.real, expected_m.imag, turn_rad])[used],

@@ -26,6 +26,7 @@ def pair(rolled_m: float, ground_m: float) -> GroundPair:
         from_ns=0,
         to_ns=0,
         point_m=(0.0, 0.0),
+        foot_m=(0.0, 0.0),
         forward_m=ground_m,
         left_m=0.0,
         turn_rad=0.0,
@@ -33,6 +34,7 @@ def pair(rolled_m: float, ground_m: float) -> GroundPair:
         left_sd_m=0.001,
         turn_sd_rad=0.01,
         scale_sd=0.01,
+        direction_sd_rad=0.0,
     )
     return GroundPair(complex(rolled_m), complex(ground_m), 0.0, motion)
 

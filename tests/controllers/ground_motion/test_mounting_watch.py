@@ -16,7 +16,7 @@ STEP_M, STEP_S = 0.02, 0.1
 
 
 def watch(*, is_calibrated: bool = False) -> MountingWatch:
-    return MountingWatch(EFFECTS, SCALE_SD, DEFAULTS.mounting, is_calibrated=is_calibrated)
+    return MountingWatch(EFFECTS, SCALE_SD, DEFAULTS.mounting, is_calibrated=is_calibrated, yaw_sd_deg=3.0)
 
 
 def drive(

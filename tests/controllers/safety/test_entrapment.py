@@ -495,6 +495,7 @@ def ground_pair(rolled_m: complex, ground_m: complex) -> GroundPair:
         from_ns=0,
         to_ns=CYCLE_NS,
         point_m=(0.0, 0.0),
+        foot_m=(0.0, 0.0),
         forward_m=ground_m.real,
         left_m=ground_m.imag,
         turn_rad=0.0,
@@ -502,6 +503,7 @@ def ground_pair(rolled_m: complex, ground_m: complex) -> GroundPair:
         left_sd_m=2e-4,
         turn_sd_rad=1e-3,
         scale_sd=0.015,
+        direction_sd_rad=0.0,
     )
     return GroundPair(rolled_m, ground_m, 0.0, motion)
 
