@@ -142,7 +142,7 @@ class ControlLoop:
             settings.limits.wheel_speed_rad_s,
             roles,
             self._slip,
-            None if meter is None or ground is None else GroundTravel(ground, meter, roles.wheel_age_s or 0.0),
+            None if meter is None or ground is None else GroundTravel(ground, meter),
             is_yaw_watched=find_unwatched_yaw(settings, roles) is None,
         )
         watched = (settings.safety, roles, kinematics.wheel_count, settings.filter.heading_lag_s)

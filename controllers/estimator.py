@@ -352,7 +352,9 @@ class Estimator:
         turn = self._turns.turn
         if turn is None or self._stuck_fault is not None:  # wheels known to be wrong are no alternative
             return
-        if self._unwatched.add(turn):
+        has_agreed = self._unwatched.add(turn)
+        self._turns.is_doubted = self._unwatched.error_rad > 0.0
+        if has_agreed:
             self.budget.clear(UNWATCHED_YAW)
         elif self._unwatched.error_rad and self.pose_filter.covariance[-1] < math.pi**2 / 3.0:
             # No yaw is more uncertain than any.

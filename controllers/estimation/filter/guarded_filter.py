@@ -173,8 +173,16 @@ class GuardedFilter:
         self._begin_step(transition)
         return True
 
-    def correct(self, model: MeasurementModel, readings: Sequence[float]) -> tuple[Innovation, ...]:
-        """Correct the estimate by what a model measures; shape (k,)."""
+    def correct(
+        self, model: MeasurementModel, readings: Sequence[float], held: Sequence[int] = ()
+    ) -> tuple[Innovation, ...]:
+        """Correct the estimate by what a model measures; shape (k,).
+
+        Args:
+            model: Of two or more numbers where states are held.
+            readings: What was measured.
+            held: States that are uncertain but not corrected (Schmidt's consider states).
+        """
         expected = model.predict(self._x)
         residuals = [
             wrap_angle(reading - value) if index in model.angles else reading - value
@@ -183,7 +191,7 @@ class GuardedFilter:
         if len(residuals) == 1:
             (measured,), variance = model.names, expected.variance.item(0)
             return (self.update(measured, residuals[0], expected.row[0], variance),)
-        return self.update_together(model.names, np.array(residuals), expected.row, expected.variance)
+        return self.update_together(model.names, np.array(residuals), expected.row, expected.variance, held)
 
     def update(self, measured: Measured, residual: float, row: Array, variance: float) -> Innovation:
         """Correct the estimate by a scalar measurement.
@@ -212,7 +220,12 @@ class GuardedFilter:
         )
 
     def update_together(
-        self, measured: Sequence[Measured], residuals: Array, rows: Array, variances: Array
+        self,
+        measured: Sequence[Measured],
+        residuals: Array,
+        rows: Array,
+        variances: Array,
+        held: Sequence[int] = (),
     ) -> tuple[Innovation, ...]:
         """Correct the estimate by measurements that are accepted or rejected together.
 
@@ -221,6 +234,7 @@ class GuardedFilter:
             residuals: As for `update`, shape (n,).
             rows: Jacobians, shape (n, number of states).
             variances: Of the measurements' own errors, shape (n,).
+            held: States that are not corrected.
         """
         from scipy.stats import chi2
 
@@ -231,7 +245,7 @@ class GuardedFilter:
             alone = self._corrected(self._x, self._p, residual, row, variance)
             # What the measurements before it leave of this one; their sum is the NIS of all together.
             remaining = residual - float((row * (state - self._x)).sum())
-            step = self._corrected(state, covariance, remaining, row, variance)
+            step = self._corrected(state, covariance, remaining, row, variance, held)
             if alone is None or step is None:
                 return tuple(Innovation(measured=each, outcome=Outcome.REJECTED) for each in measured)
             state, covariance, total = step
@@ -271,7 +285,12 @@ class GuardedFilter:
 
     @staticmethod
     def _corrected(
-        state: Array, covariance: Array, residual: float, row: Array, variance: float
+        state: Array,
+        covariance: Array,
+        residual: float,
+        row: Array,
+        variance: float,
+        held: Sequence[int] = (),
     ) -> tuple[Array, Array, float] | None:
         """Return state and covariance after a scalar measurement, and the variance of its residual.
 
@@ -284,6 +303,7 @@ class GuardedFilter:
             return None
         with np.errstate(all="ignore"):
             gain = cross / total
+            gain[list(held)] = 0.0
             reduced = covariance - gain[:, None] * cross
             # Joseph form: (I - K h) P (I - K h)^T + K r K^T.
             joseph = reduced - product(reduced, row)[:, None] * gain + variance * gain[:, None] * gain

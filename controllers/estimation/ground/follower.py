@@ -52,8 +52,8 @@ class GroundFollower:
         return self._camera if self._travel is not None and sample.device == self._camera else None
 
     def measured_ns(self, sample: FrameSample, t_ns: int) -> int:
-        """Return the time of the wheel positions in the middle of the exposure."""
-        return t_ns if self._travel is None else self._travel.wheels_ns(sample, t_ns)
+        """Return the middle of the exposure."""
+        return t_ns if self._travel is None else self._travel.exposed_ns(sample, t_ns)
 
     def correct(self, sample: FrameSample, now: Situation) -> Iterator[Innovation]:
         """Correct by the motion over the ground since the frame before; yield the innovations."""
@@ -77,7 +77,7 @@ class GroundFollower:
             self._budget.raise_to(fault.cause, Bound(position_m=sum_m))
         elif pair is not None:
             self._budget.clear(Cause.GROUND_AGAINST_WHEELS)
-            corrects_yaw = self._turns.yaw_source is not YawSource.GYRO
+            corrects_yaw = self._turns.yaw_source is not YawSource.GYRO or self._turns.is_doubted
             yield from self._frame.correct(self._camera, pair.motion, now.way_back, corrects_yaw=corrects_yaw)
             self.pairs += (pair,)
         if is_begin:

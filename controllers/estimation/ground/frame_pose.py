@@ -62,7 +62,9 @@ class FramePose:
         model = GroundTravel(
             device=device, motion=motion, way_back=way_back, frame_index=frame, has_turn=corrects_yaw
         )
-        innovations = kalman.correct(model, model.measured)
+        # The prior of the slip is too crude to teach what the camera's scale and direction are.
+        held = (frame + SCALE, frame + DIRECTION)
+        innovations = kalman.correct(model, model.measured, held)
         residuals = [innovation.residual or 0.0 for innovation in innovations]
         if not innovations[0].accepted and innovations[0].residual is not None:
             distance_m2 = abs(complex(residuals[X], residuals[Y])) ** 2
@@ -70,7 +72,7 @@ class FramePose:
                 kalman.add_variance(index, distance_m2)
             if corrects_yaw:
                 kalman.add_variance(YAW, residuals[YAW] ** 2)
-            kalman.correct(model, model.measured)
+            kalman.correct(model, model.measured, held)
         return innovations
 
     def _take_shared(self, device: str, part: int, variance: float) -> None:

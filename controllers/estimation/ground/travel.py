@@ -144,12 +144,10 @@ class GroundTravel:
     Args:
         settings: Times of the camera.
         meter: Measures the motion.
-        wheel_age_s: Age of the wheels' positions at their time stamp.
     """
 
-    def __init__(self, settings: GroundMotionSettings, meter: GroundMeter, wheel_age_s: float) -> None:
+    def __init__(self, settings: GroundMotionSettings, meter: GroundMeter) -> None:
         self._meter = meter
-        self._wheel_age_ns = nanoseconds(wheel_age_s)
         self._delay_ns = nanoseconds(settings.camera_delay_s)
         self._age_ns = nanoseconds(settings.greatest_age_s)
         self._frame_ns: int | None = None
@@ -161,15 +159,10 @@ class GroundTravel:
         self._turned: list[GroundPair] = []
         self._t_ns = 0
 
-    def wheels_ns(self, frame: FrameSample, t_ns: int) -> int:
-        """Return the time stamp that wheel positions have of the middle of the exposure of a frame.
-
-        Args:
-            frame: The frame.
-            t_ns: When it arrived.
-        """
+    def exposed_ns(self, frame: FrameSample, t_ns: int) -> int:
+        """Return the middle of the exposure of a frame that arrived at `t_ns`."""
         stamp_ns = frame.t_ns if frame.t_capture_ns is None else frame.t_capture_ns
-        return min(stamp_ns, t_ns) - self._delay_ns + self._wheel_age_ns
+        return min(stamp_ns, t_ns) - self._delay_ns
 
     def take_rates(self, sample: RateSample) -> None:
         """Take the turn rates of the body for the frames to come."""
@@ -183,7 +176,7 @@ class GroundTravel:
 
         Args:
             frame: Newer than the one before.
-            t_ns: As of `wheels_ns`.
+            t_ns: Middle of its exposure.
             now: From the present pose to that at this time.
             way_back: Returns the same for another time; None outside the recorded motion.
         """
@@ -192,12 +185,10 @@ class GroundTravel:
         rolled_m, turn_rad = (0j, 0.0) if before is None else _between(before, now)
         point_m = rolled_m + self._turned_m(turn_rad)
         prior = WheelPrior(point_m.real, point_m.imag, turn_rad, self._rates_rad_s)
-        exposed_ns = t_ns - self._wheel_age_ns
-        motion = self._meter.measure(frame, exposed_ns, prior)
-        before = None if motion is None else way_back(motion.from_ns + self._wheel_age_ns)
-        pair = None if motion is None else self._pair(motion, now, before)
+        motion = self._meter.measure(frame, t_ns, prior)
+        pair = None if motion is None else self._pair(motion, now, way_back(motion.from_ns))
         rig_fault = None if motion is None else motion.rig_fault
-        return SeenFrame(pair, self._meter.from_ns == exposed_ns, rig_fault)
+        return SeenFrame(pair, self._meter.from_ns == t_ns, rig_fault)
 
     def miss(self) -> None:
         """Take that a frame is older than the recorded motion."""
