@@ -13,8 +13,8 @@ class GroundMotion:
     """What a pair of frames shows about the rover's motion.
 
     The motion is that of `point_m` over the ground, in the vehicle's axes of the later frame. An error has
-    two parts: one of this pair, and one in proportion to the travel that all pairs share (height, pitch and yaw
-    of the camera, sinkage, focal length). The second part does not average: sums keep it.
+    two parts: one of this pair, and one in proportion to the travel that all pairs share (height, pitch and
+    yaw of the camera, sinkage, focal length). The second part does not average: sums keep it.
 
     Attributes:
         from_ns: Time of the earlier frame, middle of its exposure.

@@ -26,7 +26,8 @@ class StateLayout:
     Attributes:
         offsets: Of the heading at a yaw of zero, by device and reference.
         origins: First index of the pose of the local frame on the floor of a device that gives fixes.
-        frame: Pose at the newest frame of the camera, scale and direction; without a camera none of these states.
+        frame: Pose at the newest frame of the camera, scale and direction of its travel; without a camera
+            none of these states.
         first_slip: Pairs of slips: what compensation leaves, that of wheels where it is not valid, and that
             while a camera measures it.
         estimated_pairs: Pairs of slips that no camera measures.
