@@ -225,7 +225,11 @@ class Estimator:
         innovations = self._correct()
         if self._slip is not None:
             self._slip.follow(self.pose_filter)
-        innovations += self.ground.compare(now_ns, is_at_standstill=self.standstill.is_at_standstill)
+        turns = tuple(self.ground.compare(now_ns, is_at_standstill=self.standstill.is_at_standstill))
+        if self._unwatched is not None and any(turn.accepted for turn in turns):
+            self._unwatched.agree()
+            self.budget.clear(UNWATCHED_YAW)
+        innovations += turns
         innovations += self.standstill.correct_bias(self._roles.gyro)
         self.budget.limit()
         return tuple(innovations)
@@ -352,9 +356,7 @@ class Estimator:
         turn = self._turns.turn
         if turn is None or self._stuck_fault is not None:  # wheels known to be wrong are no alternative
             return
-        has_agreed = self._unwatched.add(turn)
-        self._turns.is_doubted = self._unwatched.error_rad > 0.0
-        if has_agreed:
+        if self._unwatched.add(turn):
             self.budget.clear(UNWATCHED_YAW)
         elif self._unwatched.error_rad and self.pose_filter.covariance[-1] < math.pi**2 / 3.0:
             # No yaw is more uncertain than any.

@@ -65,18 +65,19 @@ Finders = dict[str, list[Judged]]
 
 def drive(folder: Path) -> dict[str, Judged]:
     """Return the judged frames of a rendered drive, by finder."""
-    rig, telemetry, images = _recorded(folder)
+    rig, telemetry, images = recorded(folder)
     angles = _flow(rig, images, telemetry)
     return {"fused": fused(folder), "flow+gyro": _judged(folder, rig, angles)}
 
 
 def fused(folder: Path) -> Judged:
     """Return the judged frames of `fused` on a rendered drive."""
-    rig, telemetry, images = _recorded(folder)
-    return _judged(folder, rig, _fused(rig, images, telemetry))
+    rig, telemetry, images = recorded(folder)
+    return _judged(folder, rig, found_in(rig, images, telemetry))
 
 
-def _recorded(folder: Path) -> tuple[RigFile, list[TelemetryRow], list[Image]]:
+def recorded(folder: Path) -> tuple[RigFile, list[TelemetryRow], list[Image]]:
+    """Return rig, telemetry and grey pictures of a rendered drive."""
     rig = RigFile.model_validate_json((folder / "rig.json").read_text("utf-8"))
     telemetry = list(read_telemetry(folder / "telemetry.csv").values())
     images = [
@@ -169,7 +170,8 @@ def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _fused(rig: RigFile, images: Sequence[Image], telemetry: Sequence[TelemetryRow]) -> Found:
+def found_in(rig: RigFile, images: Sequence[Image], telemetry: Sequence[TelemetryRow]) -> Found:
+    """Return what `fused` finds in the frames of a drive."""
     estimator = TraceEstimator(rig.geometry())
     angles, spent_ms = [], []
     for image, row in zip(images, telemetry, strict=True):

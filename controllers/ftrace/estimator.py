@@ -114,7 +114,7 @@ class TraceEstimator:
         line = None if theta is None or self._missed_m > kept_m else (theta, reading.offset_m)
         return TraceAngle(
             t_ns=t_ns,
-            detected=reading.found,
+            detected=reading.found and source != "none",
             theta_rad=theta,
             theta_sd_rad=None if theta is None else reading.theta_sd_rad,
             source=source,
@@ -122,6 +122,7 @@ class TraceEstimator:
             distance_m=None if line is None else self._distance(*line),
             confidence=0.0 if source == "none" else self._confidence,
             path_m=np.zeros((0, 3)) if line is None else self._ground.to_vehicle(*reading.path_m.T),
+            contradiction=reading.contradiction,
         )
 
     def find(
@@ -140,11 +141,12 @@ class TraceEstimator:
             confidence=found.confidence,
             source=found.source,
             theta_sd_rad=found.theta_sd_rad,
+            contradiction=found.contradiction,
         )
 
     def _source(self, reading: Reading) -> Source:
         """Return the source of the angle."""
-        if reading.theta_rad is None:
+        if reading.theta_rad is None or reading.contradiction:
             return "none"
         if reading.found:
             return "trace"
@@ -168,6 +170,7 @@ class TraceEstimator:
             travel_m=speed * dt_s,
             turn_rad=turn,
             turn_sd_rad=turn_sd,
+            has_gyro=rates is not None and self._rates is not None,
         )
         self._t_ns, self._rates = t_ns, rates
         return frame

@@ -23,6 +23,7 @@ class Frame:
             first frame.
         turn_rad: Angles turned about x, y, z by the gyro; zeros without one.
         turn_sd_rad: Standard deviation of each.
+        has_gyro: Whether a gyro has measured them.
     """
 
     t_ns: int
@@ -31,6 +32,7 @@ class Frame:
     travel_m: float
     turn_rad: tuple[float, float, float]
     turn_sd_rad: tuple[float, float, float]
+    has_gyro: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,6 +47,8 @@ class Reading:
         offset_m: Place of the trace at the contact, left of it positive.
         confidence: 0..1, probability that the wheel's trace is in this frame and has this angle within 5 deg.
         path_m: Centre line: rows of (behind, left of the contact) in the wheel's axes.
+        contradiction: Why the angle is not to be used: pictures and gyro contradict the rig; "" where they
+            do not.
     """
 
     found: bool
@@ -54,6 +58,7 @@ class Reading:
     offset_m: float
     confidence: float
     path_m: Floats
+    contradiction: str = ""
 
 
 def is_usable(patch: Image, visible: Mask, parameters: FrameParameters) -> bool:

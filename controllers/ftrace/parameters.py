@@ -146,15 +146,15 @@ class PresenceParameters:
 
     least_length_m: float = 0.20  # of a trace that counts as present
     start_error_m: float = 0.02  # of the distance travelled, for the first trace
-    lock_odds: float = 3.0  # a trace appears
+    lock_odds: float = 4.0  # a trace appears
     keep_odds: float = -1.0  # a trace that was present remains
     bridge_odds: float = -3.0  # the same, where shadows may hide it:
-    bridged_m: float = 0.4  # for this travel since the last clear evidence
+    bridged_m: float = 0.4  # for this travel since evidence of
+    bridged_odds: float = 5.0  # at least
     start_odds: float = 6.5  # a trace has filled the view since the first frame
     light_known_m: float = 0.06  # least travel for that: until then shadows cannot be separated from tone
     clear_odds: float = 6.0  # the length of a trace with these odds is known
     shortest_m: float = 0.18  # strips of such a trace; the last one is covered in part
-    followed_for_m: float = 0.12  # travel over which ground was followed: it shows as much as later on
     followed_m: float = 0.22  # strips of followed ground, for a trace before the usual start
     end_known_m: float = 0.12  # least travel after which the motion of a trace's far end is known
     end_share: float = 0.5  # of the travel: an end that moves further moves with the ground

@@ -21,6 +21,8 @@ class TraceReading:
             predicted for a short while, or in the first frame that of what looks like a trace; `none`: there
             is none.
         theta_sd_rad: Standard deviation of `theta_rad`; None where unknown (`hough`, and without a source).
+        contradiction: What pictures and gyro show to be wrong about the rig: there is no angle then; "" for
+            nothing.
     """
 
     t_ns: int
@@ -29,3 +31,4 @@ class TraceReading:
     confidence: float
     source: str
     theta_sd_rad: float | None
+    contradiction: str = ""

@@ -116,6 +116,11 @@ class GroundMotionEstimator:
         return self._t_ns
 
     @property
+    def mounting(self) -> str:
+        """Return what pictures and gyro show to be wrong about the rig; "" for nothing."""
+        return self._wheels.mounting
+
+    @property
     def fixed_in_picture(self) -> Mask:
         """Return the pixels of the rectified ground that hold something which never moves."""
         return self._pattern.mask

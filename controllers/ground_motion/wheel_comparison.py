@@ -82,6 +82,11 @@ class WheelComparison:
         return self._mounting.direction_sd_rad
 
     @property
+    def mounting(self) -> str:
+        """What pictures and gyro show to be wrong about the rig; "" for nothing."""
+        return self._mounting.text
+
+    @property
     def fault(self) -> Fault | None:
         """What contradicts the rig, and by how much the travel until now may be wrong by it."""
         return self._rig_watch.fault

@@ -119,6 +119,8 @@ def _report(angles: list[FrameAngle], out: Path, method: Method, *, as_json: boo
     detected = [item.angle.detected for item in angles]
     degrees = [item.angle.theta_deg for item in angles if item.angle.detected]
     by_flow = sum(item.angle.source == "flow" for item in angles)
+    contradictions = [item for item in angles if item.angle.contradiction]
+    contradiction = contradictions[0].angle.contradiction if contradictions else ""
     if as_json:
         summary = {
             "frames": len(angles),
@@ -127,6 +129,7 @@ def _report(angles: list[FrameAngle], out: Path, method: Method, *, as_json: boo
             "mean_theta_t_deg": float(np.mean(degrees)) if degrees else None,
             "method": method,
             "by_flow": by_flow,
+            "contradiction": contradiction,
         }
         print_json(summary)
         return
@@ -135,5 +138,8 @@ def _report(angles: list[FrameAngle], out: Path, method: Method, *, as_json: boo
         f"trace in {len(degrees)} of {len(angles)} frames{mean}; "
         f"angle without a trace, by the motion of the ground, in {by_flow}; {out}"
     )
-    if method == "fused" and not degrees and not by_flow:
+    if contradictions:
+        count, first_s = len(contradictions), contradictions[0].t_s
+        Terminal(soft_wrap=True).print(f"no angle in {count} frames, from {first_s:g} s on: {contradiction}")
+    elif method == "fused" and not degrees and not by_flow:
         Terminal(soft_wrap=True).print(NO_MOTION)

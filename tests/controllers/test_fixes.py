@@ -90,7 +90,9 @@ def test_the_slopes_are_those_of_the_expected_fix(monkeypatch: pytest.MonkeyPatc
     way_back = replace(HERE, x_m=-0.3, y_m=0.1, turned_rad=0.2)
     asked: list[tuple[Array, Array]] = []
 
-    def note(names: object, residuals: Array, rows: Array, variances: object) -> tuple[Innovation, ...]:
+    def note(
+        names: object, residuals: Array, rows: Array, variances: object, held: object
+    ) -> tuple[Innovation, ...]:
         asked.append((residuals, rows))
         return (
             Innovation(

@@ -77,7 +77,7 @@ class GroundFollower:
             self._budget.raise_to(fault.cause, Bound(position_m=sum_m))
         elif pair is not None:
             self._budget.clear(Cause.GROUND_AGAINST_WHEELS)
-            corrects_yaw = self._turns.yaw_source is not YawSource.GYRO or self._turns.is_doubted
+            corrects_yaw = self._turns.yaw_source is not YawSource.GYRO
             yield from self._frame.correct(self._camera, pair.motion, now.way_back, corrects_yaw=corrects_yaw)
             self.pairs += (pair,)
         if is_begin:

@@ -39,7 +39,6 @@ class TurnSource:
     Attributes:
         yaw_source: Of the last turn.
         turn: Turn of the last cycle by gyro and by wheels; None where one of them did not measure it.
-        is_doubted: Whether gyro and wheels differ, and nothing has shown yet which one is right.
         has_lost_motion: Whether the wheels have lost a part of the turn that waits.
     """
 
@@ -48,7 +47,7 @@ class TurnSource:
         self._turn_rad = 0.0
         self._wheels = WheelTurn()
         self._parts_rad = (0.0,) * wheel_count
-        self.has_lost_motion = self.is_doubted = False
+        self.has_lost_motion = False
         self.yaw_source = YawSource.WHEELS
         self.turn: TurnEvidence | None = None
 

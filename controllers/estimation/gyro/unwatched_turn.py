@@ -41,6 +41,11 @@ class UnwatchedTurn:
         self._distance_m = 0.0
         self.error_rad = 0.0
 
+    def agree(self) -> None:
+        """Take that another sensor has measured the same turn as the gyro: both begin anew."""
+        self._since, self._window = _Difference(), _Difference()
+        self.error_rad = 0.0
+
     def drive(self, distance_m: float) -> None:
         """Add a distance driven, not negative; the turn on it follows."""
         self._distance_m += distance_m
@@ -54,8 +59,8 @@ class UnwatchedTurn:
         for part in (self._since, self._window):
             part.add(turn, distance_m, keep)
         if self._window.agrees:
-            self._since, self._window = _Difference(), _Difference()
-            self.error_rad, self._is_confirmed = 0.0, self._is_watched
+            self.agree()
+            self._is_confirmed = self._is_watched
             return True
         if self._window.distance_m > self._slip_distance_m:
             self._window = _Difference()

@@ -47,11 +47,11 @@ class Presence:
         """
         numbers = self._parameters
         self._travelled_m += moved_m
-        self._doubtful_m = 0.0 if stretch.log_odds > numbers.lock_odds else self._doubtful_m + moved_m
+        self._doubtful_m = 0.0 if stretch.log_odds > numbers.bridged_odds else self._doubtful_m + moved_m
         if self.locked:
             bridges = self._doubtful_m < numbers.bridged_m
             present = stretch.log_odds > (numbers.bridge_odds if bridges else numbers.keep_odds)
-        elif self._travelled_m > self._least_m(stretch):
+        elif self._travelled_m > self._start_m + numbers.start_error_m:
             present = stretch.log_odds > numbers.lock_odds
         else:
             present = stretch.log_odds > numbers.start_odds and self._was_there_before(stretch)
@@ -69,12 +69,6 @@ class Presence:
             signature = now if gain == 1.0 else self._signature + gain * (now - self._signature)
             self._signature = signature / max(float(np.linalg.norm(signature)), 1e-6)
         return present
-
-    def _least_m(self, stretch: Stretch) -> float:
-        """Return the travel after which the evidence counts as later on."""
-        numbers = self._parameters
-        usual_m = self._start_m + numbers.start_error_m
-        return min(usual_m, numbers.followed_for_m) if stretch.is_followed else usual_m
 
     def _was_there_before(self, stretch: Stretch) -> bool:
         """Return whether a clear trace at the start moves with the ground, as far as one can see.

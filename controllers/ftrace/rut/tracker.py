@@ -97,6 +97,7 @@ class RutTracker:
             offset_m=self._offset_m,
             confidence=self._confidence * within(RIGHT_WITHIN_RAD, sd_rad),
             path_m=np.stack([s, self._path.curve(s)], axis=1),
+            contradiction=self._ground_motion.mounting,
         )
 
     def _without_fixed(self, detail: Patch, structure: Patch, moved_m: float) -> tuple[Patch, Patch]:
@@ -173,6 +174,7 @@ class RutTracker:
             left_m=float(travel_m[1]),
             turn_rad=frame.turn_rad,
             turn_sd_rad=frame.turn_sd_rad,
+            has_gyro=frame.has_gyro,
         )
         measured = self._ground_motion.step_patch(frame.t_ns, frame.ground.patch, structure, prior)
         # The path has moved on by the wheels while a pair was open: the whole of it would count twice.

@@ -100,16 +100,6 @@ def test_the_signature_follows_the_trace_and_outlasts_it() -> None:
     assert np.allclose(presence.signature, 1 / np.sqrt(2 * KERNELS))
 
 
-def test_a_followed_trace_counts_before_the_usual_start() -> None:
-    followed = replace(odds(NUMBERS.lock_odds + 0.5), fills_view=False, is_followed=True, length_m=0.2)
-    early, later = NUMBERS.followed_for_m - 0.01, NUMBERS.followed_for_m + 0.01
-
-    assert later < START_M
-    assert not Presence(START_M, NUMBERS).update(followed, early)
-    assert Presence(START_M, NUMBERS).update(followed, later)
-    assert not Presence(START_M, NUMBERS).update(replace(followed, is_followed=False), later)
-
-
 def test_a_shadow_over_the_trace_is_bridged_but_not_for_ever() -> None:
     shaded = odds((NUMBERS.bridge_odds + NUMBERS.keep_odds) / 2)
     presence = under_way()
