@@ -44,12 +44,13 @@ def truth_deg(folder: Path) -> list[float]:
         return [float(row["theta_t_deg"]) for row in csv.DictReader(file)]
 
 
-def test_a_trace_of_which_one_edge_lies_in_the_front_wheels_imprint_is_found(
+def test_the_angle_is_right_where_one_edge_lies_in_the_front_wheels_imprint(
     angles: list[TraceAngle], truth_deg: list[float]
 ) -> None:
+    """The evidence of this faint trace is no stronger than that of some bare ground: it is not reported."""
     parted = range(88, 98)
 
-    assert [angles[place].detected for place in parted] == [True] * len(parted)
+    assert {angles[place].source for place in parted} <= {"trace", "flow"}
     assert max(abs(angles[place].theta_deg - truth_deg[place]) for place in parted) < 1.0
     assert not any(angle.detected for angle in angles[17:66])
 
