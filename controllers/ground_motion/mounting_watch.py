@@ -2,7 +2,7 @@
 
 import cmath
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from controllers.ground_motion.parameters import MountingParameters
@@ -87,7 +87,7 @@ class MountingWatch:
     ) -> None:
         self._effects, self._scale_sd, self._numbers = effects, scale_sd, parameters
         self._is_confirmed = is_calibrated
-        self._direction_sd_rad = math.radians(yaw_sd_deg)
+        self._yaw_sd_deg, self._is_yaw_confirmed = yaw_sd_deg, False
         self._swing, self._spun_rad = _Slope(), 0.0
         self._pitch, self._turn = _Slope(), _Slope()
         self._drifts = [_Slope() for _ in range(round(360.0 / parameters.heading_deg))]
@@ -104,7 +104,8 @@ class MountingWatch:
     @property
     def direction_sd_rad(self) -> float:
         """Standard deviation of the direction of the travel."""
-        return self._direction_sd_rad
+        confirmed_deg = self._numbers.least_yaw_deg / 2.0 if self._is_yaw_confirmed else math.inf
+        return math.radians(min(self._yaw_sd_deg, confirmed_deg))
 
     def rotate(self, turn_rad: float) -> None:
         """Take a rotation by the gyro, whether or not its pair is valid."""
@@ -136,6 +137,9 @@ class MountingWatch:
         self._turn.add(motion.turn_rad, motion.seen_turn_rad)
         self._seen_rad2 += (motion.turn_rad * motion.seen_turn_sd_rad) ** 2
         self._add_drift(motion)
+        self._is_yaw_confirmed |= any(
+            max(map(abs, degrees)) < self._numbers.least_yaw_deg for degrees in self._neighbours_deg()
+        )
         self.text = self._mirrored() or self._near_and_far() or self._yaw() or self._scale()
 
     def _add_drift(self, motion: MountedMotion) -> None:
@@ -175,21 +179,21 @@ class MountingWatch:
 
     def _yaw(self) -> str:
         """Return the angle of neighbouring headings that all agree."""
-        numbers, count = self._numbers, len(self._drifts)
-        for first in range(count):
-            near = [self._drifts[(first + step) % count] for step in range(numbers.headings)]
-            if min(each.length for each in near) < numbers.least_travel_m:
-                continue
-            degrees = [math.degrees(math.atan(each.slope)) for each in near]
+        for degrees in self._neighbours_deg():
             if mean_deg := self._common_deg(degrees):
                 return (
                     f"ground moves {mean_deg:+.1f} deg aside on all headings: check the yaw of the camera's "
                     "mounting, and that the pictures are not mirrored"
                 )
-            if max(map(abs, degrees)) < numbers.least_yaw_deg:
-                confirmed_rad = math.radians(numbers.confirmed_yaw_deg)
-                self._direction_sd_rad = min(self._direction_sd_rad, confirmed_rad)
         return ""
+
+    def _neighbours_deg(self) -> Iterator[list[float]]:
+        """Yield the angles on neighbouring headings, where the rover has driven far enough on each."""
+        numbers, count = self._numbers, len(self._drifts)
+        for first in range(count):
+            near = [self._drifts[(first + step) % count] for step in range(numbers.headings)]
+            if min(each.length for each in near) >= numbers.least_travel_m:
+                yield [math.degrees(math.atan(each.slope)) for each in near]
 
     def _common_deg(self, degrees: Sequence[float]) -> float:
         mean_deg = sum(degrees) / len(degrees)

@@ -159,7 +159,6 @@ class MountingParameters:
     alike: float = 0.1  # greatest difference of these angles, over their mean
     ahead: float = 0.1  # greatest motion of the wheels to the side, over that ahead, for such an angle
     least_yaw_deg: float = 1.5  # of the mounting, that counts
-    confirmed_yaw_deg: float = 0.75  # half of that
     unconfirmed_scale_sd: float = 0.1  # of the travel, before a rotation on the spot has confirmed it
     confirming_deg: float = 45.0  # of rotation on the spot
     on_the_spot: float = (

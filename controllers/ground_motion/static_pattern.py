@@ -20,13 +20,14 @@ class StaticPattern:
 
     Attributes:
         mean: Mean structure over the motion, at each pixel.
+        moved_pixels: Motion of the ground since the first frame.
     """
 
     def __init__(self, shape: tuple[int, int], parameters: PatternParameters) -> None:
         self._parameters = parameters
         self.mean: Patch = np.zeros(shape, np.float32)
         self._fixed: Patch = np.zeros(shape, np.float32)
-        self._moved_pixels = 0.0
+        self.moved_pixels = 0.0
 
     @property
     def mask(self) -> Mask:
@@ -36,12 +37,12 @@ class StaticPattern:
     def update(self, structure: Patch, moved_pixels: float) -> None:
         """Take the structure of a frame, and how far the ground moved in the picture since the one before."""
         length = self._parameters.length_pixels
-        self._moved_pixels += moved_pixels
+        self.moved_pixels += moved_pixels
         # Weights fall exponentially with motion; before the length is reached the mean is a plain one.
-        known = 1.0 - np.exp(-self._moved_pixels / length)
+        known = 1.0 - np.exp(-self.moved_pixels / length)
         gain = np.float32((1.0 - np.exp(-moved_pixels / length)) / known)
         self.mean += gain * (structure - self.mean)
-        if self._moved_pixels > length:
+        if self.moved_pixels > length:
             strong = np.abs(self.mean) > self._parameters.least_strength
             self._fixed = np.where(strong, self.mean, np.float32(0.0))
 

@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks.safety.missions import any_rig
 from benchmarks.safety.missions import drive as run_mission
+from controllers.estimation.gyro.unwatched_turn import UnwatchedTurn
 from controllers.ground_motion.motion import GroundMotion
 from controllers.ground_motion.settings import GroundMotionSettings
 from controllers.motion.settings import WaypointsMission
@@ -166,6 +167,57 @@ def test_without_a_gyro_the_camera_also_measures_the_turn() -> None:
     turned_rad = math.remainder(last.estimate.yaw_rad - drive.rover.yaw_rad, math.tau)
     assert abs(turned_rad) < 0.05
     assert drive.error_m(last) < 0.05
+
+
+class Shared(GroundCamera):
+    """A camera that reports errors which all pairs share; after 40 frames its scale is confirmed."""
+
+    scale_sd, confirmed_sd, direction_sd_rad = 0.1, 0.1, 0.0
+
+    def measure(self, frame: FrameSample, t_ns: int, prior: object) -> GroundMotion | None:
+        found = super().measure(frame, t_ns, prior)
+        scale_sd = self.scale_sd if frame.index < 40 else self.confirmed_sd
+        return found and replace(found, scale_sd=scale_sd, direction_sd_rad=self.direction_sd_rad)
+
+
+class Confirmed(Shared):
+    confirmed_sd = 0.02
+
+
+class Askew(Shared):
+    scale_sd, confirmed_sd, direction_sd_rad = 0.0, 0.0, 0.05
+
+
+@pytest.mark.parametrize(("slip", "most_m"), [(0.6, 0.01), (-0.2, 0.02)])
+def test_the_slip_of_the_wheels_does_not_correct_the_scale_of_the_camera(slip: float, most_m: float) -> None:
+    drive = start(slip=slip, camera=Shared)
+    last = drive.run(20.0)[-1]
+    assert drive.error_m(last) < most_m
+    assert math.sqrt(last.estimate.covariance[0]) == pytest.approx(0.1 * drive.rover.place.real, rel=0.02)
+
+
+def test_a_scale_that_is_confirmed_also_makes_the_path_before_more_certain() -> None:
+    drive = start(slip=0.3, camera=Confirmed)
+    before = drive.run(3.5)[-1]
+    assert math.sqrt(before.estimate.covariance[0]) == pytest.approx(0.1 * drive.rover.place.real, rel=0.1)
+    after = drive.run(6.0)[-1]
+    assert math.sqrt(after.estimate.covariance[0]) == pytest.approx(0.02 * drive.rover.place.real, rel=0.15)
+
+
+def test_the_direction_of_the_camera_makes_the_place_aside_uncertain() -> None:
+    yaw_only, askew = start(camera=GroundCamera), start(camera=Askew)
+    variances = [each.run(10.0)[-1].estimate.covariance[3] for each in (yaw_only, askew)]
+    added_m = math.sqrt(variances[1] - variances[0])
+    assert added_m == pytest.approx(0.05 * askew.rover.place.real, rel=0.1)
+
+
+def test_a_turn_in_the_pictures_that_agrees_with_the_gyro_makes_the_yaw_more_certain(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    agreed = start().run(10.0)[-1]
+    monkeypatch.setattr(UnwatchedTurn, "agree", lambda _: None)
+    alone = start().run(10.0)[-1]
+    assert agreed.estimate.covariance[5] < 0.4 * alone.estimate.covariance[5]
 
 
 class Turning(GroundCamera):

@@ -206,3 +206,23 @@ def test_measurements_together_are_gated_by_their_common_nis() -> None:
         [Measured("x"), Measured("y")], 0.999 * edge * direction, rows, variances
     )
     assert all(innovation.accepted for innovation in inside)
+
+
+def test_a_held_state_is_not_corrected_but_its_uncertainty_and_correlation_count() -> None:
+    """Schmidt's filter in closed form: Joseph's form with a gain of zero for the held state."""
+    start, rows, variances = np.diag([1.0, 4.0]), np.array([[1.0, 2.0], [1.0, -1.0]]), np.array([0.5, 0.2])
+    guarded = make()
+    names = [Measured("x"), Measured("y")]
+    guarded.update_together(names, np.array([1.0, 0.4]), rows, variances, held=(1,))
+
+    state, covariance = np.zeros(2), start
+    for reading, row, variance in zip((1.0, 0.4), rows, variances, strict=True):
+        gain = covariance @ row / (row @ covariance @ row + variance) * [1.0, 0.0]
+        state = state + gain * (reading - row @ state)
+        rest = np.eye(2) - np.outer(gain, row)
+        covariance = rest @ covariance @ rest.T + variance * np.outer(gain, gain)
+    assert guarded.state == pytest.approx(state)
+    assert guarded.state[1] == 0.0
+    assert np.array(guarded.covariance) == pytest.approx(covariance)
+    assert guarded.covariance[1][1] == 4.0
+    assert guarded.covariance[0][1] != 0.0

@@ -97,3 +97,13 @@ def test_a_watched_gyro_shows_once_that_it_measures_turns() -> None:
     for _ in range(50):
         unwatched.add(evidence(-0.01, 0.01, 0.0))
     assert unwatched.error_rad == 0.0
+
+
+def test_an_agreement_with_another_sensor_begins_anew() -> None:
+    unwatched, other = UnwatchedTurn(SLIP_M), UnwatchedTurn(SLIP_M)
+    ahead(unwatched, 1.0)
+    unwatched.agree()
+    assert unwatched.error_rad == 0.0
+    ahead(unwatched, 0.3)
+    ahead(other, 0.3)
+    assert unwatched.error_rad == pytest.approx(other.error_rad)

@@ -697,7 +697,7 @@ def test_a_ground_camera_gets_a_rig_by_rulers(
     assert slip is not None
     assert (slip.use, slip.excite_beside_ground, slip.excitation.mass_kg) == ("yaw_probe", False, 12.6)
     assert command("check", "rover.toml") == 0
-    assert "warning: camera: its rig is of rulers only" in command.out
+    assert "warning: camera: its rig has no lens distortion, like one by rulers" in command.out
     assert "run `rover-hil calibrate scale CONFIG --enter --out FILE`" in command.out
     assert "  run --virtual: yes\n" in command.out
     assert "  slip: ground motion by camera" in command.out

@@ -56,7 +56,6 @@ class RutTracker:
         fixed = parameters.fixed
         self._fixed_structure = StaticPattern(ground.shape, fixed.pattern)
         self._fixed_detail = StaticPattern(self._finder.shape, fixed.pattern)
-        self._seen_m = 0.0
         self._front = FrontWheelTrace(ground.rig, self._finder.block_m, self._search.touching_widths)
         self._path = PathFilter(ground.rig.behind_m, parameters.path)
         self._odometry = PathFilter(ground.rig.behind_m, parameters.path)
@@ -105,11 +104,10 @@ class RutTracker:
 
         The mean of a trace that is driven straight is fixed as well. Prints and irregular edges remain of it.
         """
-        self._seen_m += moved_m
         if moved_m > 0.0:
             self._fixed_detail.update(detail, moved_m / RESOLUTION_M)
             self._fixed_structure.update(structure, moved_m / RESOLUTION_M)
-        if self._seen_m < self._numbers.fixed.known_m:
+        if self._fixed_detail.moved_pixels * RESOLUTION_M < self._numbers.fixed.known_m:
             return detail, structure
         return detail - self._fixed_detail.mean, structure - self._fixed_structure.mean
 

@@ -8,12 +8,12 @@ from rover_hil.ready.dated import CHECK, dated
 
 
 def check_age(config: Config, today: dt.date) -> list[Finding]:
-    """Check the scale in use; that it was calibrated at all where the rig is of rulers only."""
+    """Check the scale in use; that it was calibrated at all where the rig looks as one by rulers."""
     if config.ground_motion is None or config.roles.camera is None:
         return []
     tolerance = config.ground_motion.tolerance
     if tolerance.scale_sd is None and not any(config.ground_motion.rig.dist_coeffs.values):
-        what = "its rig is of rulers only, without lens distortion, and its scale is not calibrated"
+        what = "its rig has no lens distortion, like one by rulers, and its scale is not calibrated"
         cause = "until a rotation on the spot confirms the rig the travel is at least 10 % uncertain"
         fix = "run `rover-hil calibrate scale CONFIG --enter --out FILE`"
         return [warning(CHECK, config.roles.camera, what, cause, fix)]

@@ -232,6 +232,22 @@ def test_a_camera_upside_down_finds_nothing(left: Drive) -> None:
     assert not any(angle.detected for angle in angles)
 
 
+def test_mirrored_pictures_give_no_angle_once_they_rotate_against_the_gyro(left: Drive) -> None:
+    sequence, images = left
+    angles = follow(sequence, [np.ascontiguousarray(image[:, ::-1]) for image in images], "fused")
+    contradicted = [angle for angle in angles if angle.contradiction]
+    assert len(contradicted) > 20
+    for angle in contradicted:
+        assert angle.contradiction.startswith("pictures rotate against the gyro")
+        assert (angle.source, angle.detected, angle.theta_rad, angle.confidence) == ("none", False, None, 0.0)
+
+
+def test_a_right_rig_is_not_contradicted(left_angles: AnglesOf, right_angles: AnglesOf) -> None:
+    assert not [
+        angle for angles in (left_angles, right_angles) for angle in angles("fused") if angle.contradiction
+    ]
+
+
 def test_the_same_frames_give_the_same_angles(left: Drive, left_angles: AnglesOf) -> None:
     first, second = left_angles("fused"), follow(*left, "fused")
 

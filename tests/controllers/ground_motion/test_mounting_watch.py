@@ -122,3 +122,16 @@ def test_a_rotation_on_the_spot_shows_the_scale(scale: float, is_confirmed: bool
 
 def test_a_calibrated_scale_is_confirmed() -> None:
     assert watch(is_calibrated=True).scale_sd == SCALE_SD
+
+
+@pytest.mark.parametrize(
+    ("headings_deg", "aside_deg", "expected_deg"),
+    [((0.0, 35.0, 70.0), 0.5, 0.75), ((0.0, 35.0, 70.0), 2.0, 3.0), ((0.0, 35.0), 0.5, 3.0)],
+    ids=["small on three headings", "too large", "two headings only"],
+)
+def test_three_neighbouring_headings_confirm_the_direction(
+    headings_deg: Sequence[float], aside_deg: float, expected_deg: float
+) -> None:
+    watched = watch()
+    rotate_and_drive(watched, headings_deg, lambda _: math.tan(math.radians(aside_deg)))
+    assert math.degrees(watched.direction_sd_rad) == pytest.approx(expected_deg)
