@@ -122,6 +122,7 @@ class TraceEstimator:
             distance_m=None if line is None else self._distance(*line),
             confidence=0.0 if source == "none" else self._confidence,
             path_m=np.zeros((0, 3)) if line is None else self._ground.to_vehicle(*reading.path_m.T),
+            mounting_sd_rad=reading.mounting_sd_rad,
             contradiction=reading.contradiction,
         )
 
@@ -141,6 +142,7 @@ class TraceEstimator:
             confidence=found.confidence,
             source=found.source,
             theta_sd_rad=found.theta_sd_rad,
+            mounting_sd_rad=found.mounting_sd_rad,
             contradiction=found.contradiction,
         )
 

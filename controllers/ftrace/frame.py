@@ -47,6 +47,8 @@ class Reading:
         offset_m: Place of the trace at the contact, left of it positive.
         confidence: 0..1, probability that the wheel's trace is in this frame and has this angle within 5 deg.
         path_m: Centre line: rows of (behind, left of the contact) in the wheel's axes.
+        mounting_sd_rad: Standard deviation that all angles share, by the yaw of the mounting; None where
+            nothing checks it.
         contradiction: Why the angle is not to be used: pictures and gyro contradict the rig; "" where they
             do not.
     """
@@ -58,6 +60,7 @@ class Reading:
     offset_m: float
     confidence: float
     path_m: Floats
+    mounting_sd_rad: float | None = None
     contradiction: str = ""
 
 

@@ -32,6 +32,7 @@ class DirectionParameters:
     reach_m: float = 0.12  # frames further apart share too little ground: they are matched first
     least_share: float = 0.3  # of the points that must move with the ground in matched frames
     slip_guess: float = 0.15  # expected slip where the ground's motion is not measured
+    straight: float = 0.02  # greatest motion of the wheel aside by a rotation, over that ahead: 1.1 deg
     motion_sd_m: float = 0.0002  # least standard deviation of a motion
     backwards_share: float = 0.3  # motion against the wheel's, over the wheel's, that counts as backwards
     backwards_gain: float = 0.05  # of the mean share of such frames, per frame

@@ -21,6 +21,8 @@ class TraceReading:
             predicted for a short while, or in the first frame that of what looks like a trace; `none`: there
             is none.
         theta_sd_rad: Standard deviation of `theta_rad`; None where unknown (`hough`, and without a source).
+        mounting_sd_rad: Standard deviation of what all angles share and `theta_sd_rad` leaves out, the yaw of
+            the camera's mounting. None without a check of it (`hough`).
         contradiction: What pictures and gyro show to be wrong about the rig: there is no angle then; "" for
             nothing.
     """
@@ -31,4 +33,5 @@ class TraceReading:
     confidence: float
     source: str
     theta_sd_rad: float | None
+    mounting_sd_rad: float | None = None
     contradiction: str = ""

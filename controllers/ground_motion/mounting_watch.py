@@ -2,10 +2,11 @@
 
 import cmath
 import math
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from controllers.ground_motion.heading_drifts import HeadingDrifts
 from controllers.ground_motion.parameters import MountingParameters
+from controllers.ground_motion.slope import Slope
 
 CONFIRMS_SD = 2.0
 """A rotation on the spot confirms a scale that is within so many standard deviations."""
@@ -58,9 +59,7 @@ class MountingWatch:
 
     Older pairs fade, but not rotations on the spot.
 
-    Pitch and focal length cannot be distinguished by it, and the height not at all. A rover that drifts on a
-    slope looks like a camera that is turned in yaw: this is reported only where the angle is the same on
-    three headings next to each other.
+    Pitch and focal length cannot be distinguished by it, and the height not at all.
 
     In a rotation on the spot the gyro measures how far the point below the camera moves: that is the only
     check of the height, and of the scale of the travel. Until then the travel may be wrong by a tenth.
@@ -87,11 +86,9 @@ class MountingWatch:
     ) -> None:
         self._effects, self._scale_sd, self._numbers = effects, scale_sd, parameters
         self._is_confirmed = is_calibrated
-        self._yaw_sd_deg, self._is_yaw_confirmed = yaw_sd_deg, False
-        self._swing, self._spun_rad = _Slope(), 0.0
-        self._pitch, self._turn = _Slope(), _Slope()
-        self._drifts = [_Slope() for _ in range(round(360.0 / parameters.heading_deg))]
-        self._heading_rad = 0.0
+        self._swing, self._spun_rad = Slope(), 0.0
+        self._pitch, self._turn = Slope(), Slope()
+        self._drifts = HeadingDrifts(yaw_sd_deg, parameters)
         self._seen_rad2 = self._duration_s = 0.0
         self.text = ""
 
@@ -104,12 +101,11 @@ class MountingWatch:
     @property
     def direction_sd_rad(self) -> float:
         """Standard deviation of the direction of the travel."""
-        confirmed_deg = self._numbers.least_yaw_deg / 2.0 if self._is_yaw_confirmed else math.inf
-        return math.radians(min(self._yaw_sd_deg, confirmed_deg))
+        return self._drifts.sd_rad
 
     def rotate(self, turn_rad: float) -> None:
         """Take a rotation by the gyro, whether or not its pair is valid."""
-        self._heading_rad += turn_rad
+        self._drifts.rotate(turn_rad)
 
     def spin(self, turn_rad: float, swing_m: complex, moved_m: complex) -> None:
         """Take a pair of a rotation on the spot.
@@ -137,21 +133,14 @@ class MountingWatch:
         self._turn.add(motion.turn_rad, motion.seen_turn_rad)
         self._seen_rad2 += (motion.turn_rad * motion.seen_turn_sd_rad) ** 2
         self._add_drift(motion)
-        self._is_yaw_confirmed |= any(
-            max(map(abs, degrees)) < self._numbers.least_yaw_deg for degrees in self._neighbours_deg()
-        )
-        self.text = self._mirrored() or self._near_and_far() or self._yaw() or self._scale()
+        self.text = self._mirrored() or self._near_and_far() or self._drifts.text or self._scale()
 
     def _add_drift(self, motion: MountedMotion) -> None:
         """Add the angle from the wheels' motion ahead to that of the ground, at the present heading."""
         wheel_m = motion.wheel_m
         if wheel_m.real <= 0.0 or abs(wheel_m.imag) > self._numbers.ahead * wheel_m.real:
             return
-        drift_m = motion.moved_m * cmath.rect(1.0, -cmath.phase(wheel_m))
-        width_rad = math.radians(self._numbers.heading_deg)
-        slope = self._drifts[math.floor(self._heading_rad / width_rad) % len(self._drifts)]
-        slope.fade(math.exp(-abs(drift_m.real) / self._numbers.memory_m))
-        slope.add(drift_m.real, drift_m.imag)
+        self._drifts.add(motion.moved_m * cmath.rect(1.0, -cmath.phase(wheel_m)))
 
     def _mirrored(self) -> str:
         numbers = self._numbers
@@ -177,29 +166,6 @@ class MountingWatch:
             return ""
         return f"near and far ground move differently: check {' or '.join(causes)}"
 
-    def _yaw(self) -> str:
-        """Return the angle of neighbouring headings that all agree."""
-        for degrees in self._neighbours_deg():
-            if mean_deg := self._common_deg(degrees):
-                return (
-                    f"ground moves {mean_deg:+.1f} deg aside on all headings: check the yaw of the camera's "
-                    "mounting, and that the pictures are not mirrored"
-                )
-        return ""
-
-    def _neighbours_deg(self) -> Iterator[list[float]]:
-        """Yield the angles on neighbouring headings, where the rover has driven far enough on each."""
-        numbers, count = self._numbers, len(self._drifts)
-        for first in range(count):
-            near = [self._drifts[(first + step) % count] for step in range(numbers.headings)]
-            if min(each.length for each in near) >= numbers.least_travel_m:
-                yield [math.degrees(math.atan(each.slope)) for each in near]
-
-    def _common_deg(self, degrees: Sequence[float]) -> float:
-        mean_deg = sum(degrees) / len(degrees)
-        is_alike = max(degrees) - min(degrees) < self._numbers.alike * abs(mean_deg)
-        return mean_deg if is_alike and abs(mean_deg) >= self._numbers.least_yaw_deg else 0.0
-
     def _scale(self) -> str:
         if math.degrees(self._spun_rad) < self._numbers.confirming_deg:
             return ""
@@ -213,30 +179,3 @@ class MountingWatch:
             f"in rotations on the spot the ground moves {scale:.2f} times as far as the gyro measures: check "
             "height and focal length of the camera, and t_vehicle_camera of the rig"
         )
-
-
-class _Slope:
-    """Least squares of y over x, through zero."""
-
-    def __init__(self) -> None:
-        self.xx = self._xy = self._yy = self.length = self._count = 0.0
-
-    def fade(self, kept: float) -> None:
-        self.xx, self._xy, self._yy = kept * self.xx, kept * self._xy, kept * self._yy
-        self.length, self._count = kept * self.length, kept * self._count
-
-    def add(self, x: float, y: float) -> None:
-        self.xx, self._xy, self._yy = self.xx + x * x, self._xy + x * y, self._yy + y * y
-        self.length += abs(x)
-        self._count += 1.0
-
-    @property
-    def slope(self) -> float:
-        return self._xy / self.xx if self.xx > 0.0 else 0.0
-
-    @property
-    def sd(self) -> float:
-        if self._count < 2.0 or self.xx <= 0.0:
-            return math.inf
-        residual = max(0.0, self._yy - self._xy * self.slope)
-        return math.sqrt(residual / (self._count - 1.0) / self.xx)

@@ -93,8 +93,11 @@ class RigWatch:
     def _wrong_course(self, slack_m: float) -> str:
         """Return which direction of the ground contradicts the mounting of the camera; "" for none."""
         numbers, along_m, across_m = self._numbers, self._ground_m.real, abs(self._ground_m.imag)
-        if along_m < -numbers.backwards * self._wheel_m - slack_m:
-            return "ground moves against the wheels: check that the camera is not upside down"
+        if along_m < -numbers.skid * self._wheel_m - slack_m:
+            return (
+                "ground moves against the wheels: check that the camera is not upside down, or whether the "
+                "rover slides back"
+            )
         if across_m > max(numbers.across * self._wheel_m, abs(along_m)) + slack_m:
             return "ground moves across the wheels' course: check that the camera is not turned"
         return ""

@@ -1,5 +1,6 @@
 """`rover-hil ftrace`: slip angle of every frame from the trace of a wheel."""
 
+import math
 import sys
 from contextlib import ExitStack, closing
 from dataclasses import replace
@@ -121,6 +122,7 @@ def _report(angles: list[FrameAngle], out: Path, method: Method, *, as_json: boo
     by_flow = sum(item.angle.source == "flow" for item in angles)
     contradictions = [item for item in angles if item.angle.contradiction]
     contradiction = contradictions[0].angle.contradiction if contradictions else ""
+    mounting_deg = math.degrees(angles[-1].angle.mounting_sd_rad or 0.0) if angles else 0.0
     if as_json:
         summary = {
             "frames": len(angles),
@@ -129,6 +131,7 @@ def _report(angles: list[FrameAngle], out: Path, method: Method, *, as_json: boo
             "mean_theta_t_deg": float(np.mean(degrees)) if degrees else None,
             "method": method,
             "by_flow": by_flow,
+            "mounting_sd_deg": mounting_deg or None,
             "contradiction": contradiction,
         }
         print_json(summary)
@@ -143,3 +146,8 @@ def _report(angles: list[FrameAngle], out: Path, method: Method, *, as_json: boo
         Terminal(soft_wrap=True).print(f"no angle in {count} frames, from {first_s:g} s on: {contradiction}")
     elif method == "fused" and not degrees and not by_flow:
         Terminal(soft_wrap=True).print(NO_MOTION)
+    elif mounting_deg:
+        Terminal(soft_wrap=True).print(
+            f"all angles share the yaw of the camera's mounting, known to {mounting_deg:.2g} deg: three "
+            "neighbouring headings, each driven straight for 0.4 m, check it"
+        )

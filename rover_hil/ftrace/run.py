@@ -12,7 +12,7 @@ from drivers.samples import Image
 from rover_hil.ftrace.frames import to_grey
 from rover_hil.ftrace.inputs import FrameInputs
 
-HEADER = "frame,t,theta_t_deg,d_t_m,confidence,detected,source,theta_sd_deg"
+HEADER = "frame,t,theta_t_deg,d_t_m,confidence,detected,source,theta_sd_deg,mounting_sd_deg"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +51,12 @@ def csv_row(item: FrameAngle) -> str:
     angle = item.angle
     distance = float("nan") if angle.distance_m is None else angle.distance_m
     measured = f"{angle.theta_deg:.4f},{distance:.5f},{angle.confidence:.4f},{int(angle.detected)}"
-    sd_deg = float("nan") if angle.theta_sd_rad is None else math.degrees(angle.theta_sd_rad)
-    return f"{item.number},{item.t_s:.6f},{measured},{angle.source},{sd_deg:.4f}"
+    sds_deg = (_degrees(angle.theta_sd_rad), _degrees(angle.mounting_sd_rad))
+    return f"{item.number},{item.t_s:.6f},{measured},{angle.source},{sds_deg[0]:.4f},{sds_deg[1]:.4f}"
+
+
+def _degrees(angle_rad: float | None) -> float:
+    return float("nan") if angle_rad is None else math.degrees(angle_rad)
 
 
 def longest_gap(is_detected: list[bool]) -> int:

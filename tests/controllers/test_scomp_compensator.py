@@ -54,6 +54,7 @@ class SeenTrace:
     rates: list[Rates | None] = field(default_factory=list)
     source: str = "trace"
     sd_rad: float | None = 0.015
+    contradiction: str = ""
 
     def find(
         self, frame: FrameSample, wheel_speed_m_s: float, rates_rad_s: Rates | None
@@ -69,6 +70,7 @@ class SeenTrace:
             confidence=float(seen),
             source="none" if self.theta_rad is None else self.source,
             theta_sd_rad=self.sd_rad,
+            contradiction=self.contradiction,
         )
 
 
@@ -220,6 +222,17 @@ def test_a_direction_held_from_earlier_frames_is_not_used() -> None:
     assert report is not None
     assert abs(math.degrees(report.slip_angle_rad)) < 3.0
     assert report.reason == NO_MOTION
+
+
+def test_a_rig_that_the_pictures_contradict_is_named() -> None:
+    finder = SeenTrace(None, contradiction="check the yaw of the camera's mounting")
+    bench = Bench(finder)
+    bench.run(1.0)
+    assert bench.reason == "check the yaw of the camera's mounting"
+    assert not bench.increments[-1].is_sure
+    finder.contradiction, finder.theta_rad = "", 0.0
+    bench.run(1.0)
+    assert bench.reason == ""
 
 
 def test_a_camera_that_sees_no_motion_of_the_ground_is_named_after_a_third_of_a_metre() -> None:

@@ -20,8 +20,10 @@ from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.flow import GroundFlow, PatchMotion
 from controllers.ground_motion.ground_patch import RESOLUTION_M, Floats, Mask, Patch
 from controllers.ground_motion.ground_view import GroundView
+from controllers.ground_motion.heading_drifts import HeadingDrifts
 from controllers.ground_motion.prior import MotionPrior
 from controllers.ground_motion.reference_frames import rotated
+from controllers.ground_motion.rig_tolerance import RigTolerance
 from controllers.ground_motion.static_pattern import StaticPattern
 from drivers.samples import Image
 
@@ -51,6 +53,7 @@ class RutTracker:
         self._structure = view.structure
         self._flow = GroundFlow(ground, parameters.ground_motion.flow)
         self._ground_motion = GroundMotionEstimator(view, parameters=parameters.ground_motion)
+        self._yaw = HeadingDrifts(RigTolerance().yaw_sd_deg, parameters.ground_motion.mounting)
         self._match = GroundMatch(ground, parameters.matching)
         self._light = StaticShading(visible, ground.centre, shading.lit_share, shading)
         fixed = parameters.fixed
@@ -75,6 +78,7 @@ class RutTracker:
         """Return the trace in the next frame."""
         log_grey, structure = frame.ground.log_grey, frame.ground.structure
         motion = self._motion(frame, structure)
+        self._watch_yaw(frame, motion)
         moved_m, goes_back = self._advance(frame, motion)
         found, self._confidence, self._apart_rad = False, 0.0, 0.0
         if frame.usable:
@@ -96,8 +100,23 @@ class RutTracker:
             offset_m=self._offset_m,
             confidence=self._confidence * within(RIGHT_WITHIN_RAD, sd_rad),
             path_m=np.stack([s, self._path.curve(s)], axis=1),
-            contradiction=self._ground_motion.mounting,
+            mounting_sd_rad=self._yaw.sd_rad,
+            contradiction=self._ground_motion.mounting or self._yaw.text,
         )
+
+    def _watch_yaw(self, frame: Frame, motion: PatchMotion | None) -> None:
+        """Take the direction of the ground's motion from the wheel's axis, where the rover drives straight.
+
+        In a curve a wheel before or behind the point about which the rover rotates moves aside.
+        """
+        if not frame.has_gyro:
+            return
+        self._yaw.rotate(frame.turn_rad[2])
+        if motion is None or not self._is_moving(motion):
+            return
+        aside_m = abs(frame.turn_rad[2] * complex(*self._ground.rig.point_m))
+        if aside_m < self._numbers.direction.straight * motion.forward_m:
+            self._yaw.add(complex(motion.forward_m, motion.left_m))
 
     def _without_fixed(self, detail: Patch, structure: Patch, moved_m: float) -> tuple[Patch, Patch]:
         """Return a frame less what is fixed in the picture, as a dark band is.

@@ -210,6 +210,8 @@ class ScompCompensator(SlipEstimator[ScompReport]):
     def _uncertainty(self) -> str:
         if self._states.needs_tilt and not self._tilt.is_known:
             return "no tilt"
+        if self._traces.contradiction:
+            return self._traces.contradiction
         if self._is_backwards:
             return "backwards: outside the slip law"
         if self._skidding.is_skidding:

@@ -61,6 +61,7 @@ class TraceReader:
         self._sight = _Sight()
         self._frame_ns: int | None = None
         self._newest: TraceReading | None = None
+        self._contradiction = ""
         self._is_accepted = False
         self._since_trace_s = math.inf
         self.rates_rad_s: Rates | None = None
@@ -80,6 +81,11 @@ class TraceReader:
     def is_confirmed(self) -> bool:
         """Whether enough traces have confirmed a slip angle taken from them anew."""
         return self._trust.to_confirm_s <= 0.0
+
+    @property
+    def contradiction(self) -> str:
+        """What the newest frame shows to be wrong about the camera's rig; "" for nothing."""
+        return self._contradiction
 
     @property
     def unmoved_m(self) -> float:
@@ -113,6 +119,7 @@ class TraceReader:
         self._frame_ns = frame_ns
         reading = self._finder.find(sample, motion.rim_m_s, self.rates_rad_s)
         self._newest = reading
+        self._contradiction = "" if reading is None else reading.contradiction
         self._sight.look(reading, frame_ns)
         if reading is None or reading.theta_rad is None or self.is_gyro_doubted:
             return

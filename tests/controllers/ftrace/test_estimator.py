@@ -248,6 +248,52 @@ def test_a_right_rig_is_not_contradicted(left_angles: AnglesOf, right_angles: An
     ]
 
 
+def three_headings(monkeypatch: pytest.MonkeyPatch, aside_deg: float, curve_rad: float = 0.0) -> TraceAngle:
+    """Drive 0.6 m on each of three headings, where the ground moves aside by an angle; return the end."""
+    motion = PatchMotion(
+        forward_m=0.02,
+        left_m=0.02 * np.tan(np.radians(aside_deg)),
+        turn_rad=0.0,
+        tilt_rad=(0.0, 0.0),
+        forward_sd_m=1e-4,
+        left_sd_m=1e-4,
+        turn_sd_rad=1e-3,
+        points=100,
+        share=1.0,
+        moved_pixels=20.0,
+        moved_sd_pixels=0.1,
+    )
+    monkeypatch.setattr(RutTracker, "_motion", lambda self, frame, structure: motion)
+    rig = geometry()
+    estimator, image, t_s = TraceEstimator(rig), np.full((rig.height, rig.width), 90, np.uint8), 0.0
+    for _ in range(3):
+        for rate_rad_s in (*[curve_rad / 0.1] * 30, *[np.radians(150.0)] * 2):
+            t_s += 0.1
+            found = estimator.step(
+                nanoseconds(t_s), image, wheel_speed_m_s=0.2, rates_rad_s=(0.0, 0.0, rate_rad_s)
+            )
+    return found
+
+
+def test_a_camera_turned_in_yaw_gives_no_angle_after_three_headings(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = three_headings(monkeypatch, aside_deg=3.0)
+    assert (found.source, found.theta_rad) == ("none", None)
+    assert found.contradiction.startswith("ground moves +3.0 deg aside on all headings")
+    assert found.mounting_sd_rad == pytest.approx(np.radians(3.0))
+
+
+def test_three_headings_confirm_the_yaw_of_the_camera(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = three_headings(monkeypatch, aside_deg=0.5)
+    assert not found.contradiction
+    assert found.mounting_sd_rad == pytest.approx(np.radians(0.75))
+
+
+def test_a_wheel_that_moves_aside_in_curves_is_not_the_camera(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = three_headings(monkeypatch, aside_deg=3.0, curve_rad=0.003)
+    assert not found.contradiction
+    assert found.mounting_sd_rad == pytest.approx(np.radians(3.0))
+
+
 def test_the_same_frames_give_the_same_angles(left: Drive, left_angles: AnglesOf) -> None:
     first, second = left_angles("fused"), follow(*left, "fused")
 
