@@ -330,6 +330,7 @@ class EntrapmentRule(StopRule):
         self._wheels_m, self._length_m = 0j, 0.0
         self._history: deque[_Travelled] = deque()
         self._slipped_m = self._unknown_m = self._before_m = self._since_m = 0.0
+        self._unanswered_m: float | None = None
         self._is_over = False
         self._unknown_rad: tuple[float, ...] = ()
         self._before_ns: int | None = None
@@ -363,6 +364,7 @@ class EntrapmentRule(StopRule):
         for device, lost_m in lost.items():
             yield _entrapped(lost_m, device, self._severity)
         yield from self._suspect_slip(cycle)
+        self._follow_answers(cycle, is_decided=is_decided)
         suspicion = self._suspicion(cycle)
         self._count(cycle, suspicion, is_decided=is_decided)
         if suspicion is not None:
@@ -408,6 +410,17 @@ class EntrapmentRule(StopRule):
             )
             yield Fault("rover", Cause.MAY_BE_STUCK, text, Severity.WARNING)
 
+    def _follow_answers(self, cycle: Cycle, *, is_decided: bool) -> None:
+        """Add up the travel of the wheels since the body has answered, or progress was seen."""
+        if not cycle.slip.lost_response:
+            self._unanswered_m = None
+        elif is_decided:
+            self._unanswered_m = 0.0
+        elif self._unanswered_m is None:
+            self._unanswered_m = cycle.slip.unanswered_m
+        else:
+            self._unanswered_m += cycle.wheels.distance_m
+
     def _suspicion(self, cycle: Cycle) -> Fault | None:
         """Return what may be wrong with the progress, beside the slip that is read."""
         if cycle.slip.unmoved_m:
@@ -418,7 +431,9 @@ class EntrapmentRule(StopRule):
             return Fault("rover", Cause.NO_MOTION_SEEN, text, Severity.WARNING)
         if cycle.slip.lost_response:
             text = f"rover: may be stuck, or {self._gyro} has no signal: {cycle.slip.lost_response}"
-            return Fault("rover", Cause.LOST_RESPONSE, text, Severity.WARNING)
+            # The estimate is in the middle between no motion and full motion.
+            bound = Bound(position_m=0.5 * (self._unanswered_m or 0.0))
+            return Fault("rover", Cause.LOST_RESPONSE, text, Severity.UNCERTAIN, bound)
         if cycle.slip.unusual_force:
             text = f"rover: may be stuck, or on a slope or another ground: {cycle.slip.unusual_force}"
             return Fault("rover", Cause.UNUSUAL_FORCE, text, Severity.WARNING)
@@ -474,7 +489,8 @@ class EntrapmentRule(StopRule):
         seen_m = self._unknown_m - self._before_m
         share = self._unknown_m / seen_m if seen_m > 0.0 else 1.0
         wheel_rad = tuple(share * turned_rad for turned_rad in self._unknown_rad)
-        return suspicion._replace(text=text, severity=Severity.RECOVERABLE, bound=Bound(wheel_rad=wheel_rad))
+        bound = suspicion.bound if suspicion.cause is Cause.LOST_RESPONSE else Bound(wheel_rad=wheel_rad)
+        return suspicion._replace(text=text, severity=Severity.RECOVERABLE, bound=bound)
 
 
 def _entrapped(lost_m: float, device: str, severity: Severity) -> Fault:

@@ -21,6 +21,7 @@ class SlipSource(StrEnum):
     MAP = "map"
     LEARNED = "learned"
     HELD = "held"
+    UNKNOWN = "unknown"
     ENCODERS = "encoders"
 
 

@@ -32,10 +32,15 @@ class ResponseParameters:
         (0.05, 0.005),
         (0.0, 0.03),
     )
-    earliest_delay_s: float = -0.1
-    longest_delay_s: float = 0.3
+    # Period over 2 pi, damping and drag of the contacts: rovers that spring at 20 Hz and at 8 Hz.
+    springs_s: tuple[tuple[float, float, float], ...] = ((0.008, 0.002, 0.002), (0.02, 0.005, 0.01))
+    # Bounds of delay, lag, period, damping and drag: a rover springs at 2 to 100 Hz.
+    least_s: tuple[float, ...] = (-0.1, 1e-4, 0.0016, 0.0, 0.0)
+    greatest_s: tuple[float, ...] = (0.3, 0.3, 0.08, 0.05, 0.2)
     shortest_lag_s: float = 1e-4
-    longest_lag_s: float = 0.3
+    least_explained: float = 0.03  # rms, over that of the readings, by a low-pass or a spring that is used
+    excitation_hz: float = 2.0
+    greatest_spring: float = 0.015  # change of size and angle of the body's response there, by the contacts
     greatest_bandwidth_hz: float = 200.0  # a lag that is shorter than this cannot be seen
     # Of delay and lag: what the jackknife cannot see, such as the contact's lag and the positions' age.
     least_sd_s: float = 0.0015
@@ -43,10 +48,10 @@ class ResponseParameters:
     # Where setpoints and gyro have the same rate, the steps of the setpoints alias onto the turns.
     same_rate: float = 0.03  # distance of the ratio of both rates from 1
     same_rate_sd_s: float = 0.008  # of delay and lag then
-    # A result outside these bounds is not used.
-    least_gain: float = 0.85
-    greatest_gain: float = 1.2
-    greatest_residual: float = 0.35
+    gain_tolerance: float = 0.02  # standard deviation of a gyro's scale, by its data sheet
+    deviations: float = 3.0
+    better: float = 0.98  # residual of blocks that were left out, over that without constants
+    greatest_residual: float = 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
