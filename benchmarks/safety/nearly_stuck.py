@@ -1,4 +1,4 @@
-"""Nearly stuck rovers, on sites of seven contact laws of `tests/nature/nearly_stuck`, by the excitation alone.
+"""Nearly stuck rovers on sites of seven contact laws (`tests/nature/nearly_stuck`), by the excitation alone.
 
     python -m benchmarks.safety.nearly_stuck [--first 100] [--sites 5]
 

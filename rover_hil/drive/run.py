@@ -146,13 +146,12 @@ def run_rover(
     summary_json = around.report(log_path, folder, messages)
     if summary_json is None:
         return EXIT_INTERRUPTED
-    stops = len(json.loads(summary_json)["stops"])
+    summary = json.loads(summary_json)
+    stops = len(summary["stops"])
     if as_json:
         print_json_text(summary_json)
     else:
-        console = Terminal(soft_wrap=True)
-        console.print(f"report: {folder / 'report.html'}")
-        console.print(around.result_line(result, stops))
+        Terminal(soft_wrap=True).print(around.end_text(result, folder, summary))
     if offered := offer(wanted, stops):
         messages.print(offered, soft_wrap=True)
     around.tell_slowness(result, config.loop.rate_hz, messages, virtual=virtual)

@@ -1,8 +1,9 @@
 """What surrounds a run of `rover-hil run`: other programs, viewers, the line of the state, the report."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
+from typing import Any
 
 from rich.live import Live
 from rich.text import Text
@@ -19,6 +20,7 @@ from rover_hil.console.memory import ShortOfMemoryError, sentence_of
 from rover_hil.console.output import can_tell
 from rover_hil.live.server import HOST, LiveServer
 from rover_hil.recording.writer import Mirror
+from rover_hil.report.compensation import Compensation
 from rover_hil.report.write import write_report
 from rover_hil.run.driving import StatusDisplay
 from rover_hil.run.executive import End, Operator, RunResult
@@ -154,6 +156,17 @@ def result_line(result: RunResult, stops: int) -> str:
     if result.skipped:
         parts.append(f"{result.skipped} of {result.cycles + result.skipped} cycles skipped")
     return ", ".join(parts)
+
+
+def end_text(result: RunResult, folder: Path, summary: Mapping[str, Any]) -> str:
+    """Return where the report is, what slip compensation has changed and cost, and how the run ended."""
+    lines = [f"report: {folder / 'report.html'}"]
+    if values := summary["compensation"]:
+        changed = Compensation(**values)
+        lines.append(
+            f"slip compensation: path changed by {1e3 * changed.moved_m:.0f} mm (rms), {changed.words}"
+        )
+    return "\n".join([*lines, result_line(result, len(summary["stops"]))])
 
 
 def tell_slowness(result: RunResult, rate_hz: float, messages: Terminal, *, virtual: bool) -> None:

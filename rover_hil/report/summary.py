@@ -15,6 +15,7 @@ from drivers.driver import Health
 from rover_hil.datasets.arrays import Array, rms, wrap_angles
 from rover_hil.recording.findings import FoundFinding
 from rover_hil.recording.schema import OddityRecord, SourceCheckRecord
+from rover_hil.report.compensation import Compensation, compensation_of
 from rover_hil.report.drift_summary import CrabSummary, DriftSummary, summarise_crab, summarise_drift
 from rover_hil.report.ground_summary import GroundSummary, summarise_ground
 from rover_hil.report.run_data import Cycles, RunData, WheelData
@@ -135,6 +136,7 @@ class Summary:
         wheel_slip: True slip ratio of each wheel, its mean over the angle turned; None where it is not known.
         slip: Estimates of slip compensation; None without it.
         drift: Estimates of compensation by trace and tilt; None without it.
+        compensation: What slip compensation has changed, and its cost; None without it.
         crab: Steering against the slip angle; None where the rover did not crab.
         ground: Slip that a camera measured over the ground; None without one.
         cross_track_rms_m, cross_track_max_m: Distance of the estimate from the path while driving.
@@ -175,6 +177,7 @@ class Summary:
     wheel_slip: tuple[float | None, ...]
     slip: SlipSummary | None
     drift: DriftSummary | None
+    compensation: Compensation | None
     crab: CrabSummary | None
     ground: GroundSummary | None
     cross_track_rms_m: float | None
@@ -225,6 +228,7 @@ def summarise(run: RunData) -> Summary:
         wheel_slip=tuple(_mean_slip(wheel.slip, wheel.true_speed) for wheel in run.wheels),
         slip=_slip_summary(run),
         drift=summarise_drift(run.drift),
+        compensation=compensation_of(run),
         crab=summarise_crab(run.crab, truth),
         ground=summarise_ground(run.ground, None if truth is None else slip_over_time(run.encoders, truth)),
         cross_track_rms_m=None if cross_m is None else rms(cross_m),

@@ -149,6 +149,9 @@ def _compensation_facts(summary: Summary) -> list[Fact]:
         facts += _ground_facts(summary.ground)
     if summary.drift is not None:
         facts += _drift_facts(summary.drift)
+    if summary.compensation is not None:
+        moved = summary.compensation
+        facts.append(Fact("path changed by compensation", length(moved.moved_m), moved.words))
     if summary.crab is not None:
         facts.append(_crab_fact(summary.crab))
     return facts

@@ -54,6 +54,8 @@ SLOWNESS = 4.0
 SEED = 1
 END_TOLERANCE_S = 0.5
 """By which the time of a mark may exceed the drive: it is rounded."""
+LEAST_ERROR_M = 0.001
+"""A smaller error at the marks counts as this."""
 REACTION_S = 0.2
 """Standard deviation of the time at which a person presses a key."""
 
@@ -277,6 +279,7 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
         )
         facts += [
             ("slip", slip),
+            ("gain and cost", _price_words(record, result)),
             ("covariance", result.covariance_words),
             ("slip estimator", _passed_words(result.doubts) if result.has_slip else "none"),
         ]
@@ -425,6 +428,23 @@ def _measures_slip(config: Config) -> bool:
 
 def _passed_words(doubts: Sequence[str]) -> str:
     return f"not passed: {'; '.join(doubts)}" if doubts else "passed on this ground"
+
+
+def _price_words(record: Sequence[MeasuredDrive], result: Worth) -> str:
+    """Return by how much the estimate is nearer to the marks than the wheels, and how much longer it took."""
+    nearer = result.odometry_rms_m / max(result.estimate_rms_m, LEAST_ERROR_M)
+    rolled_m, moved_m = (
+        sum(float(np.abs(np.diff(track[:, 0] + 1j * track[:, 1])).sum()) for track in tracks)
+        for tracks in (
+            [poses.odometry for _, poses, _ in record],
+            [poses.estimate for _, poses, _ in record],
+        )
+    )
+    longer = 100.0 * (rolled_m / moved_m - 1.0) if moved_m > 0.0 else 0.0
+    return (
+        f"the wheels alone are {nearer:.1f} times as far off the marks as the estimate; drives take "
+        f"{longer:.0f} % longer, as the wheels roll what they slip"
+    )
 
 
 def _excitation_words(worth: Worth, *, is_virtual: bool, is_entered: bool) -> str:
