@@ -411,8 +411,8 @@ class EntrapmentRule(StopRule):
             yield Fault("rover", Cause.MAY_BE_STUCK, text, Severity.WARNING)
 
     def _follow_answers(self, cycle: Cycle, *, is_decided: bool) -> None:
-        """Add up the travel of the wheels since the body has answered, or progress was seen."""
-        if not cycle.slip.lost_response:
+        """Add up the travel of the wheels on which the slip is unknown, and no progress was seen."""
+        if not cycle.slip.is_unknown:
             self._unanswered_m = None
         elif is_decided:
             self._unanswered_m = 0.0
@@ -431,8 +431,10 @@ class EntrapmentRule(StopRule):
             return Fault("rover", Cause.NO_MOTION_SEEN, text, Severity.WARNING)
         if cycle.slip.lost_response:
             text = f"rover: may be stuck, or {self._gyro} has no signal: {cycle.slip.lost_response}"
+            if self._unanswered_m is None:
+                return Fault("rover", Cause.LOST_RESPONSE, text, Severity.WARNING)
             # The estimate is in the middle between no motion and full motion.
-            bound = Bound(position_m=0.5 * (self._unanswered_m or 0.0))
+            bound = Bound(position_m=0.5 * self._unanswered_m)
             return Fault("rover", Cause.LOST_RESPONSE, text, Severity.UNCERTAIN, bound)
         if cycle.slip.unusual_force:
             text = f"rover: may be stuck, or on a slope or another ground: {cycle.slip.unusual_force}"
@@ -489,7 +491,8 @@ class EntrapmentRule(StopRule):
         seen_m = self._unknown_m - self._before_m
         share = self._unknown_m / seen_m if seen_m > 0.0 else 1.0
         wheel_rad = tuple(share * turned_rad for turned_rad in self._unknown_rad)
-        bound = suspicion.bound if suspicion.cause is Cause.LOST_RESPONSE else Bound(wheel_rad=wheel_rad)
+        is_bounded = suspicion.severity is Severity.UNCERTAIN
+        bound = suspicion.bound if is_bounded else Bound(wheel_rad=wheel_rad)
         return suspicion._replace(text=text, severity=Severity.RECOVERABLE, bound=bound)
 
 

@@ -209,7 +209,7 @@ class ExcitedSlip:
         reason = reading.problem
         self._valid_windows = 0 if reason else self._valid_windows + 1
         slip, sd, source = reading.slip, reading.sd, SlipSource.EXCITATION
-        if self.lost_response:
+        if self.lost_response == NO_ANSWER:
             slip, sd, source, reason = UNKNOWN_SLIP, 1.0, SlipSource.UNKNOWN, self.lost_response
         elif reason and known is not None and not known.reason:
             slip, sd, source, reason = known.slip, known.sd, known.source, ""

@@ -345,6 +345,7 @@ class Doubted(Travel):
     """The same with a response of the yaw, and wheels that turn by 25 rad per metre."""
 
     lost_response = "no answer"
+    is_unknown = False
     unanswered_m = 0.0
     is_still = False
 
@@ -358,6 +359,7 @@ class Doubted(Travel):
             yaw_rad=self.yaw_rad,
             slip=slip,
             lost_response=self.lost_response,
+            is_unknown=self.is_unknown,
             unanswered_m=self.unanswered_m,
             measured_rad_s=(25.0 * distance_m * 1e9 / CYCLE_NS, 0.0),
             is_still=self.is_still,
@@ -370,23 +372,22 @@ def test_a_suspicion_that_nothing_decides_stops_once_and_counts_anew_after_a_res
     travel.unanswered_m = 0.3
     for _ in range(11):
         (reason,) = travel.go(0.1)
-        assert (reason.name, reason.severity) == ("lost response", Severity.UNCERTAIN)
+        assert (reason.name, reason.severity) == ("lost response", Severity.WARNING)
         assert reason.text == "rover: may be stuck, or imu has no signal: no answer"
     (reason,) = travel.go(0.1)
     assert reason.severity is Severity.RECOVERABLE
     assert reason.text == (
         "rover: progress unknown on 1.50 m of its wheels, may be stuck, or imu has no signal: no answer"
     )
-    # Half of all that the wheels travelled since the rover may have got stuck: the estimate took the other.
-    assert reason.bound.position_m == pytest.approx(0.5 * (0.3 + 11 * 0.1))
-    assert travel.go(0.0) == [reason]
+    # All that the wheels turned since the rover may have got stuck, but for the first cycle.
+    assert reason.bound.wheel_rad == pytest.approx((25.0 * 1.5, 0.0), rel=0.1)
+    assert travel.go(0.1) == [reason]
     travel.is_still, travel.unanswered_m = True, 5.0
     (reason,) = travel.go(0.0)
-    assert reason.severity is Severity.UNCERTAIN
-    assert reason.bound.position_m == pytest.approx(0.5 * 1.4)
+    assert reason.severity is Severity.WARNING
     travel.is_still = False
     # At most half of the travel lies before the suspicion.
-    assert [travel.go(0.1)[0].severity for _ in range(8)] == [Severity.UNCERTAIN] * 7 + [Severity.RECOVERABLE]
+    assert [travel.go(0.1)[0].severity for _ in range(8)] == [Severity.WARNING] * 7 + [Severity.RECOVERABLE]
 
 
 def test_an_answer_and_progress_by_fixes_clear_the_travel() -> None:
@@ -395,15 +396,35 @@ def test_an_answer_and_progress_by_fixes_clear_the_travel() -> None:
         travel.place_m += 0.1
         travel.fix()
         (reason,) = travel.go(0.1)
-        assert (step, reason.severity) == (step, Severity.UNCERTAIN)
-    assert [travel.go(0.3)[0].severity for _ in range(3)] == [Severity.UNCERTAIN] * 3
-    travel.place_m += 0.9
-    travel.fix()
-    assert travel.go(0.1)[0].bound.position_m == 0.0
+        assert (step, reason.severity) == (step, Severity.WARNING)
+    assert [travel.go(0.3)[0].severity for _ in range(3)] == [Severity.WARNING] * 3
     travel.lost_response = ""
     assert travel.go(0.3) == []
     travel.lost_response = "no answer"
-    assert [travel.go(0.3)[0].severity for _ in range(4)][2:] == [Severity.UNCERTAIN, Severity.RECOVERABLE]
+    assert [travel.go(0.3)[0].severity for _ in range(4)][2:] == [Severity.WARNING, Severity.RECOVERABLE]
+
+
+def test_unknown_slip_widens_the_region_by_half_of_the_travel_until_progress_is_seen() -> None:
+    travel = Doubted(EntrapmentSettings(progress_unknown_m=1.0))
+    travel.is_unknown, travel.unanswered_m = True, 0.2
+    for step in range(8):
+        (reason,) = travel.go(0.1)
+        assert (step, reason.severity) == (step, Severity.UNCERTAIN)
+        assert reason.bound.position_m == pytest.approx(0.5 * (0.2 + 0.1 * step))
+    (reason,) = travel.go(0.1)
+    assert reason.severity is Severity.RECOVERABLE
+    assert reason.bound.position_m == pytest.approx(0.5 * 1.0)
+    # The rest of the stop does not end the doubt.
+    travel.is_still = True
+    assert travel.go(0.0)[0].bound.position_m == pytest.approx(0.5 * 1.0)
+    travel.is_still = False
+    travel.fix()
+    assert travel.go(0.2)[0].bound.position_m > 0.5
+    travel.place_m += 0.9
+    travel.fix()
+    assert travel.go(0.1)[0].bound.position_m == 0.0
+    travel.is_unknown, travel.lost_response = False, ""
+    assert travel.go(0.1) == []
 
 
 def test_an_odd_force_stops_once() -> None:
