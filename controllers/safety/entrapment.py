@@ -34,7 +34,7 @@ class EntrapmentSettings(Settings):
         entrapment_slip: Slip from which on the yaw excitation raises the suspicion. Fixes must be able to
             show it: where they are noisier, a longer travel is needed.
         progress_unknown_m: The rover also stops, and goes on once, when nothing has shown progress for this
-            travel of the wheels while the body does not answer the yaw excitation (it turns by less than 0.15
+            travel of the wheels while the body does not answer the yaw excitation (it turns by less than 0.25
             of its wheels, or lags them much), or while the drive force is below a quarter or above twice of
             that of free driving; or for `entrapment_m` while a rear camera sees no motion. At most half of
             the travel lies before the suspicion. The drive force must be at least 3 N at first, and stops

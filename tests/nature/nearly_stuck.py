@@ -553,5 +553,5 @@ def draw_stuck(law: str, seed: int, *, direction_rad: float = 0.0) -> Site:
 
 
 def draw_healthy(law: str, seed: int, *, direction_rad: float = 0.0) -> Site:
-    """Draw a site at which the ground changes to another on which the rover gets on well."""
+    """Draw a site at which the ground changes to another on which the rover drives well."""
     return _draw(law, seed, direction_rad, stuck=False)
