@@ -6,7 +6,7 @@ import re
 import struct
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
 from operator import or_
@@ -29,6 +29,7 @@ from drivers.files import (
 )
 from rover_hil.datasets.arrays import Array
 from rover_hil.datasets.blf_blocks import BlfBlocks
+from rover_hil.datasets.clocks import unwrapped
 from rover_hil.datasets.csv_table import header_lines, read_csv
 from rover_hil.datasets.mf4_blocks import check_blocks
 
@@ -45,6 +46,14 @@ SAVVYCAN = "Time Stamp"
 _BLF_HEADER, _BLF_OBJECT = struct.Struct("<4sL"), struct.Struct("<4sHHLL")
 _BLF_CONTAINER = 10
 _CANDUMP = re.compile(rb"^\((\d+\.\d+)\) (\S+) ([0-9A-Fa-f]+)#([0-9A-Fa-f]*)(?: [RTrt])?\r?$", re.MULTILINE)
+_ASC_TIMED = re.compile(r"^\s*(\d+\.\d+)(?=\s)")
+_SCREEN = re.compile(
+    r"^\s*\((\d+\.\d+)\)\s+(\S+)\s+([0-9A-Fa-f]{3,8})\s+\[(\d+)\]\s*((?:[0-9A-Fa-f]{2}\s*)*)"
+)
+"""What candump prints, where it is not told to write a log."""
+SCREEN_WITHOUT_TIME = re.compile(r"^\s*\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]")
+MOST_BACK = 0.1
+"""Share of steps back in time from which on the times of printed frames are differences."""
 BLOCK_BYTES = MEGABYTE // 8
 """Of a text log, read at once."""
 
@@ -54,7 +63,7 @@ logging.getLogger("can.io").addHandler(logging.NullHandler())
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CanFrames:
-    """Classic CAN frames in the order of their times, n of them.
+    """CAN frames of up to 8 bytes in the order of their times, n of them.
 
     Attributes:
         path: The file they come from.
@@ -63,9 +72,10 @@ class CanFrames:
         lengths: Number of data bytes, n.
         data: Data bytes, zero behind the length, n x 8.
         channels: Names of the buses in the file.
-        left_out: Number of frames that are no classic CAN frames.
+        left_out: Number of frames with more than 8 data bytes, or with other lengths than they say.
         unread: Number of lines in which the reader found no frame: events, or damage.
         swapped: Number of frames that the file held behind a later one.
+        findings: What was wrong with the times and was corrected, and how often.
     """
 
     path: Path
@@ -77,6 +87,7 @@ class CanFrames:
     left_out: int = 0
     unread: int = 0
     swapped: int = 0
+    findings: tuple[tuple[str, int], ...] = ()
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -132,9 +143,9 @@ class _Collector:
     def add(self, message: can.Message) -> None:
         data = message.data
         length = 0 if message.is_remote_frame else message.dlc
+        # A CAN FD frame of up to 8 bytes carries its data as a classic one does.
         if (
-            message.is_fd
-            or len(data) != length
+            len(data) != length
             or length > LARGEST_PAYLOAD
             or not 0 <= message.arbitration_id <= EXTENDED_ID_MASK
         ):
@@ -269,6 +280,7 @@ class _Lines(io.TextIOBase):
         self._characters = 0
         self.number = 0
         self.content = 0
+        self._elapsed_s: float | None = None
 
     def readline(self, size: int | None = -1, /) -> str:  # type: ignore[override]
         line = self._text.readline(CAN_LINE_CHARACTERS)
@@ -279,7 +291,16 @@ class _Lines(io.TextIOBase):
             raise ValueError(f"it is larger than {CAN_LOG_BYTES / MEGABYTE:g} MB, the limit: divide it")
         self.number += bool(line)
         self.content += bool(line.strip()) and line[0] not in ";/"
-        return line
+        if line.startswith("base") and "timestamps relative" in line:
+            self._elapsed_s = 0.0
+        return line if self._elapsed_s is None else self._since_begin(line, self._elapsed_s)
+
+    def _since_begin(self, line: str, elapsed_s: float) -> str:
+        """Return a line of a Vector ASC file whose times count from the line before with its whole time."""
+        if not (timed := _ASC_TIMED.match(line)):
+            return line
+        self._elapsed_s = elapsed_s + float(timed[1])
+        return f"{self._elapsed_s:.6f}{line[timed.end() :]}"
 
 
 def _read(path: Path, suffix: str, on_frames: Callable[[int], None]) -> _OfChannels:
@@ -292,9 +313,11 @@ def _read(path: Path, suffix: str, on_frames: Callable[[int], None]) -> _OfChann
                     return _OfChannels(*collector.frames(path, None))
                 collector = _Collector()
                 raw.seek(0)
+            read = _READERS[suffix]
             if suffix in _TEXT:
                 lines = _Lines(raw)
-            read = _READERS[suffix]
+                if suffix == ".log" and (printed := _printed(raw)):
+                    read = printed
             if suffix == ".blf":
                 _check_containers(raw)
                 read = partial(BlfBlocks, on_run=collector.add_run)
@@ -333,6 +356,48 @@ def _check_containers(raw: Any) -> None:
             raise ValueError(f"a container has {size:,} bytes, more than {CAN_CONTAINER_BYTES:,}, the limit")
         position += size + size % 4
     raw.seek(0)
+
+
+def _printed(raw: Any) -> Callable[[Any], Iterable[can.Message]] | None:
+    """Return the reader of what candump has printed; None for a log.
+
+    Raises:
+        ValueError: It was printed without times.
+    """
+    first = raw.read(CAN_LINE_CHARACTERS).decode("utf-8", "replace").lstrip().partition("\n")[0]
+    raw.seek(0)
+    if SCREEN_WITHOUT_TIME.match(first):
+        raise ValueError("candump has printed it without times: record with `candump -L` or `candump -l`")
+    return _read_printed if _SCREEN.match(first) else None
+
+
+def _read_printed(lines: Any) -> Iterator[can.Message]:
+    """Yield the frames that candump has printed.
+
+    Raises:
+        ValueError: The times are differences, or a line is of a remote frame or more than 8 bytes.
+    """
+    before_s, back, count = -float("inf"), 0, 0
+    while line := lines.readline():
+        if not (printed := _SCREEN.match(line)):
+            continue
+        t_s, data = float(printed[1]), bytes.fromhex("".join(printed[5].split()))
+        count, back, before_s = count + 1, back + (t_s < before_s), t_s
+        identifier = int(printed[3], 16)
+        yield can.Message(
+            timestamp=t_s,
+            channel=printed[2],
+            arbitration_id=identifier & EXTENDED_ID_MASK,
+            is_extended_id=len(printed[3]) > 3,
+            is_error_frame="ERRORFRAME" in line,
+            is_remote_frame="remote request" in line,
+            dlc=int(printed[4]),
+            data=data,
+        )
+    if back > MOST_BACK * count:
+        raise ValueError(
+            "its times are differences, as `candump -t d` prints them: record with `candump -L` or -l"
+        )
 
 
 def _mf4(raw: Any) -> Iterable[can.Message]:
@@ -400,6 +465,8 @@ def _in_order(frames: CanFrames) -> CanFrames:
     if not np.isfinite(frames.t_s).all():
         place = int(np.flatnonzero(~np.isfinite(frames.t_s))[0])
         raise LogError(f"{frames.path}: frame {place + 1} has no time: remove it")
+    clock = unwrapped(frames.t_s)
+    frames = replace(frames, t_s=clock.times_s, findings=clock.findings)
     latest_s = np.maximum.accumulate(frames.t_s)
     back_s = latest_s - frames.t_s
     place = int(np.argmax(back_s))
@@ -424,6 +491,7 @@ def _select(frames: CanFrames, places: NDArray[np.intp], swapped: int) -> CanFra
         left_out=frames.left_out,
         unread=frames.unread,
         swapped=swapped,
+        findings=frames.findings,
     )
 
 

@@ -20,6 +20,10 @@ DELIMITERS = "\t;,"
 MOST_HEADER_LINES = 3
 CELL_SHOWN = 40
 """Characters of a wrong cell in a message."""
+DECIMAL_COMMA = re.compile(r"^([+-]?\d*),(\d+(?:[eE][+-]?\d+)?)$")
+DECIMAL_POINT = re.compile(r"^[+-]?\d*\.\d+(?:[eE][+-]?\d+)?$")
+ROWS_ASKED = 50
+"""So many rows show whether numbers are written with decimal commas."""
 NAME_AND_UNIT = re.compile(r"^(?P<name>[^\[\(]+?)\s*(?:[\[\(](?P<unit>[^\]\)]*)[\]\)])?$")
 """`current [A]` or `current (A)`."""
 
@@ -130,6 +134,8 @@ def read_csv(
         lines, rows = _read_rows(text, delimiter)
     except (csv.Error, UnicodeDecodeError, _TooLargeError) as problem:
         raise error(f"cannot read {path} as a table: {problem}") from problem
+    if delimiter != "," and _has_decimal_commas(rows):
+        rows = [tuple([DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in cells]) for cells in rows]
     if first.rstrip().endswith(delimiter):
         rows = [cells[:-1] if cells[-1:] == ("",) else cells for cells in rows]
     count = _header_lines(rows) if header_lines is None else header_lines
@@ -153,6 +159,12 @@ def read_csv(
         rows=rows[count:],
         error=error,
     )
+
+
+def _has_decimal_commas(rows: Sequence[Sequence[str]]) -> bool:
+    """Return whether numbers are written as 0,25: cells of that form, and none as 0.25."""
+    cells = [cell for row in rows[: MOST_HEADER_LINES + ROWS_ASKED] for cell in row]
+    return any(map(DECIMAL_COMMA.match, cells)) and not any(map(DECIMAL_POINT.match, cells))
 
 
 def _header_lines(rows: Sequence[Sequence[str]]) -> int:

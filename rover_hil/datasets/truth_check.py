@@ -8,6 +8,7 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.motion.rover_geometry import RoverSettings, WheelsRoverSettings
@@ -17,6 +18,8 @@ from rover_hil.datasets.drive_paths import path_of_wheels, places_of, wheel_angl
 from rover_hil.datasets.log import LogRows, read_drive
 from rover_hil.recording.findings import FoundFinding
 
+Steps = NDArray[np.complex128]
+"""How far the rover goes in each window, in its own axes, left as imaginary part."""
 WINDOW_S = 1.0
 LEAST_WINDOWS = 8
 """Fewer windows in motion do not distinguish one error from another."""
@@ -44,6 +47,10 @@ COARSE = 0.005
 LEAST_WAY_M = 1.0
 """A drive that goes less far, and hardly turns, shows the noise of the truth."""
 ONE_DIRECTION = 0.8
+SAME_WAY = 0.8
+"""Cosine of the angle between two steps, from which on they go the same way."""
+LEAST_OPPOSITE = 2
+"""So many windows in each way: one is noise, or the turn back itself."""
 LEAST_ASIDE_RAD = 0.5
 """A truth goes aside if it does so always in one direction, and by more than a marker is set up wrong."""
 LEAST_TURN_RAD = 1.5
@@ -127,7 +134,11 @@ def compare_with_truth(rows: LogRows, rover: RoverSettings) -> list[FoundFinding
             _fit(what, kinematics, turned_rad, factor * steering_rad, truth) for what, factor in STEERING
         ]
     fits += _separate(kinematics, turned_rad, steering_rad, truth)
-    text = _explain(fits, truth) or _turned_path(rows, kinematics)
+    paths = _body_steps(rows, kinematics)
+    if paths is not None and (opposite := _opposite_ways(*paths)):
+        findings.append(opposite)
+        return findings
+    text = _explain(fits, truth) or ("" if paths is None else _turned_path(*paths[1:]))
     if text:
         findings.append(FoundFinding(name="truth", t_s=None, text=text))
     return findings
@@ -175,16 +186,37 @@ def _explain(fits: Sequence[_Fit], truth: _Motion) -> str:
     return f"wheels and truth contradict each other, {shares} {', or '.join(which)}{unsure}"
 
 
-def _turned_path(rows: LogRows, kinematics: Kinematics) -> str:
+def _body_steps(rows: LogRows, kinematics: Kinematics) -> tuple[Array, Steps, Steps] | None:
+    """Return the begin of each window, and how far wheels and truth go in it, left as imaginary part."""
+    wheels, truth = path_of_wheels(rows, kinematics), dict(places_of(rows)).get("truth")
+    if wheels is None or truth is None:
+        return None
+    edges_s = np.arange(max(wheels.t_s[0], truth.t_s[0]), min(wheels.t_s[-1], truth.t_s[-1]), WINDOW_S)
+    return edges_s[:-1], wheels.body_steps(edges_s), truth.body_steps(edges_s)
+
+
+def _opposite_ways(begins_s: Array, said_m: Steps, true_m: Steps) -> FoundFinding | None:
+    """Return that wheels and truth go opposite ways in a part of the drive; None where they do not."""
+    sizes_m = np.abs(said_m)
+    is_moving = (sizes_m > LEAST_MOTION * sizes_m.max(initial=0.0)) & (np.abs(true_m) > 0.5 * sizes_m)
+    alike = (said_m * true_m.conjugate()).real / np.maximum(sizes_m * np.abs(true_m), 1e-12)
+    is_opposite, is_same = is_moving & (alike < -SAME_WAY), is_moving & (alike > SAME_WAY)
+    if min(is_opposite.sum(), is_same.sum()) < LEAST_OPPOSITE:
+        return None
+    is_one_way = bool(np.all(said_m.real[is_moving] >= 0.0))
+    cause = "the speeds have no sign" if is_one_way else "wheels or truth are reversed there"
+    text = (
+        f"wheels and truth go opposite ways in {is_opposite.sum()} of {is_moving.sum()} s of motion, and the "
+        f"same way in {is_same.sum()} s: {cause}"
+    )
+    return FoundFinding(name="truth", t_s=float(begins_s[is_opposite][0] - begins_s[0]), text=text)
+
+
+def _turned_path(said_m: Steps, true_m: Steps) -> str:
     """Return that the truth goes into another direction of the rover than the wheels; "" where it does not.
 
     Exchanged wheels of an omnidirectional rover, and a reversed distance, leave its turns and distances.
     """
-    wheels, truth = path_of_wheels(rows, kinematics), dict(places_of(rows)).get("truth")
-    if wheels is None or truth is None:
-        return ""
-    edges_s = np.arange(max(wheels.t_s[0], truth.t_s[0]), min(wheels.t_s[-1], truth.t_s[-1]), WINDOW_S)
-    said_m, true_m = wheels.body_steps(edges_s), truth.body_steps(edges_s)
     sum_m2, length_m2 = complex(np.vdot(said_m, true_m)), float(np.abs(said_m * true_m).sum())
     aside_rad = abs(cmath.phase(sum_m2))
     if length_m2 == 0.0 or abs(sum_m2) < ONE_DIRECTION * length_m2 or aside_rad < LEAST_ASIDE_RAD:

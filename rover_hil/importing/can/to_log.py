@@ -103,7 +103,7 @@ def write_can_as_log(frames: CanFrames, config: Config, out: Path) -> Iterator[C
         return feed
 
     origin = f"imported from {frames.path.name}"
-    wall_ns = round(start_s * 1e6) * 1000
+    wall_ns = max(0, round(start_s * 1e6) * 1000)  # times before 1970 are of a clock that was not set
     for _ in write_drive(out, origin, config, records, make_feed, contents, wall_start_ns=wall_ns):
         yield contents
 
@@ -199,9 +199,14 @@ def _note_rest(frames: CanFrames, places: NDArray[np.intp], bus: _Found, content
         count = len(np.unique(frames.identifiers)) - len(bus.identifiers)
         contents.notes.append(f"{others} frames of {count} other identifiers stay out of the log")
     for what, number, done in (
-        ("frames that are no classic CAN frames", frames.left_out, LEFT_OUT),
+        (
+            "frames with more than 8 data bytes, or with another length than they say",
+            frames.left_out,
+            LEFT_OUT,
+        ),
         ("lines without a frame", frames.unread, LEFT_OUT),
         ("frames behind later ones, put in order", frames.swapped, REPAIRED),
+        *((what, count, REPAIRED) for what, count in frames.findings),
     ):
         if number:
             contents.oddities.append(Oddity(what=what, count=number, done=done))

@@ -35,7 +35,7 @@ from rover_hil.importing.drive import (
     write_drive,
 )
 from rover_hil.importing.fixes import FixMaker, invented_poses
-from rover_hil.importing.oddities import TOLD, Evidence, Oddity
+from rover_hil.importing.oddities import REPAIRED, TOLD, Evidence, Oddity
 from rover_hil.importing.rosbag.bag import Bag, BagMessage
 from rover_hil.importing.rosbag.joints import Joint, JointSurvey, values_of
 from rover_hil.importing.rosbag.topics import NAV_SAT_FIX, ODOMETRY, Topics
@@ -76,7 +76,17 @@ def write_bag_as_log(path: Path, topics: Topics, rover: Config, out: Path) -> It
         if bag.outside:
             what = "recorded before the clock was set, at time 0 or far from the others"
             contents.oddities.append(Oddity(what=what, where="messages", count=bag.outside))
-        contents.oddities += clock.oddities()
+        if bag.is_unfinished:
+            what = "metadata.yaml missing, as a killed recorder leaves it: read without it"
+            contents.oddities.append(Oddity(what=what, count=1, done=REPAIRED))
+        if step := bag.set_back:
+            what = (
+                f"clock of the recorder set back by {step.by_ns / 1e9:.1f} s at {step.at_ns / 1e9:.1f} s: "
+                "the times are those of the headers"
+            )
+            contents.oddities.append(Oddity(what=what, where="messages", count=1, done=REPAIRED))
+        else:
+            contents.oddities += clock.oddities()
         lost = _lost_poses(bag, topics, contents)
         held = frozenset(section for section, _, _ in topics.mapped())
         contents.evidence = Evidence(sections=held, has_own_turn=topics.wheels is not None)

@@ -14,9 +14,10 @@ from drivers.settings import Settings
 from rover_hil.config import Config
 from rover_hil.datasets.array_table import Table, read_table
 from rover_hil.datasets.arrays import Array, Flags
+from rover_hil.datasets.clocks import Clock, spread, unwrapped
 from rover_hil.datasets.csv_table import CsvTable
 from rover_hil.datasets.flight_table import FlightTable
-from rover_hil.importing.oddities import NO_FAULT, TOLD, Oddity
+from rover_hil.importing.oddities import NO_FAULT, REPAIRED, TOLD, Oddity
 from rover_hil.importing.rosbag.joints import REGULAR
 from rover_hil.importing.table.columns import (
     SI_PER_UNIT,
@@ -102,7 +103,9 @@ class DriveTable:
         times = self.times_s(self.table, columns.time)
         self._start_s = float(times[0])
         self.used = self._not_repeated(times)
-        times = times[self.used]
+        clock = spread(times[self.used])
+        self._note_clock(clock)
+        times = clock.times_s
         self._elapsed_s = np.diff(times)
         self.t_ns = self.nanoseconds(times)
 
@@ -190,7 +193,9 @@ class DriveTable:
             LogError: They do, or are not the times of a drive.
         """
         name = self.name_of(table, time)
-        times_s = time.sign * SI_PER_UNIT[time.unit] * table.numbers(name, fix=FIX, is_needed=True)
+        clock = unwrapped(time.sign * SI_PER_UNIT[time.unit] * table.numbers(name, fix=FIX, is_needed=True))
+        self._note_clock(clock)
+        times_s = clock.times_s
         back = np.flatnonzero(np.diff(times_s) < 0.0)
         if back.size:
             row = int(back[0]) + 1
@@ -205,6 +210,11 @@ class DriveTable:
                 "last, more than 11 days: correct its unit, which may be ms, us or ns"
             )
         return times_s
+
+    def _note_clock(self, clock: Clock) -> None:
+        self.drive.oddities += [
+            Oddity(what=what, count=count, done=REPAIRED) for what, count in clock.findings
+        ]
 
     def nanoseconds(self, times_s: Array) -> list[int]:
         """Return times since the first row of the drive."""
