@@ -38,8 +38,9 @@ class EntrapmentSettings(Settings):
             of its wheels, or lags them much), or while the drive force is below a quarter or above twice of
             that of free driving; or for `entrapment_m` while a rear camera sees no motion. At most half of
             the travel lies before the suspicion. The drive force must be at least 3 N at first, and stops
-            once: a slope changes it, too. The pose becomes uncertain by what the wheels turned. Greater than
-            the length of the mission for never.
+            once: a slope changes it, too. The pose becomes uncertain by what the wheels turned; where the
+            body does not answer, by half of it from the last answer on. Greater than the length of the
+            mission for never.
         entrapment_ground_m: The rover also stops until restart when its wheels have travelled this far while
             a camera measured no progress over the ground.
     """
@@ -312,6 +313,16 @@ class EntrapmentRule(StopRule):
         ),
         SafetyEvent(
             Outcome.CONTINUES,
+            "The body turns with less than a quarter of its wheels: its slip is unknown. The estimate takes "
+            "half of the travel, and the region grows by the other half.",
+            "Warning `may be stuck, or … has no signal` in the log, on the page and in the report.",
+            (
+                "tests/controllers/safety/test_entrapment.py::"
+                "test_unknown_slip_widens_the_region_by_half_of_the_travel_until_progress_is_seen",
+            ),
+        ),
+        SafetyEvent(
+            Outcome.CONTINUES,
             "The yaw excitation reads a slip of at least `entrapment_slip` over `entrapment_m`.",
             "Warning `may be stuck` in the log, on the page and in the report.",
             ("tests/controllers/safety/test_entrapment.py::test_a_slip_near_1_alone_is_a_suspicion",),
@@ -431,7 +442,8 @@ class EntrapmentRule(StopRule):
             return Fault("rover", Cause.NO_MOTION_SEEN, text, Severity.WARNING)
         if cycle.slip.lost_response:
             text = f"rover: may be stuck, or {self._gyro} has no signal: {cycle.slip.lost_response}"
-            if self._unanswered_m is None:
+            if not self._unanswered_m:
+                # Known slip, or progress that was just seen: what is bounded begins anew.
                 return Fault("rover", Cause.LOST_RESPONSE, text, Severity.WARNING)
             # The estimate is in the middle between no motion and full motion.
             bound = Bound(position_m=0.5 * self._unanswered_m)

@@ -163,7 +163,9 @@ class SafetySupervisor:
         stops = stops_of(faults)
         shown = (Severity.WARNING, Severity.UNCERTAIN)
         self.suspicion = next((each.text for each in faults if each.severity in shown), "")
-        self.is_gyro_undecided = any(each.severity is Severity.UNCERTAIN for each in faults)
+        self.is_gyro_undecided = any(
+            each.severity is Severity.UNCERTAIN and each.cause is not Cause.LOST_RESPONSE for each in faults
+        )
         self.waits_for_operator = False
         if self.mode is Mode.EMERGENCY_STOP:
             return

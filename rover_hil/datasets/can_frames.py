@@ -53,7 +53,7 @@ _SCREEN = re.compile(
 """What candump prints, where it is not told to write a log."""
 SCREEN_WITHOUT_TIME = re.compile(r"^\s*\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]")
 MOST_BACK = 0.1
-"""Share of steps back in time from which on the times of printed frames are differences."""
+"""Share of frames that are not later than the one before, from which on printed times are differences."""
 BLOCK_BYTES = MEGABYTE // 8
 """Of a text log, read at once."""
 
@@ -275,8 +275,9 @@ def _add_candump(raw: BinaryIO, collector: _Collector, on_frames: Callable[[int]
 class _Lines(io.TextIOBase):
     """A text file that counts its lines and refuses endless ones."""
 
-    def __init__(self, raw: Any) -> None:
+    def __init__(self, raw: Any, suffix: str) -> None:
         self._text = io.TextIOWrapper(raw, "utf-8")
+        self._is_asc = suffix == ".asc"
         self._characters = 0
         self.number = 0
         self.content = 0
@@ -291,7 +292,7 @@ class _Lines(io.TextIOBase):
             raise ValueError(f"it is larger than {CAN_LOG_BYTES / MEGABYTE:g} MB, the limit: divide it")
         self.number += bool(line)
         self.content += bool(line.strip()) and line[0] not in ";/"
-        if line.startswith("base") and "timestamps relative" in line:
+        if self._is_asc and "timestamps relative" in line.casefold():
             self._elapsed_s = 0.0
         return line if self._elapsed_s is None else self._since_begin(line, self._elapsed_s)
 
@@ -315,7 +316,7 @@ def _read(path: Path, suffix: str, on_frames: Callable[[int], None]) -> _OfChann
                 raw.seek(0)
             read = _READERS[suffix]
             if suffix in _TEXT:
-                lines = _Lines(raw)
+                lines = _Lines(raw, suffix)
                 if suffix == ".log" and (printed := _printed(raw)):
                     read = printed
             if suffix == ".blf":
@@ -375,14 +376,14 @@ def _read_printed(lines: Any) -> Iterator[can.Message]:
     """Yield the frames that candump has printed.
 
     Raises:
-        ValueError: The times are differences, or a line is of a remote frame or more than 8 bytes.
+        ValueError: The times are differences.
     """
     before_s, back, count = -float("inf"), 0, 0
     while line := lines.readline():
         if not (printed := _SCREEN.match(line)):
             continue
         t_s, data = float(printed[1]), bytes.fromhex("".join(printed[5].split()))
-        count, back, before_s = count + 1, back + (t_s < before_s), t_s
+        count, back, before_s = count + 1, back + (t_s <= before_s), t_s
         identifier = int(printed[3], 16)
         yield can.Message(
             timestamp=t_s,

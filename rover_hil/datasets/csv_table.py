@@ -22,8 +22,7 @@ CELL_SHOWN = 40
 """Characters of a wrong cell in a message."""
 DECIMAL_COMMA = re.compile(r"^([+-]?\d*),(\d+(?:[eE][+-]?\d+)?)$")
 DECIMAL_POINT = re.compile(r"^[+-]?\d*\.\d+(?:[eE][+-]?\d+)?$")
-ROWS_ASKED = 50
-"""So many rows show whether numbers are written with decimal commas."""
+THOUSANDS = re.compile(r"^[+-]?[1-9]\d{0,2},\d{3}$")
 NAME_AND_UNIT = re.compile(r"^(?P<name>[^\[\(]+?)\s*(?:[\[\(](?P<unit>[^\]\)]*)[\]\)])?$")
 """`current [A]` or `current (A)`."""
 
@@ -97,6 +96,8 @@ class CsvTable:
         for row, number in enumerate(numbers):
             if number is None or (is_needed and not math.isfinite(number)):
                 advice = f": {fix}" if fix else ""
+                if "," in cells[row]:
+                    advice += "; a comma may divide thousands or decimals: write decimals with a point"
                 shown = cells[row][:CELL_SHOWN]
                 raise self.error(f"{self.where(row)}, column '{name}': '{shown}' is not a number{advice}")
         column = np.array(numbers, np.float64)
@@ -134,8 +135,8 @@ def read_csv(
         lines, rows = _read_rows(text, delimiter)
     except (csv.Error, UnicodeDecodeError, _TooLargeError) as problem:
         raise error(f"cannot read {path} as a table: {problem}") from problem
-    if delimiter != "," and _has_decimal_commas(rows):
-        rows = [tuple([DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in cells]) for cells in rows]
+    if delimiter != ",":
+        rows = _with_decimal_points(rows)
     if first.rstrip().endswith(delimiter):
         rows = [cells[:-1] if cells[-1:] == ("",) else cells for cells in rows]
     count = _header_lines(rows) if header_lines is None else header_lines
@@ -161,10 +162,31 @@ def read_csv(
     )
 
 
-def _has_decimal_commas(rows: Sequence[Sequence[str]]) -> bool:
-    """Return whether numbers are written as 0,25: cells of that form, and none as 0.25."""
-    cells = [cell for row in rows[: MOST_HEADER_LINES + ROWS_ASKED] for cell in row]
-    return any(map(DECIMAL_COMMA.match, cells)) and not any(map(DECIMAL_POINT.match, cells))
+def _with_decimal_points(rows: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """Return the rows, with a point in the numbers of columns that have decimal commas.
+
+    1,234 alone may be a thousand: a column has decimal commas where another of its numbers cannot be one, and
+    none has a decimal point.
+    """
+    commas: dict[int, bool] = {}
+    for cells in rows:
+        for place, cell in enumerate(cells):
+            if "," in cell and DECIMAL_COMMA.match(cell):
+                commas[place] = commas.get(place, False) or not THOUSANDS.match(cell)
+    decimal = {place for place, is_sure in commas.items() if is_sure}
+    for cells in rows if decimal else ():
+        decimal -= {place for place in decimal if place < len(cells) and DECIMAL_POINT.match(cells[place])}
+    if not decimal:
+        return list(rows)
+    return [
+        tuple(
+            [
+                DECIMAL_COMMA.sub(r"\1.\2", cell) if place in decimal else cell
+                for place, cell in enumerate(cells)
+            ]
+        )
+        for cells in rows
+    ]
 
 
 def _header_lines(rows: Sequence[Sequence[str]]) -> int:

@@ -134,11 +134,12 @@ def compare_with_truth(rows: LogRows, rover: RoverSettings) -> list[FoundFinding
             _fit(what, kinematics, turned_rad, factor * steering_rad, truth) for what, factor in STEERING
         ]
     fits += _separate(kinematics, turned_rad, steering_rad, truth)
-    paths = _body_steps(rows, kinematics)
-    if paths is not None and (opposite := _opposite_ways(*paths)):
-        findings.append(opposite)
-        return findings
-    text = _explain(fits, truth) or ("" if paths is None else _turned_path(*paths[1:]))
+    text, paths = _explain(fits, truth), _body_steps(rows, kinematics)
+    if not text and paths is not None:
+        if opposite := _opposite_ways(*paths):
+            findings.append(opposite)
+            return findings
+        text = _turned_path(*paths[1:])
     if text:
         findings.append(FoundFinding(name="truth", t_s=None, text=text))
     return findings

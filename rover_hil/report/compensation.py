@@ -32,6 +32,8 @@ class Compensation:
         known = f"known to ± {1e3 * self.sd_m:.0f} mm"
         if self.moved_m <= self.sd_m:
             known += ", which is more than it has changed"
+        if self.further <= 0.0:
+            return f"{known}; the rover moved as far as the wheels rolled"
         return (
             f"{known}; the wheels rolled {100.0 * self.further:.0f} % farther than the rover moved, and the "
             "drive took as much longer"
@@ -39,7 +41,13 @@ class Compensation:
 
 
 def compensation_of(run: RunData) -> Compensation | None:
-    """Return what slip compensation has changed in a run; None without it, or without a drive."""
+    """Return what slip compensation has changed in a run.
+
+    None without it, without a drive, and where positions have corrected the run: what they have changed
+    cannot be told from it.
+    """
+    if run.config.roles.fixes:
+        return None
     if run.slip is None and run.drift is None and run.ground is None:
         return None
     rolled_m, moved_m = (float(track.distance_m()[-1]) for track in (run.encoders, run.estimate))

@@ -69,6 +69,15 @@ def test_a_doubt_about_the_gyro_does_not_bring_the_encoders_back() -> None:
     assert drive.window(0.1 + 0j).source is SlipSource.UNKNOWN
 
 
+def test_the_assumed_slip_is_not_held_as_a_measured_one() -> None:
+    drive = Drive()
+    drive.window(0.9 + 0j)
+    drive.window(0.1 + 0j)
+    drive.excited.forget_gyro()
+    found = drive.window(0.9 + 0j)  # answers, but the gyro was doubted in this window
+    assert (found.slip, found.source) == (0.0, SlipSource.ENCODERS)
+
+
 def test_idle_wheels_are_a_suspicion_and_no_unknown_slip() -> None:
     drive = Drive()
     drive.window(0.9 + 0j)

@@ -115,6 +115,7 @@ def test_a_counter_that_wraps_on_a_bus_is_continued(tmp_path: Path) -> None:
             tuple(f" (000.{10000 + 7 * step % 5}00)  can0  123   [2]  01 02" for step in range(20)),
             "its times are differences",
         ),
+        ((" (000.020000)  can0  123   [2]  01 02",) * 20, "its times are differences"),
     ],
 )
 def test_what_candump_has_printed_without_whole_times_is_refused(
@@ -123,3 +124,72 @@ def test_what_candump_has_printed_without_whole_times_is_refused(
     log = write(tmp_path / "printed.log", *lines)
     assert command("import", "can", str(log), "--list") == 2
     assert words in command.error
+
+
+def test_relative_times_of_a_vector_file_in_any_case_of_letters(tmp_path: Path) -> None:
+    log = write(
+        tmp_path / "relative.asc",
+        "date Thu May 16 06:16:50.884 pm 2024",
+        "Base hex  Timestamps relative",
+        "internal events logged",
+        "Begin Triggerblock Thu May 16 06:16:50.884 pm 2024",
+        *("   0.010000 1  123             Rx   d 2 01 02" for _ in range(10)),
+    )
+    assert read_can_log(log).t_s.tolist() == pytest.approx([0.01 * step for step in range(1, 11)])
+
+
+COLUMNS = """time = { column = "t", unit = "ms" }
+[[wheel]]
+position = { column = "left", unit = "rad" }
+[[wheel]]
+position = { column = "right", unit = "rad" }
+%s
+[rover]
+kinematics = "wheels"
+wheels = [
+ { x_m = 0.0, y_m = 0.15, radius_m = 0.06 },
+ { x_m = 0.0, y_m = -0.15, radius_m = 0.06 },
+]
+[limits]
+wheel_speed_rad_s = 12
+wheel_acceleration_rad_s2 = 500
+"""
+
+
+def import_table(command: Command, rows: list[str], more: str = "") -> int:
+    write(Path("table.csv"), *rows)
+    write(Path("columns.toml"), COLUMNS % more)
+    return command("import", "table", "table.csv", "--columns", "columns.toml", "--out", "drive.mcap")
+
+
+def test_a_comma_that_may_divide_thousands_is_refused(command: Command) -> None:
+    rows = ["t;left;right", *(f"{step};1,{step:03d};1,{step:03d}" for step in range(0, 400, 20))]
+    assert import_table(command, rows) == 2
+    assert "a comma may divide thousands or decimals: write decimals with a point" in command.error
+    assert not Path("drive.mcap").exists()
+
+
+def test_decimal_commas_that_begin_late_in_a_column_are_read(command: Command) -> None:
+    rows = ["note;t;left;right", *(f"1.2;{20 * step};0;0" for step in range(100))]
+    rows += [f"1.2;{2000 + 20 * step};0,{step:02d};0,{step:02d}" for step in range(50)]
+    assert import_table(command, rows) == 0, command.error
+    assert end_of(Path("drive.mcap")).x_m == pytest.approx(0.06 * 0.49, abs=2e-3)
+
+
+def test_a_reversed_wheel_in_curves_both_ways_is_named(command: Command) -> None:
+    """Its left wheel counts backwards: the speed by the wheels changes its sign in each curve."""
+    rows, left, right, yaw, x, y = ["t,left,right,x,y,yaw"], 0.0, 0.0, 0.0, 0.0, 0.0
+    for step in range(2000):
+        rate = 0.6 * math.sin(0.3 * 0.02 * step)
+        rows.append(f"{20 * step},{-left:.6f},{right:.6f},{x:.5f},{y:.5f},{yaw:.6f}")
+        left += (0.25 - 0.15 * rate) * 0.02 / 0.06
+        right += (0.25 + 0.15 * rate) * 0.02 / 0.06
+        yaw += 0.02 * rate
+        x, y = x + 0.005 * math.cos(yaw), y + 0.005 * math.sin(yaw)
+    truth = "\n".join(f'{axis} = {{ column = "{axis}", unit = "{unit}" }}' for axis, unit in AXES.items())
+    assert import_table(command, rows, f"[truth]\n{truth}") == 0, command.error
+    assert "wheel 0 reversed" in command.out
+    assert "opposite ways" not in command.out
+
+
+AXES = {"x": "m", "y": "m", "yaw": "rad"}

@@ -145,7 +145,8 @@ class EffortCompensator(SlipEstimator[SlipReport]):
         self._labels.forget_gyro()
         if self.excited is not None:
             self.excited.forget_gyro()
-            self._window_slip = same_slip(len(self._slips), 0.0, self.excited.slip.reason)
+            slip = self.excited.slip
+            self._window_slip = same_slip(len(self._slips), slip.slip, slip.reason)
 
     def follow(self, estimate: SlipEstimate) -> None:
         """Follow nothing: there are no states in the pose filter."""

@@ -39,7 +39,7 @@ whose traction depends on the slip ratio it would be 0.2, a slip of 0.8. On unse
 (`benchmarks.safety.nearly_stuck`)."""
 ANSWERS_AGAIN = 0.35
 """A body that did not answer does so again from this share on."""
-NO_ANSWER = "the body does not turn with its wheels any more, its slip is unknown, above 0.8"
+NO_ANSWER = "the body does not turn with its wheels any more, its slip is unknown"
 UNKNOWN_SLIP = 0.5
 """Slip of a rover that may be stuck, or whose gyro may have no signal: between no motion and full motion."""
 GAVE_UP = "the drives do not follow the excitation under load: it is off"
@@ -280,6 +280,8 @@ class ExcitedSlip:
             self._rest_end_s = self._now_s + self._rest_s
 
     def _fall_back(self) -> tuple[float, SlipSource]:
+        if self.slip.source is SlipSource.UNKNOWN:
+            return 0.0, SlipSource.ENCODERS
         slip = self.slip.slip * math.exp(-self._settings.window_s / EFFORT.hold.fade_s)
         if slip < EFFORT.hold.encoders_below:
             return 0.0, SlipSource.ENCODERS

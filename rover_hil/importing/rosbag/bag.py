@@ -7,12 +7,12 @@ A bag comes from anybody. Its own message definitions are not used, only those o
 is made from a file.
 """
 
-import heapq
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from itertools import count, pairwise
+from itertools import pairwise
 from pathlib import Path
+from statistics import median
 from typing import Any, NamedTuple
 
 from drivers.clock import NANOSECONDS_PER_SECOND
@@ -28,6 +28,10 @@ LEAST_SET_BACK_NS = 100_000_000
 """A clock that is set back by less looks like the jitter of the recorder."""
 EVEN = 0.2
 """Before and after it the recording is behind the stamps by the same, within this share of the step."""
+LEAST_MESSAGES = 10
+"""Before and after it, of each section: a single stamp may be wrong by itself."""
+SAME_TIME_NS = 2_000_000_000
+"""Sections show the step at the same time, but for the time between two of their messages."""
 STORED = (".mcap", ".db3")
 FIX = "record it again, or copy it with `rosbag reindex` or `ros2 bag convert`"
 
@@ -51,17 +55,28 @@ class BagMessage(NamedTuple):
 
 
 class ClockStep(NamedTuple):
-    """The clock of the recorder was set back.
+    """The clock of the recorder was set back, once.
 
     Attributes:
         by_ns: By so much.
-        at_ns: At this time after the first stamp.
-        first_stamp_ns: The first stamp, since the first recording.
+        at_ns: At this time of the recording.
+        behind_ns: By section, by how much the recording is behind the stamps before that.
     """
 
     by_ns: int
     at_ns: int
-    first_stamp_ns: int
+    behind_ns: dict[str, int]
+
+    def is_after(self, section: str, t_ns: int, stamp_ns: int) -> bool:
+        """Return whether a message was recorded after the clock was set back."""
+        return t_ns - stamp_ns - self._usual_ns(section) < -self.by_ns // 2
+
+    def time_ns(self, section: str, stamp_ns: int) -> int:
+        """Return when a message would have been recorded by the clock before."""
+        return max(0, stamp_ns + self._usual_ns(section))
+
+    def _usual_ns(self, section: str) -> int:
+        return self.behind_ns.get(section, min(self.behind_ns.values()))
 
 
 class Bag:
@@ -97,6 +112,7 @@ class Bag:
         self._span_ns: tuple[int, int] | None = None
         self._set_back: ClockStep | None = None
         self._is_clock_judged = False
+        self._end_ns = 0
         self.outside = 0
 
     @property
@@ -112,29 +128,47 @@ class Bag:
             LogError: As for `messages`.
         """
         first_ns, end_ns = self._span()
-        return end_ns - first_ns
+        step = self.set_back
+        return end_ns - first_ns if step is None else self._end_ns
 
     @property
     def set_back(self) -> ClockStep | None:
         """By how much, and when, the clock of the recorder was set back; None where it was not.
 
-        Only where all messages have stamps in their headers; they give the times then.
+        Only where all messages have stamps in their headers, which give the times then, and each section for
+        itself shows the same step.
 
         Raises:
             LogError: As for `messages`.
         """
         if not self._is_clock_judged:
-            # Pictures are many bytes, and no better a clock.
-            pairs = [
-                (each.stamp_ns, each.t_ns)
-                for section in sorted(self.sections - {"camera"})
-                for each in self._recorded(section)
-            ]
-            stamped = [(stamp_ns, t_ns) for stamp_ns, t_ns in pairs if stamp_ns is not None]
-            if len(stamped) == len(pairs):
-                self._set_back = _step_back(sorted(stamped))
+            self._set_back = self._judge_clock()
             self._is_clock_judged = True
         return self._set_back
+
+    def _judge_clock(self) -> ClockStep | None:
+        first_ns, _ = self._span()
+        steps: dict[str, ClockStep] = {}
+        # Pictures are many bytes, and no better a clock.
+        for section in sorted(self.sections - {"camera"}):
+            stamps_ns, times_ns = array("q"), array("q")
+            for message in self._recorded(section):
+                if message.stamp_ns is None or message.stamp_ns + first_ns <= 0:
+                    return None
+                stamps_ns.append(message.stamp_ns)
+                times_ns.append(message.t_ns)
+            step = _step_back(section, stamps_ns, times_ns)
+            if step is None:
+                return None
+            steps[section] = step
+        by_ns = [step.by_ns for step in steps.values()]
+        at_ns = [step.at_ns for step in steps.values()]
+        if not steps or max(by_ns) - min(by_ns) > EVEN * min(by_ns) or max(at_ns) - min(at_ns) > SAME_TIME_NS:
+            return None
+        behind_ns = {section: step.behind_ns[section] for section, step in steps.items()}
+        found = ClockStep(min(by_ns), min(at_ns), behind_ns)
+        self._end_ns = max(each.t_ns for each in self._by_stamps(found, None))
+        return found
 
     def messages(self, section: str | None = None) -> Iterator[BagMessage]:
         """Yield the messages on the mapped topics, or on that of one section.
@@ -143,20 +177,18 @@ class Bag:
             LogError: The bag is damaged, needs too much memory, lacks a topic, or one is of another type.
         """
         step = self.set_back
-        if step is None:
-            yield from self._recorded(section)
-            return
-        waiting: list[tuple[int, int, BagMessage]] = []
-        numbers = count()
-        for message in self._recorded(section):
-            stamp_ns = message.t_ns if message.stamp_ns is None else message.stamp_ns
-            stamped_ns = max(0, stamp_ns - step.first_stamp_ns)
-            heapq.heappush(waiting, (stamped_ns, next(numbers), message._replace(t_ns=stamped_ns)))
-            # The recording is out of order by no more than the step.
-            while waiting and waiting[0][0] < message.t_ns - 2 * step.by_ns:
-                yield heapq.heappop(waiting)[2]
-        while waiting:
-            yield heapq.heappop(waiting)[2]
+        yield from self._recorded(section) if step is None else self._by_stamps(step, section)
+
+    def _by_stamps(self, step: ClockStep, section: str | None) -> Iterator[BagMessage]:
+        """Yield what was recorded before the clock was set back, then the rest, at their stamps."""
+        last_ns = 0
+        for is_after in (False, True):
+            for message in self._recorded(section):
+                stamp_ns = message.t_ns if message.stamp_ns is None else message.stamp_ns
+                if step.is_after(message.section, message.t_ns, stamp_ns) is is_after:
+                    # The jitter of the stamps puts no message before the one that was recorded ahead of it.
+                    last_ns = max(last_ns, step.time_ns(message.section, stamp_ns))
+                    yield message._replace(t_ns=last_ns, stamp_ns=last_ns)
 
     def _recorded(self, section: str | None) -> Iterator[BagMessage]:
         """Yield the messages at the times of their recording, in its order."""
@@ -296,25 +328,21 @@ def _whole_bag(path: Path) -> Path:
     )
 
 
-def _step_back(pairs: list[tuple[int, int]]) -> ClockStep | None:
-    """Return where the time of recording falls behind the stamps at once, and stays there.
-
-    Args:
-        pairs: Stamp and time of recording, in the order of the stamps.
-    """
-    if len(pairs) < 2:
+def _step_back(section: str, stamps_ns: Sequence[int], times_ns: Sequence[int]) -> ClockStep | None:
+    """Return where the time of recording falls behind the stamps of a section at once, and stays there."""
+    if len(stamps_ns) < 2 * LEAST_MESSAGES:
         return None
-    behind_ns = [recorded_ns - stamp_ns for stamp_ns, recorded_ns in pairs]
+    order = sorted(range(len(stamps_ns)), key=stamps_ns.__getitem__)
+    behind_ns = [times_ns[place] - stamps_ns[place] for place in order]
     steps_ns = [after - before for before, after in pairwise(behind_ns)]
     place = min(range(len(steps_ns)), key=steps_ns.__getitem__)
     by_ns = -steps_ns[place]
-    if by_ns < LEAST_SET_BACK_NS:
+    parts = behind_ns[: place + 1], behind_ns[place + 1 :]
+    if by_ns < LEAST_SET_BACK_NS or min(map(len, parts)) < LEAST_MESSAGES:
         return None
-    for part in (behind_ns[: place + 1], behind_ns[place + 1 :]):
-        if max(part) - min(part) > EVEN * by_ns:
-            return None
-    first_ns = pairs[0][0]
-    return ClockStep(by_ns, pairs[place + 1][0] - first_ns, first_ns)
+    if any(max(part) - min(part) > EVEN * by_ns for part in parts):
+        return None
+    return ClockStep(by_ns, times_ns[order[place]], {section: int(median(parts[0]))})
 
 
 def _reason(error: Exception) -> str:

@@ -102,8 +102,9 @@ class DriveTable:
             self.drive.oddities += [Oddity(what=what, count=count, done=TOLD) for what, count in oddities]
         times = self.times_s(self.table, columns.time)
         self._start_s = float(times[0])
-        self.used = self._not_repeated(times)
-        clock = spread(times[self.used])
+        values = self._values()
+        self.used = self._not_repeated(times, values)
+        clock = spread(times[self.used], values[self.used])
         self._note_clock(clock)
         times = clock.times_s
         self._elapsed_s = np.diff(times)
@@ -221,12 +222,15 @@ class DriveTable:
         numbers: list[int] = np.round((times_s - self._start_s) * NANOSECONDS_PER_SECOND).astype(int).tolist()
         return numbers
 
-    def _not_repeated(self, times_s: Array) -> Array:
+    def _values(self) -> Array:
+        """Return the numbers of all rows but their time, one column for each that is used."""
+        table, (_, *columns) = self.table, _all_columns(self.columns)
+        names = [self.name_of(table, column) for column in columns]
+        return np.column_stack([table.numbers(name, fix=FIX) for name in names])
+
+    def _not_repeated(self, times_s: Array, values: Array) -> Array:
         """Return which rows are not the row before once more, time included."""
-        table = self.table
-        names = [self.name_of(table, column) for column in _all_columns(self.columns)]
-        numbers = np.column_stack([table.numbers(name, fix=FIX) for name in names])
-        same = (np.diff(times_s) == 0.0) & np.all(np.diff(numbers, axis=0) == 0.0, axis=1)
+        same = (np.diff(times_s) == 0.0) & np.all(np.diff(values, axis=0) == 0.0, axis=1)
         if same.any():
             self.drive.oddities.append(Oddity(what="rows that repeat the one before", count=int(same.sum())))
         return np.concatenate(([True], ~same))

@@ -40,6 +40,7 @@ from rover_hil.ready.procedure import LOG_SUFFIX, Drive, Entry, Facts, Procedure
 from rover_hil.ready.turns import DEFAULT_SPEED_M_S, with_gains
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
+from rover_hil.report.tracks import Track
 
 PAGE_NAME = "commissioning.html"
 LEARNED_NAME = "learned_bracket.toml"
@@ -277,9 +278,10 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
             f"{100 * result.odometry_slip:.1f} % of the wheels' distance, estimated "
             f"{100 * result.estimate_slip:.1f} %"
         )
+        if result.has_slip:
+            facts.append(("gain and cost", _price_words(record, result)))
         facts += [
             ("slip", slip),
-            ("gain and cost", _price_words(record, result)),
             ("covariance", result.covariance_words),
             ("slip estimator", _passed_words(result.doubts) if result.has_slip else "none"),
         ]
@@ -433,18 +435,17 @@ def _passed_words(doubts: Sequence[str]) -> str:
 def _price_words(record: Sequence[MeasuredDrive], result: Worth) -> str:
     """Return by how much the estimate is nearer to the marks than the wheels, and how much longer it took."""
     nearer = result.odometry_rms_m / max(result.estimate_rms_m, LEAST_ERROR_M)
-    rolled_m, moved_m = (
-        sum(float(np.abs(np.diff(track[:, 0] + 1j * track[:, 1])).sum()) for track in tracks)
-        for tracks in (
-            [poses.odometry for _, poses, _ in record],
-            [poses.estimate for _, poses, _ in record],
-        )
-    )
-    longer = 100.0 * (rolled_m / moved_m - 1.0) if moved_m > 0.0 else 0.0
+    rolled_m = sum(_length_m(poses, poses.odometry) for _, poses, _ in record)
+    moved_m = sum(_length_m(poses, poses.estimate) for _, poses, _ in record)
+    longer = max(0.0, 100.0 * (rolled_m / moved_m - 1.0)) if moved_m > 0.0 else 0.0
     return (
         f"the wheels alone are {nearer:.1f} times as far off the marks as the estimate; drives take "
         f"{longer:.0f} % longer, as the wheels roll what they slip"
     )
+
+
+def _length_m(poses: Poses, track: Array) -> float:
+    return float(Track.of(np.column_stack((poses.t_s, track))).distance_m()[-1])
 
 
 def _excitation_words(worth: Worth, *, is_virtual: bool, is_entered: bool) -> str:

@@ -9,6 +9,7 @@ from controllers.control_loop import StepOutput
 from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.motion.settings import SmallTurnsMission
 from controllers.slip.effort.gyro_response import GyroResponse
+from controllers.slip.effort.yaw_excitation import ExcitationSettings
 from drivers.clock import date_of, wall_time_ns
 from drivers.errors import ConfigError
 from rover_hil.config import Config
@@ -59,7 +60,12 @@ class GyroCalibration(FileProcedure[Turns, GyroResult]):
 
     checks = RUN_CHECKS
 
+    def __init__(self) -> None:
+        self._excitation_hz = ExcitationSettings().frequency_hz
+
     def configure(self, request: Request, config: Config | None) -> Path | None:
+        if config is not None and config.slip is not None:
+            self._excitation_hz = config.slip.excitation.frequency_hz
         return request.out
 
     def drives(self, config: Config) -> Sequence[Drive]:
@@ -78,7 +84,7 @@ class GyroCalibration(FileProcedure[Turns, GyroResult]):
         return read_turns(logs[0])
 
     def fit(self, record: Turns) -> GyroResult:
-        fit = fit_response(record)
+        fit = fit_response(record, self._excitation_hz)
         response = {
             "source": f"{record.path.name}, {fit.seconds:.0f} s of turns in place",
             "identified_on": date_of(wall_time_ns()).isoformat(),

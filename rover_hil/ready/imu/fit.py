@@ -20,6 +20,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
+from controllers.slip.effort.yaw_excitation import ExcitationSettings
 from rover_hil.datasets.arrays import Array
 from rover_hil.ready.imu.contact import ContactSpring
 from rover_hil.ready.imu.parameters import GYRO_FIT
@@ -38,6 +39,7 @@ class ResponseFit:
         lag_s: Time constant of the low-pass.
         gain_sd, delay_sd_s, lag_sd_s: Standard deviations.
         contact: The contacts' spring; None for rigid ones.
+        excitation_hz: Frequency of the yaw excitation, for which the constants are.
         residual: Standard deviation of what the fit leaves, over that of the readings.
         left_out: The same in blocks that were left out of the fit; 0 for a fit of all.
         left_out_without: The same with gain 1 and no delay or lag.
@@ -53,6 +55,7 @@ class ResponseFit:
     residual: float
     seconds: float
     contact: ContactSpring | None = None
+    excitation_hz: float = ExcitationSettings().frequency_hz
     left_out: float = 0.0
     left_out_without: float = 0.0
 
@@ -80,7 +83,7 @@ class ResponseFit:
         """Return why the contacts hide the gyro; empty where they do not."""
         if self.contact is None:
             return ""
-        turn = self.contact.response(RESPONSE.excitation_hz)
+        turn = self.contact.response(self.excitation_hz)
         further = abs(abs(turn) - 1.0) > RESPONSE.greatest_spring
         if not further and abs(cmath.phase(turn)) <= RESPONSE.greatest_spring:
             return ""
@@ -110,8 +113,13 @@ class ResponseFit:
         )
 
 
-def fit_response(turns: Turns) -> ResponseFit:
-    """Return the constants of the gyro that fit the turns best."""
+def fit_response(turns: Turns, excitation_hz: float = ExcitationSettings().frequency_hz) -> ResponseFit:
+    """Return the constants of the gyro that fit the turns best.
+
+    Args:
+        turns: The turns.
+        excitation_hz: Frequency of the yaw excitation that they are for.
+    """
     count = min(RESPONSE.groups, len(turns.blocks))
     groups = [turns.blocks[first::count] for first in range(count)]
     starts_s = RESPONSE.starts_s
@@ -140,11 +148,13 @@ def fit_response(turns: Turns) -> ResponseFit:
     return replace(
         best,
         delay_s=best.delay_s + turns.wheel_age_s,
+        excitation_hz=excitation_hz,
         gain_sd=math.hypot(deviation("gain"), RESPONSE.least_gain_sd, by_gain),
         delay_sd_s=math.hypot(deviation("delay_s"), least_sd_s, max(abs(by_spring_s), by_slow_s)),
         lag_sd_s=math.hypot(deviation("lag_s"), least_sd_s, by_slow_s),
         left_out=_left_out(turns, groups, others),
-        left_out_without=_left_out(turns, groups, [NO_GYRO] * count),
+        # The age of the wheels' positions is known without a calibration.
+        left_out_without=_left_out(turns, groups, [replace(NO_GYRO, delay_s=-turns.wheel_age_s)] * count),
     )
 
 

@@ -39,8 +39,9 @@ class ResponseParameters:
     greatest_s: tuple[float, ...] = (0.3, 0.3, 0.08, 0.05, 0.2)
     shortest_lag_s: float = 1e-4
     least_explained: float = 0.03  # rms, over that of the readings, by a low-pass or a spring that is used
-    excitation_hz: float = 2.0
-    greatest_spring: float = 0.015  # change of size and angle of the body's response there, by the contacts
+    greatest_spring: float = (
+        0.015  # change of size and angle of the response to the excitation, by the contacts
+    )
     greatest_bandwidth_hz: float = 200.0  # a lag that is shorter than this cannot be seen
     # Of delay and lag: what the jackknife cannot see, such as the contact's lag and the positions' age.
     least_sd_s: float = 0.0015

@@ -1,6 +1,7 @@
 """`rover-hil calibrate imu` on turns of which gain, delay and low-pass are known."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -104,6 +105,19 @@ def test_a_rover_that_springs_on_its_wheels_is_found_and_refused(tmp_path: Path)
     assert found.contact.frequency_hz == pytest.approx(12.0, rel=0.1)
     assert found.gain == pytest.approx(1.0, abs=0.02)
     assert "springs on its wheels at 12 Hz" in found.problem
+
+
+def test_a_spring_that_hides_the_gyro_at_another_frequency_only(tmp_path: Path) -> None:
+    turns = read_turns(write_turns(tmp_path / "turns.mcap", spring_hz=20.0))
+    assert fit_response(turns).problem == ""
+    assert "springs on its wheels at 20 Hz" in fit_response(turns, excitation_hz=5.0).problem
+
+
+def test_constants_that_predict_no_better_than_none_are_not_needed(tmp_path: Path) -> None:
+    found = fit_response(read_turns(write_turns(tmp_path / "turns.mcap", delay_s=0.02)))
+    assert found.left_out < 0.2 * found.left_out_without < 0.2
+    useless = replace(found, left_out=0.1, left_out_without=0.1)
+    assert "they are not needed" in useless.problem
 
 
 def test_a_stiff_spring_is_taken_out_of_the_gain(tmp_path: Path) -> None:
