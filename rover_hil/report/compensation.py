@@ -44,7 +44,7 @@ def compensation_of(run: RunData) -> Compensation | None:
     """Return what slip compensation has changed in a run.
 
     None without it, without a drive, and where positions have corrected the run: what they have changed
-    cannot be told from it.
+    cannot be separated from it.
     """
     if run.config.roles.fixes:
         return None
