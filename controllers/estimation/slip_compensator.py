@@ -21,8 +21,8 @@ class SlipEvidence(NamedTuple):
         slip: Valid slip of the rover; None where it is unknown.
         lost_response: Why the yaw's response to the excitation shows that the rover may make no progress; ""
             where it does not.
-        is_unknown: Whether the slip is unknown by that response: the estimate is in the middle between no
-            motion and full motion.
+        unknown_share: Greatest error of the estimated travel, over that of the wheels, while the slip is
+            unknown by that response; 0 where it is known.
         unanswered_m: Travel of the wheels since the rover may have got stuck, by that response.
         unusual_force: Why the drive force shows that the rover may make no progress; "" where it does not.
         unusual_force_m: Travel of the wheels since the rover may have got stuck, by that force.
@@ -31,7 +31,7 @@ class SlipEvidence(NamedTuple):
 
     slip: float | None = None
     lost_response: str = ""
-    is_unknown: bool = False
+    unknown_share: float = 0.0
     unanswered_m: float = 0.0
     unusual_force: str = ""
     unusual_force_m: float = 0.0

@@ -39,8 +39,8 @@ class EntrapmentSettings(Settings):
             that of free driving; or for `entrapment_m` while a rear camera sees no motion. At most half of
             the travel lies before the suspicion. The drive force must be at least 3 N at first, and stops
             once: a slope changes it, too. The pose becomes uncertain by what the wheels turned; where the
-            body does not answer, by half of it from the last answer on. Greater than the length of the
-            mission for never.
+            body does not answer, by what no motion and full motion differ from the estimate. Greater than the
+            length of the mission for never.
         entrapment_ground_m: The rover also stops until restart when its wheels have travelled this far while
             a camera measured no progress over the ground.
     """
@@ -313,12 +313,12 @@ class EntrapmentRule(StopRule):
         ),
         SafetyEvent(
             Outcome.CONTINUES,
-            "The body turns with less than a quarter of its wheels: its slip is unknown. The estimate takes "
-            "half of the travel, and the region grows by the other half.",
+            "The body turns with less than a quarter of its wheels: its slip is unknown. The region grows by "
+            "what no motion and full motion differ from the estimate.",
             "Warning `may be stuck, or … has no signal` in the log, on the page and in the report.",
             (
                 "tests/controllers/safety/test_entrapment.py::"
-                "test_unknown_slip_widens_the_region_by_half_of_the_travel_until_progress_is_seen",
+                "test_unknown_slip_widens_the_region_until_progress_is_seen",
             ),
         ),
         SafetyEvent(
@@ -341,7 +341,7 @@ class EntrapmentRule(StopRule):
         self._wheels_m, self._length_m = 0j, 0.0
         self._history: deque[_Travelled] = deque()
         self._slipped_m = self._unknown_m = self._before_m = self._since_m = 0.0
-        self._unanswered_m: float | None = None
+        self._unknown_slip_m: float | None = None
         self._is_over = False
         self._unknown_rad: tuple[float, ...] = ()
         self._before_ns: int | None = None
@@ -422,15 +422,16 @@ class EntrapmentRule(StopRule):
             yield Fault("rover", Cause.MAY_BE_STUCK, text, Severity.WARNING)
 
     def _follow_answers(self, cycle: Cycle, *, is_decided: bool) -> None:
-        """Add up the travel of the wheels on which the slip is unknown, and no progress was seen."""
-        if not cycle.slip.is_unknown:
-            self._unanswered_m = None
+        """Add up how far the estimate may be off by unknown slip, since progress was seen."""
+        share = cycle.slip.unknown_share
+        if not share:
+            self._unknown_slip_m = None
         elif is_decided:
-            self._unanswered_m = 0.0
-        elif self._unanswered_m is None:
-            self._unanswered_m = cycle.slip.unanswered_m
+            self._unknown_slip_m = 0.0
+        elif self._unknown_slip_m is None:
+            self._unknown_slip_m = share * cycle.slip.unanswered_m
         else:
-            self._unanswered_m += cycle.wheels.distance_m
+            self._unknown_slip_m += share * cycle.wheels.distance_m
 
     def _suspicion(self, cycle: Cycle) -> Fault | None:
         """Return what may be wrong with the progress, beside the slip that is read."""
@@ -442,11 +443,10 @@ class EntrapmentRule(StopRule):
             return Fault("rover", Cause.NO_MOTION_SEEN, text, Severity.WARNING)
         if cycle.slip.lost_response:
             text = f"rover: may be stuck, or {self._gyro} has no signal: {cycle.slip.lost_response}"
-            if not self._unanswered_m:
+            if not self._unknown_slip_m:
                 # Known slip, or progress that was just seen: what is bounded begins anew.
                 return Fault("rover", Cause.LOST_RESPONSE, text, Severity.WARNING)
-            # The estimate is in the middle between no motion and full motion.
-            bound = Bound(position_m=0.5 * self._unanswered_m)
+            bound = Bound(position_m=self._unknown_slip_m)
             return Fault("rover", Cause.LOST_RESPONSE, text, Severity.UNCERTAIN, bound)
         if cycle.slip.unusual_force:
             text = f"rover: may be stuck, or on a slope or another ground: {cycle.slip.unusual_force}"

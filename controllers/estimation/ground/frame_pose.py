@@ -62,8 +62,11 @@ class FramePose:
         model = GroundTravel(
             device=device, motion=motion, way_back=way_back, frame_index=frame, has_turn=corrects_yaw
         )
-        # The prior of the slip is too crude to teach what the camera's scale and direction are.
-        held = (frame + SCALE, frame + DIRECTION)
+        # The prior of the slip is too crude to teach what the camera's scale and direction are. A travel in
+        # the rover's own axes says nothing of its yaw.
+        held: tuple[int, ...] = (frame + SCALE, frame + DIRECTION)
+        if not corrects_yaw:
+            held += (YAW, frame + YAW, BIAS)
         innovations = kalman.correct(model, model.measured, held)
         residuals = [innovation.residual or 0.0 for innovation in innovations]
         if not innovations[0].accepted and innovations[0].residual is not None:

@@ -158,7 +158,7 @@ class EffortCompensator(SlipEstimator[SlipReport]):
         return SlipEvidence(
             slip=None if excited is None or excited.slip.reason else excited.slip.slip,
             lost_response="" if excited is None else excited.lost_response,
-            is_unknown=excited is not None and excited.slip.source is SlipSource.UNKNOWN,
+            unknown_share=0.0 if excited is None else excited.unknown_share,
             unanswered_m=0.0 if excited is None else excited.unanswered_m,
             unusual_force=force.reason,
             unusual_force_m=force.far_m,

@@ -40,8 +40,8 @@ whose traction depends on the slip ratio it would be 0.2, a slip of 0.8. On unse
 ANSWERS_AGAIN = 0.35
 """A body that did not answer does so again from this share on."""
 NO_ANSWER = "the body does not turn with its wheels any more, its slip is unknown"
-UNKNOWN_SLIP = 0.5
-"""Slip of a rover that may be stuck, or whose gyro may have no signal: between no motion and full motion."""
+LEAST_UNKNOWN = 0.5
+"""Least slip of a body that does not answer, also where none is read."""
 GAVE_UP = "the drives do not follow the excitation under load: it is off"
 UNKNOWN_GYRO = "delay and bandwidth of the gyro are unknown: run `rover-hil calibrate imu`"
 
@@ -147,6 +147,12 @@ class ExcitedSlip:
     def _unsure(self) -> str:
         return UNKNOWN_GYRO if self._gyro is None else self._not_learned
 
+    @property
+    def unknown_share(self) -> float:
+        """Greatest error of the travel over that of the wheels, while the slip is unknown; else 0."""
+        slip = self.slip
+        return max(slip.slip, 1.0 - slip.slip) if slip.source is SlipSource.UNKNOWN else 0.0
+
     def forget_gyro(self) -> None:
         """Return to the encoders' slip: that in use was read from a gyro that was wrong.
 
@@ -210,7 +216,8 @@ class ExcitedSlip:
         self._valid_windows = 0 if reason else self._valid_windows + 1
         slip, sd, source = reading.slip, reading.sd, SlipSource.EXCITATION
         if self.lost_response == NO_ANSWER:
-            slip, sd, source, reason = UNKNOWN_SLIP, 1.0, SlipSource.UNKNOWN, self.lost_response
+            slip, sd = LEAST_UNKNOWN if reason else max(slip, LEAST_UNKNOWN), 1.0
+            source, reason = SlipSource.UNKNOWN, self.lost_response
         elif reason and known is not None and not known.reason:
             slip, sd, source, reason = known.slip, known.sd, known.source, ""
         elif reason:

@@ -345,7 +345,7 @@ class Doubted(Travel):
     """The same with a response of the yaw, and wheels that turn by 25 rad per metre."""
 
     lost_response = "no answer"
-    is_unknown = False
+    unknown_share = 0.0
     unanswered_m = 0.0
     is_still = False
 
@@ -359,7 +359,7 @@ class Doubted(Travel):
             yaw_rad=self.yaw_rad,
             slip=slip,
             lost_response=self.lost_response,
-            is_unknown=self.is_unknown,
+            unknown_share=self.unknown_share,
             unanswered_m=self.unanswered_m,
             measured_rad_s=(25.0 * distance_m * 1e9 / CYCLE_NS, 0.0),
             is_still=self.is_still,
@@ -404,9 +404,9 @@ def test_an_answer_and_progress_by_fixes_clear_the_travel() -> None:
     assert [travel.go(0.3)[0].severity for _ in range(4)][2:] == [Severity.WARNING, Severity.RECOVERABLE]
 
 
-def test_unknown_slip_widens_the_region_by_half_of_the_travel_until_progress_is_seen() -> None:
+def test_unknown_slip_widens_the_region_until_progress_is_seen() -> None:
     travel = Doubted(EntrapmentSettings(progress_unknown_m=1.0))
-    travel.is_unknown, travel.unanswered_m = True, 0.2
+    travel.unknown_share, travel.unanswered_m = 0.5, 0.2
     for step in range(8):
         (reason,) = travel.go(0.1)
         assert (step, reason.severity) == (step, Severity.UNCERTAIN)
@@ -428,7 +428,7 @@ def test_unknown_slip_widens_the_region_by_half_of_the_travel_until_progress_is_
     (reason,) = travel.go(0.1)
     assert reason.severity is Severity.UNCERTAIN
     assert reason.bound.position_m == pytest.approx(0.05)
-    travel.is_unknown, travel.lost_response = False, ""
+    travel.unknown_share, travel.lost_response = 0.0, ""
     assert travel.go(0.1) == []
 
 
