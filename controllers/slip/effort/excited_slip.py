@@ -40,8 +40,8 @@ whose traction depends on the slip ratio it would be 0.2, a slip of 0.8. On unse
 ANSWERS_AGAIN = 0.35
 """A body that did not answer does so again from this share on."""
 NO_ANSWER = "the body does not turn with its wheels any more, its slip is unknown"
-LEAST_UNKNOWN = 0.5
-"""Least slip of a body that does not answer, also where none is read."""
+UNKNOWN_SLIP = 0.5
+"""Slip of a body that does not answer, where none is read: between no motion and full motion."""
 GAVE_UP = "the drives do not follow the excitation under load: it is off"
 UNKNOWN_GYRO = "delay and bandwidth of the gyro are unknown: run `rover-hil calibrate imu`"
 
@@ -216,7 +216,7 @@ class ExcitedSlip:
         self._valid_windows = 0 if reason else self._valid_windows + 1
         slip, sd, source = reading.slip, reading.sd, SlipSource.EXCITATION
         if self.lost_response == NO_ANSWER:
-            slip, sd = LEAST_UNKNOWN if reason else max(slip, LEAST_UNKNOWN), 1.0
+            slip, sd = UNKNOWN_SLIP if reason else slip, 1.0
             source, reason = SlipSource.UNKNOWN, self.lost_response
         elif reason and known is not None and not known.reason:
             slip, sd, source, reason = known.slip, known.sd, known.source, ""
