@@ -74,6 +74,13 @@ def test_a_doubt_about_the_gyro_does_not_bring_the_encoders_back() -> None:
     assert drive.excited.unknown_share == 0.5
 
 
+def test_a_body_that_swings_against_its_wheels_decides_nothing() -> None:
+    drive = Drive()
+    drive.window(0.9 + 0j)
+    assert drive.window(-0.15 - 0.1j).source is not SlipSource.UNKNOWN
+    assert drive.excited.lost_response == ""
+
+
 def test_the_assumed_slip_is_not_held_as_a_measured_one() -> None:
     drive = Drive()
     drive.window(0.9 + 0j)

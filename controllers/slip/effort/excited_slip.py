@@ -12,6 +12,7 @@ from controllers.slip.effort.learned_bracket import LearnedBracket, conditions_o
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.slip_bracket import (
     IDLE_WHEELS,
+    OPPOSITE,
     BodyResponse,
     DrivenTravel,
     SlipReading,
@@ -233,8 +234,8 @@ class ExcitedSlip:
         self.unanswered_m += travelled_m
         if problem == IDLE_WHEELS:
             self.lost_response = problem
-        elif response.reason:
-            return
+        elif response.reason or problem == OPPOSITE:
+            return  # a body that swings against its wheels springs on its contacts
         elif abs(response.share) >= (ANSWERS_AGAIN if self.lost_response else LEAST_ANSWER):
             self._has_answered, self.lost_response = True, ""
             self.unanswered_m = travelled_m
