@@ -145,8 +145,8 @@ class EffortCompensator(SlipEstimator[SlipReport]):
         self._labels.forget_gyro()
         if self.excited is not None:
             self.excited.forget_gyro()
-            slip = self.excited.slip
-            self._window_slip = same_slip(len(self._slips), slip.slip, slip.reason)
+            slip = 0.0 if self._labels.are_fixes_recent else self.excited.slip.slip
+            self._window_slip = same_slip(len(self._slips), slip, self.excited.slip.reason)
 
     def follow(self, estimate: SlipEstimate) -> None:
         """Follow nothing: there are no states in the pose filter."""
@@ -158,7 +158,10 @@ class EffortCompensator(SlipEstimator[SlipReport]):
         return SlipEvidence(
             slip=None if excited is None or excited.slip.reason else excited.slip.slip,
             lost_response="" if excited is None else excited.lost_response,
-            unknown_share=0.0 if excited is None else excited.unknown_share,
+            # Fixes measure the slip themselves.
+            unknown_share=(
+                0.0 if excited is None or self._labels.are_fixes_recent else excited.unknown_share
+            ),
             unanswered_m=0.0 if excited is None else excited.unanswered_m,
             unusual_force=force.reason,
             unusual_force_m=force.far_m,
