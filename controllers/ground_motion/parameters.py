@@ -140,7 +140,9 @@ class RigWatchParameters:
     backwards: float = 0.3  # motion against the wheels', over theirs, that counts
     across: float = 0.7  # motion across the wheels', over theirs: no slope drags a rover aside so fast
     slack_m: float = 0.002  # camera and wheels are timed to some hundredths of a second
-    skid: float = 0.05  # ground travel beyond the wheels' that a rover reaches, downhill
+    # Ground travel beyond the wheels' that a rover reaches, downhill; or against it, at first: a rover that
+    # slips much and is seen upside down seems to slide back slowly.
+    skid: float = 0.05
     deviations: float = 3.0  # of the scale beyond that, and of the newest pair
 
 

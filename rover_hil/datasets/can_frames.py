@@ -51,7 +51,7 @@ _SCREEN = re.compile(
     r"^\s*\((\d+\.\d+)\)\s+(\S+)\s+([0-9A-Fa-f]{3,8})\s+\[(\d+)\]\s*((?:[0-9A-Fa-f]{2}\s*)*)"
 )
 """What candump prints, where it is not told to write a log."""
-SCREEN_WITHOUT_TIME = re.compile(r"^\s*\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]")
+_SCREEN_WITHOUT_TIME = re.compile(r"^\s*\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]")
 MOST_BACK = 0.1
 """Share of frames that are not later than the one before, from which on printed times are differences."""
 BLOCK_BYTES = MEGABYTE // 8
@@ -367,7 +367,7 @@ def _printed(raw: Any) -> Callable[[Any], Iterable[can.Message]] | None:
     """
     first = raw.read(CAN_LINE_CHARACTERS).decode("utf-8", "replace").lstrip().partition("\n")[0]
     raw.seek(0)
-    if SCREEN_WITHOUT_TIME.match(first):
+    if _SCREEN_WITHOUT_TIME.match(first):
         raise ValueError("candump has printed it without times: record with `candump -L` or `candump -l`")
     return _read_printed if _SCREEN.match(first) else None
 

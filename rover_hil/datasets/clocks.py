@@ -83,7 +83,7 @@ def spread(times_s: Array, values: Array) -> Clock:
         return Clock(times_s)
     is_pair = np.diff(times_s) == 0.0
     measures_again = np.any(np.isfinite(values[1:]) & np.isfinite(values[:-1]), axis=1)
-    if not np.mean(measures_again[is_pair]) >= REGULAR_SHARE:
+    if np.mean(measures_again[is_pair]) < REGULAR_SHARE:
         return Clock(times_s)
     lengths_s = np.diff(times_s[begins])
     usual_s = float(np.median(lengths_s))

@@ -80,6 +80,23 @@ def test_stamps_of_a_sound_bag_set_no_clock_back(stamp_ns: Callable[[int], int |
     assert [message.t_ns for message in bag.messages("odometry")] == [*range(0, 10 * SECOND_NS, STEP_NS)]
 
 
+def test_messages_that_had_waited_set_no_clock_back() -> None:
+    """In the first 3 s the network is late by half a second; what had waited comes at once."""
+
+    def late(t_ns: int) -> int:
+        return min(t_ns + SECOND_NS // 2, 3 * SECOND_NS) if t_ns < 3 * SECOND_NS else t_ns
+
+    assert Recorded(section("odometry", t_ns=late) + section("imu", t_ns=late)).set_back is None
+
+
+def test_a_delay_that_ends_at_once_sets_no_clock_back() -> None:
+    def late(t_ns: int) -> int:
+        return t_ns + SECOND_NS // 2 if t_ns < 3 * SECOND_NS else t_ns
+
+    bag = Recorded([each for each in section("odometry", t_ns=late) if not 2.5e9 <= each.content < 3e9])
+    assert bag.set_back is None
+
+
 def test_a_step_in_one_section_only_is_the_fault_of_that_sensor() -> None:
     bag = Recorded(section("odometry") + section("imu", t_ns=set_back(2 * SECOND_NS)))
     assert bag.set_back is None

@@ -342,6 +342,8 @@ def _step_back(section: str, stamps_ns: Sequence[int], times_ns: Sequence[int]) 
         return None
     if any(max(part) - min(part) > EVEN * by_ns for part in parts):
         return None
+    if times_ns[order[place + 1]] >= times_ns[order[place]]:
+        return None  # what had waited came at once: the clock itself went on
     return ClockStep(by_ns, times_ns[order[place]], {section: int(median(parts[0]))})
 
 

@@ -4,7 +4,7 @@ The yaw rate of the wheels, passed through the spring of the contacts, a low-pas
 the readings of the gyro, with a constant and a trend in each block. The same is fitted for rigid contacts,
 and for a gyro without a low-pass: the simplest of the three is used that explains the readings as well. The
 standard deviations are those of a jackknife over groups of blocks, as errors within a block are not
-independent, and half of the difference between both fits.
+independent, and half of the difference to a model that the readings do not refute.
 
 Assumptions: the wheels roll or spring, they do not slide; the body has no other dynamics. In place the spring
 and a drag of the contacts cannot be distinguished from a slow gyro: where they change the response at the
@@ -42,7 +42,7 @@ class ResponseFit:
         excitation_hz: Frequency of the yaw excitation, for which the constants are.
         residual: Standard deviation of what the fit leaves, over that of the readings.
         left_out: The same in blocks that were left out of the fit; 0 for a fit of all.
-        left_out_without: The same with gain 1 and no delay or lag.
+        left_out_without: The same with gain 1, no lag, and the known age of the wheels' positions alone.
         seconds: Of turns that were used.
     """
 

@@ -52,7 +52,7 @@ class ResponseParameters:
     gain_tolerance: float = 0.02  # standard deviation of a gyro's scale, by its data sheet
     deviations: float = 3.0
     better: float = 0.98  # residual of blocks that were left out, over that without constants
-    greatest_residual: float = 0.15
+    greatest_residual: float = 0.15  # of all readings; more is a motion that the model does not know
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
