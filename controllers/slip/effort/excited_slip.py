@@ -35,8 +35,8 @@ RESTS = "the excitation rests"
 TOO_LITTLE_TRAVEL = "too little travel to read slip from"
 LEAST_ANSWER = 0.25
 """A body that turns with less than this share of the turning of its wheels does not answer. For a contact
-whose traction depends on the slip ratio it would be 0.2, a slip of 0.8. On sites of seven contact laws that it
-was not chosen on, 0.2 finds 31 of 35 nearly stuck rovers within 0.5 m, and 0.25 finds 33; neither reports one
+whose traction depends on the slip ratio it would be 0.2, a slip of 0.8. On sites of seven laws that it was
+not chosen on, 0.2 finds 31 of 35 nearly stuck rovers within 0.5 m, and 0.25 finds 33; neither reports one
 of 24 sound ones (`python -m benchmarks.safety.nearly_stuck --first 10 --sites 5`)."""
 ANSWERS_AGAIN = 0.35
 """A body that did not answer does so again from this share on."""
