@@ -3,6 +3,7 @@
 import cmath
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.motion_history import MotionHistory, WayBack
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.reader import Situation
+from controllers.estimation.filter.state_layout import YAW
 from controllers.estimation.filter.transition import Turn
 from controllers.estimation.gyro.standstill_reading import GyroAtStandstill
 from controllers.estimation.headings.heading import HeadingReader
@@ -308,3 +310,47 @@ def test_the_deviation_of_a_compass_is_learned_and_does_not_bend_the_yaw() -> No
 
     assert yaw_error_deg(math.radians(1.0)) < 0.4
     assert yaw_error_deg(0.0) > 2.0 * yaw_error_deg(math.radians(1.0))
+
+
+def read_headings(headings_rad: Sequence[float]) -> tuple[PoseFilter, list[tuple[Innovation, float]]]:
+    """Read headings of a rover that stands; return each innovation with the yaw after it."""
+    pose_filter, reader = PoseFilter(SETTINGS, ("compass",)), HeadingReader()
+    here = WayBack(x_m=0.0, y_m=0.0, turned_rad=0.0, position_m2=0.0, yaw_rad2=0.0)
+    now = Situation(
+        pose_filter=pose_filter,
+        settings=SETTINGS,
+        history=MotionHistory(),
+        measured_ns=0,
+        way_back=here,
+        yaw_rate_rad_s=0.0,
+    )
+    read = []
+    for number, heading_rad in enumerate(headings_rad):
+        if number == 1:
+            pose_filter.kalman.add_variance(YAW, math.radians(5.0) ** 2)
+        sample = HeadingSample(device="compass", t_ns=number, heading_rad=heading_rad, reference=MAGNETIC)
+        (innovation,) = reader.correct(sample, now)
+        read.append((innovation, pose_filter.kalman.value(YAW)))
+    return pose_filter, read
+
+
+def test_arbitrary_headings_that_the_gate_accepts_by_chance_do_not_correct() -> None:
+    headings = np.random.default_rng(2).uniform(-math.pi, math.pi, 2000)
+    pose_filter, read = read_headings([0.0, 2.0, *headings])
+    accepted = sum(innovation.accepted for innovation, _ in read[1:])
+    assert accepted > 50
+    assert abs(read[-1][1]) < 3.0 * math.sqrt(pose_filter.covariance[-1])
+    assert len({yaw_rad for _, yaw_rad in read[1:]}) <= 3
+
+
+def test_a_heading_that_is_right_again_corrects_after_a_few() -> None:
+    _, read = read_headings([0.0, 2.0, *([0.1] * 10)])
+    assert not read[1][0].accepted
+    assert [innovation.accepted for innovation, _ in read[2:]] == [True] * 10
+    corrected = [yaw_rad != 0.0 for _, yaw_rad in read[2:]]
+    assert corrected == [False, False, False, *[True] * 7]
+
+
+def test_headings_that_were_never_rejected_correct_at_once() -> None:
+    _, read = read_headings([0.0, 0.1])
+    assert read[1][1] > 0.0

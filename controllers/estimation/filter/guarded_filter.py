@@ -193,6 +193,17 @@ class GuardedFilter:
             return (self.update(measured, residuals[0], expected.row[0], variance),)
         return self.update_together(model.names, np.array(residuals), expected.row, expected.variance, held)
 
+    def compare(self, model: MeasurementModel, reading: float) -> Innovation:
+        """Return what would become of the one number that a model measures; the estimate stays."""
+        expected = model.predict(self._x)
+        residual = reading - float(expected.value[0])
+        residual = wrap_angle(residual) if model.angles else residual
+        (measured,), row, variance = model.names, expected.row[0], expected.variance.item(0)
+        step = self._corrected(self._x, self._p, residual, row, variance)
+        if step is None:
+            return Innovation(measured=measured, outcome=Outcome.REJECTED)
+        return self._innovation(measured, residual, step[2])
+
     def update(self, measured: Measured, residual: float, row: Array, variance: float) -> Innovation:
         """Correct the estimate by a scalar measurement.
 
@@ -206,15 +217,21 @@ class GuardedFilter:
         if step is None:
             return Innovation(measured=measured, outcome=Outcome.REJECTED)
         state, covariance, total = step
-        nis = residual * residual / total
-        accepted = nis <= self._gate and self._take(state, covariance)
-        self._is_corrected |= accepted
+        innovation = self._innovation(measured, residual, total)
+        if innovation.accepted and self._take(state, covariance):
+            self._is_corrected = True
+        elif innovation.accepted:
+            innovation = replace(innovation, outcome=Outcome.REJECTED)
         self._end_step()
+        return innovation
+
+    def _innovation(self, measured: Measured, residual: float, variance: float) -> Innovation:
+        nis = residual * residual / variance
         return Innovation(
             measured=measured,
-            outcome=_outcome(accepted=accepted),
+            outcome=_outcome(accepted=nis <= self._gate),
             residual=residual,
-            variance=total,
+            variance=variance,
             nis=nis,
             gate=self._gate,
         )

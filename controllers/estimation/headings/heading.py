@@ -66,10 +66,22 @@ class HeadingModel:
         return Expected(np.array([value_rad]), row, np.array([self.sd_rad**2]))
 
 
+MOST_CHANCE = 0.5
+"""A gate over the whole circle proves nothing; an accepted reading then counts as the toss of a coin."""
+
+
 class HeadingReader:
-    """Reads headings: one per device and reference."""
+    """Reads headings: one per device and reference.
+
+    An arbitrary angle falls into the gate by chance, more often the more uncertain the yaw. After a rejected
+    heading the following ones correct only when so many in a row were accepted that chance explains them no
+    better than the gate explains a rejection: until then the device may measure nothing.
+    """
 
     kind: ClassVar[type[Sample]] = HeadingSample
+
+    def __init__(self) -> None:
+        self._chance: dict[Measured, float] = {}
 
     def source(self, sample: HeadingSample) -> tuple[str, HeadingReference]:
         """Return device and reference."""
@@ -92,7 +104,22 @@ class HeadingReader:
             turned_since_rad=now.way_back.turned_rad + now.yaw_rate_rad_s * now.settings.heading_lag_s,
             sd_rad=now.settings.heading_noise_rad,
         )
+        trial = now.pose_filter.kalman.compare(model, sample.heading_rad)
+        if self._is_chance(trial, now.settings.gate_probability):
+            return (trial,)
         return now.pose_filter.correct(model, (sample.heading_rad,))
+
+    def _is_chance(self, trial: Innovation, gate_probability: float) -> bool:
+        """Take what would become of a heading; return whether chance explains that it was accepted."""
+        name = trial.measured
+        if not trial.accepted:
+            self._chance[name] = 1.0
+        elif (chance := self._chance.get(name)) is not None and trial.variance and trial.gate:
+            half_rad = math.sqrt(trial.gate * trial.variance)
+            self._chance[name] = chance * min(MOST_CHANCE, half_rad / math.pi)
+            if self._chance[name] <= 1.0 - gate_probability:
+                del self._chance[name]
+        return name in self._chance
 
     def miss(self, sample: HeadingSample) -> None:
         """Nothing: the next heading is as good."""
