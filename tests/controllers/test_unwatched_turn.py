@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from controllers.estimation.gyro.unwatched_turn import UnwatchedTurn
+from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
 
 SLIP_M = 0.5
@@ -84,11 +85,19 @@ def test_at_rest_nothing_is_added() -> None:
 @pytest.mark.parametrize("measured", [-1.0, 0.0, 0.5])
 def test_until_a_watched_gyro_has_agreed_the_wheels_may_be_right(measured: float) -> None:
     unwatched = UnwatchedTurn(SLIP_M, is_watched=True)
-    ahead(unwatched, 1.0)
-    assert unwatched.error_rad == 0.0
     for _ in range(50):
         assert not unwatched.add(evidence(0.01 * measured, 0.01, 0.0))
-    assert unwatched.error_rad == pytest.approx(0.5 * (1.0 - measured))
+    by_slip_rad = ESTIMATION.pose.gap_turn_error / math.sqrt(3.0) * 0.5
+    assert unwatched.error_rad == pytest.approx(math.sqrt((0.5 * (1.0 - measured)) ** 2 - by_slip_rad**2))
+
+
+def test_uneven_slip_on_a_straight_drive_does_not_doubt_a_watched_gyro() -> None:
+    unwatched = UnwatchedTurn(SLIP_M, is_watched=True)
+    part_rad = STEP_M / TRACK_M
+    for _ in range(round(2.0 / STEP_M)):
+        unwatched.drive(STEP_M)
+        assert not unwatched.add(evidence(0.0, part_rad, 0.9 * part_rad))
+        assert unwatched.error_rad == 0.0
 
 
 def test_a_watched_gyro_shows_once_that_it_measures_turns() -> None:

@@ -23,8 +23,10 @@ class UnwatchedTurn:
     the gyro has agreed with the wheels in a turn that no slip explains, its own turn may be wrong by that and
     by its difference to the wheels. What it may have been wrong by before stays: nothing has measured it.
 
-    Where headings watch the yaw, they measure what slip adds. Then a gyro only has to show
-    once that it has the sign and scale of the wheels; until then the turn by the wheels may be the right one.
+    Where headings watch the yaw, they measure what slip adds. Then a gyro only has to show once that it has
+    the sign and scale of the wheels; until then the turn by the wheels may be the right one where their slip
+    does not explain the difference. Were all of the difference counted, uneven slip on a straight drive would
+    leave the yaw to the headings and their deviation.
 
     Args:
         slip_distance_m: The correlation of the slip falls to 37 % over this distance.
@@ -64,8 +66,10 @@ class UnwatchedTurn:
             return True
         if self._window.distance_m > self._slip_distance_m:
             self._window = _Difference()
-        by_slip_rad2 = 0.0 if self._is_watched else 3.0 * self._since.variance_rad2
-        self.error_rad = min(math.pi, math.sqrt(by_slip_rad2 + self._since.difference_rad**2))
+        # A bound without headings; with them what one standard deviation does not explain.
+        by_slip_rad2 = (-1.0 if self._is_watched else 3.0) * self._since.variance_rad2
+        error_rad2 = self._since.difference_rad**2 + by_slip_rad2
+        self.error_rad = min(math.pi, math.sqrt(max(0.0, error_rad2)))
         return False
 
 
