@@ -8,6 +8,7 @@ from controllers.check_manoeuvre.plan import plan, skids_in_rotations
 from controllers.check_manoeuvre.verdict import SourceCheck
 from controllers.estimation.dead_reckoning import DeadReckoned
 from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.ground.travel import GroundMeter, GroundReport, GroundTravel
 from controllers.estimation.headings.motor_field import MotorFieldCorrection
 from controllers.estimation.parameters import ESTIMATION
@@ -175,6 +176,11 @@ class ControlLoop:
         self._maneuvers = (
             None if mission is None else Maneuvers(settings.safety, mission.speed_m_s, kinematics, rim_arm_m)
         )
+
+    @property
+    def pose_filter(self) -> PoseFilter:
+        """The filter of the estimator, for a smoother of a recorded drive."""
+        return self._estimator.pose_filter
 
     def operate(self, now_ns: int, wanted: OperatorInput) -> None:
         """Take what an operator wants, before the `step` at the same time.

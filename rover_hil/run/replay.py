@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from controllers.control_loop import StepOutput
+from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.motion.kinematics import make_kinematics
 from controllers.operator import OperatorInput
 from drivers.clock import VirtualClock, seconds
@@ -110,7 +111,10 @@ def replay(log: LogReader, config: Config, on_cycle: Callable[[], None]) -> Repl
 
 
 def estimate_again(
-    log: LogReader, config: Config, is_used: Callable[[Sample], bool] = lambda _: True
+    log: LogReader,
+    config: Config,
+    is_used: Callable[[Sample], bool] = lambda _: True,
+    take_filter: Callable[[PoseFilter], None] = lambda _: None,
 ) -> Iterator[StepOutput]:
     """Yield what each cycle of a log would have computed with other parameters.
 
@@ -121,11 +125,13 @@ def estimate_again(
         log: The log.
         config: Its devices, with the other parameters.
         is_used: Says of each sample whether the controller gets it.
+        take_filter: Gets the filter before the first cycle, for what its estimates do not contain.
 
     Raises:
         LogError: The log is damaged, or holds a device that its configuration does not have.
     """
     replayer = _Estimates(log, config, is_used)
+    take_filter(replayer.pose_filter)
     for _ in replayer.cycles():
         if replayer.output is not None:
             yield replayer.output
@@ -335,6 +341,11 @@ class _Estimates(_Replayer):
         self._is_used = is_used
         self._steering_count = len(make_kinematics(config.rover).steering_rates_rad_s)
         self.output: StepOutput | None = None
+
+    @property
+    def pose_filter(self) -> PoseFilter:
+        """The filter that estimates."""
+        return self._rig.loop.pose_filter
 
     def _run_cycle(self, t_ns: int) -> None:
         rig = self._rig

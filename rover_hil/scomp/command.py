@@ -1,20 +1,23 @@
 """`rover-hil scomp`: slip-compensated odometry of a recorded drive."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from controllers.estimation.settings import FilterSettings
 from controllers.slip.scomp.parameters import ScompParameters
 from rover_hil.console.exit_codes import EXIT_OK
 from rover_hil.console.json_text import print_json
 from rover_hil.console.options import DriveArgument, ForceOption, JsonOption, out_option
 from rover_hil.console.steps import show_progress
 from rover_hil.pages.atomic_write import check_file, write_file
+from rover_hil.recording.data_files import restore_config
+from rover_hil.recording.reader import LogReader
 from rover_hil.scomp.files import ReadDrive, read_drive, read_parameters, track_text
-from rover_hil.scomp.odometry import estimate_track
+from rover_hil.scomp.odometry import Result, estimate_track, sensor_noise
+from rover_hil.scomp.replayed import replay_track
 from rover_hil.scomp.summary import summary_of
 from rover_hil.terminal import Terminal
 
@@ -38,22 +41,9 @@ def run_scomp(
     `rover-hil run el-dorado --virtual --out runs/sand`.
     """
     check_file(out, force=force)
-    source = read_drive(log)
-    notes = list(source.notes)
-    if params is not None:
-        parameters, settings = read_parameters(params), None
-    else:
-        parameters, settings, note = _parameters_of(source)
-        notes.append(f"no --params: {note}")
-    with show_progress() as progress:
-        task = progress.add_task("estimating", total=len(source.drive.t_s))
-        result = estimate_track(
-            source.drive,
-            parameters,
-            lambda rows: progress.update(task, completed=rows),
-            settings=settings,
-            online=online,
-        )
+    given = None if params is None else read_parameters(params)
+    replayed = None if log.suffix != ".mcap" else _replay(LogReader(log), given, online=online)
+    result, notes = replayed or _by_columns(log, given, online=online)
     write_file(out, track_text(result.track))
     notes += result.notes
     summary = summary_of(result)
@@ -64,15 +54,51 @@ def run_scomp(
     return EXIT_OK
 
 
-def _parameters_of(source: ReadDrive) -> tuple[ScompParameters, FilterSettings | None, str]:
-    """Return the parameters for a drive without any given, the noise of the filter, and what they are."""
-    config = None if source.recorded is None else source.recorded.config
-    if config is not None and config.scomp is not None:
-        return config.scomp.parameters, config.filter, "those of [scomp] and [filter] in the log are used"
+def _replay(
+    log: LogReader, given: ScompParameters | None, *, online: bool
+) -> tuple[Result, list[str]] | None:
+    """Return the path of a log by the estimator that drove, and notes; None where that was without sComp."""
+    with restore_config(log) as logged:
+        if logged.scomp is None:
+            return None
+        config, notes = logged, []
+        if given is None:
+            notes.append("no --params: those of [scomp] and [filter] in the log are used")
+        else:
+            scomp = logged.scomp.model_copy(update={"parameters": given})
+            config = logged.model_copy(update={"scomp": scomp, "filter": sensor_noise(given)})
+        with show_progress() as progress:
+            task = progress.add_task("replaying", total=log.path.stat().st_size)
+            update = partial(progress.update, task)
+            result = replay_track(log, config, lambda: update(completed=log.bytes_read), online=online)
+        return result, notes
+
+
+def _by_columns(log: Path, given: ScompParameters | None, *, online: bool) -> tuple[Result, list[str]]:
+    """Return the path of a table, or of a log without sComp, by its columns; and notes."""
+    source = read_drive(log)
+    notes = list(source.notes)
+    parameters = given
+    if parameters is None:
+        parameters, note = _parameters_of(source)
+        notes.append(f"no --params: {note}")
+    with show_progress() as progress:
+        task = progress.add_task("estimating", total=len(source.drive.t_s))
+        result = estimate_track(
+            source.drive,
+            parameters,
+            lambda rows: progress.update(task, completed=rows),
+            online=online,
+        )
+    return result, notes
+
+
+def _parameters_of(source: ReadDrive) -> tuple[ScompParameters, str]:
+    """Return the parameters for a drive without any given, and what they are."""
     parameters = ScompParameters()
     if source.rover is not None:
         parameters = parameters.model_copy(update={"rover": source.rover})
-    return parameters, None, "lunar soil simulant and the rover of the paper are assumed"
+    return parameters, "lunar soil simulant and the rover of the paper are assumed"
 
 
 def _print(summary: Mapping[str, float], notes: Sequence[str]) -> None:

@@ -21,6 +21,9 @@ from rover_hil.scomp.drive import Drive, Track
 from rover_hil.scomp.recorded_samples import COMPASS, RecordedSamples, recorded_estimator
 from rover_hil.scomp.smoother import smooth
 
+Source = tuple[str, HeadingReference]
+"""Device and reference of headings."""
+
 START_AGREES_RAD = math.radians(4.0)
 START_AGREES_UNCALIBRATED_RAD = math.radians(10.0)
 
@@ -53,7 +56,6 @@ def estimate_track(
     parameters: ScompParameters,
     progress: Callable[[int], None] = lambda _: None,
     *,
-    settings: FilterSettings | None = None,
     online: bool = False,
 ) -> Result:
     """Return the path by the estimator of the control loop, one estimate for each row of the drive.
@@ -62,7 +64,6 @@ def estimate_track(
         drive: The log; sensors may be missing.
         parameters: Rover, ground and sensors.
         progress: Called from time to time with the number of rows done.
-        settings: Noise of the pose filter that drove; None for that of the sensors in `parameters`.
         online: Estimate each row from the rows before, not from the whole drive. The last row is the same.
 
     Raises:
@@ -78,7 +79,7 @@ def estimate_track(
         parameters, has_pitch=drive.pitch_rad is not None, has_roll=drive.roll_rad is not None
     )
     samples = RecordedSamples(drive, parameters, start_rad)
-    estimator = recorded_estimator(samples, parameters, settings or sensor_noise(parameters), states)
+    estimator = recorded_estimator(samples, parameters, sensor_noise(parameters), states)
     steps = estimator.pose_filter.keep_steps()
     rows: list[_Row] = []
     innovations: list[Innovation] = []
@@ -91,15 +92,14 @@ def estimate_track(
             progress(index)
     layout = estimator.pose_filter.layout
     estimates = [step.estimate for step in steps] if online else smooth(steps, layout.angles)
-    state, covariance = steps[-1].estimate
-    values, spread = state[layout.block], np.sqrt(np.diag(covariance)[layout.block])
     track = _track(drive, states, layout, [(estimates[row.steps], row.tilt) for row in rows])
     if start_rad is not None:
-        track = _turned(track, *_start_by_compass(parameters, layout, steps[-1], start_rad))
+        source = (COMPASS, HeadingReference.MAGNETIC)
+        track = _turned(track, *_start_by_compass(parameters, layout, steps[-1], start_rad, source))
     return Result(
         track=track,
         innovations=tuple(innovations),
-        learnt=(float(values[FIRST]), float(values[SECOND]), float(spread[FIRST]), float(spread[SECOND])),
+        learnt=learnt_of(layout, steps[-1]),
         notes=(*_missing(drive), *sign_note, *start_note),
     )
 
@@ -147,8 +147,40 @@ def _track(
     )
 
 
+def learnt_of(layout: StateLayout, last: FilterStep) -> tuple[float, float, float, float]:
+    """Return both parameters of the slip law at the end, and their standard deviations."""
+    state, covariance = last.estimate
+    values, spread = state[layout.block], np.sqrt(np.diag(covariance)[layout.block])
+    return float(values[FIRST]), float(values[SECOND]), float(spread[FIRST]), float(spread[SECOND])
+
+
+def turned_by_compass(
+    track: Track, parameters: ScompParameters, layout: StateLayout, last: FilterStep, source: Source
+) -> tuple[Track, tuple[str, ...]]:
+    """Return a track that begins along x, with the heading at start by a compass; and a note.
+
+    Unchanged where the start defines the frame of the path, see `start_heading`.
+    """
+    start_rad = wrap_angle(last.estimate[0][layout.offsets[source]] - (parameters.compass.offset_rad or 0.0))
+    if starts_along_x(parameters, start_rad):
+        return track, ()
+    found_rad, sd_rad = _start_by_compass(parameters, layout, last, start_rad, source)
+    return _turned(track, found_rad, sd_rad), (_start_note(found_rad),)
+
+
+def starts_along_x(parameters: ScompParameters, by_compass_rad: float) -> bool:
+    """Return whether the pose at start defines the frame of the path."""
+    is_calibrated = parameters.compass.offset_rad is not None
+    agrees_rad = START_AGREES_RAD if is_calibrated else START_AGREES_UNCALIBRATED_RAD
+    return parameters.starts_along_x and abs(by_compass_rad) < agrees_rad
+
+
+def _start_note(start_rad: float) -> str:
+    return f"the heading at start is that of the compass, {math.degrees(start_rad):.1f} deg"
+
+
 def _start_by_compass(
-    parameters: ScompParameters, layout: StateLayout, last: FilterStep, start_rad: float
+    parameters: ScompParameters, layout: StateLayout, last: FilterStep, start_rad: float, source: Source
 ) -> tuple[float, float]:
     """Return the heading at start by all readings of the compass, and its standard deviation.
 
@@ -156,7 +188,6 @@ def _start_by_compass(
     deviation is zero at the start in the estimator, and at `reference_rad` in the parameters.
     """
     state, covariance = last.estimate
-    source = (COMPASS, HeadingReference.MAGNETIC)
     offset, compass = layout.offsets[source], parameters.compass
     found_rad = state[offset] - (compass.offset_rad or 0.0)
     if source in layout.deviations:
@@ -198,11 +229,9 @@ def start_heading(drive: Drive, parameters: ScompParameters) -> tuple[float | No
     if reading is None:
         return None, ()
     by_compass = wrap_angle((compass.sign or 1) * reading - (compass.offset_rad or 0.0))
-    agrees_rad = START_AGREES_UNCALIBRATED_RAD if compass.offset_rad is None else START_AGREES_RAD
-    if parameters.starts_along_x and abs(by_compass) < agrees_rad:
+    if starts_along_x(parameters, by_compass):
         return None, ()
-    words = f"the heading at start is that of the compass, {math.degrees(by_compass):.1f} deg"
-    return by_compass, (words,)
+    return by_compass, (_start_note(by_compass),)
 
 
 def _missing(drive: Drive) -> list[str]:

@@ -16,8 +16,7 @@ from rover_hil.config import Config, load_config
 from rover_hil.identify.scomp.command import identify_scomp
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
-from rover_hil.scomp.command import run_scomp
-from rover_hil.scomp.files import parameters_text, read_drive
+from rover_hil.scomp.files import read_drive
 from rover_hil.scomp.odometry import estimate_track
 from rover_hil.scomp.read_log import log_truth
 from tests.rover_hil.test_overhead_run import CAMERA
@@ -147,24 +146,3 @@ def test_pose_fixes_in_a_log_correct_its_path(tmp_path: Path) -> None:
     assert abs(blind.x_m[-1] - true_m[-1]) > 0.1
     assert abs(fixed.x_m[-1] - true_m[-1]) < 0.03
     assert fixed.sigma_x_m[-1] < 0.5 * blind.sigma_x_m[-1]
-
-
-def test_without_parameters_those_of_the_log_are_used(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    log = write_drive(tmp_path / "run.mcap", is_seen=lambda _: False)
-    config = load_config("el-dorado")
-    assert config.scomp is not None
-    own, same, other = (tmp_path / name for name in ("own.toml", "same.toml", "other.toml"))
-    same.write_text(parameters_text(config.scomp.parameters), "utf-8")
-    other.write_text(parameters_text(ScompParameters()), "utf-8")
-    found = {}
-    for params in (None, same, other):
-        out = (params or own).with_suffix(".csv")
-        assert run_scomp(log, params=params, out=out, online=False, as_json=True) == 0
-        found[out.stem] = json.loads(capsys.readouterr().out)
-    note = "no --params: those of [scomp] and [filter] in the log are used"
-    assert [name for name, each in found.items() if note in each["notes"]] == ["own"]
-    # The parameters of slip are the same; the noise of the gyro is that of the log's [filter].
-    assert found["own"]["mean_slip"] == pytest.approx(found["same"]["mean_slip"], abs=0.002)
-    assert abs(found["other"]["mean_slip"] - found["same"]["mean_slip"]) > 0.01

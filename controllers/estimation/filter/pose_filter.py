@@ -58,6 +58,7 @@ class PoseFilter:
     Attributes:
         layout: Where each part of the state is.
         kalman: The filter itself, for sensors whose frames or scales are states.
+        slip: As given.
         path_m: What the wheels have rolled, or may have moved without a measurement.
     """
 
@@ -79,7 +80,7 @@ class PoseFilter:
             has_ground=has_ground,
             block_variances=() if slip is None else slip.start_variances.tolist(),
         )
-        self._slip = slip
+        self.slip = slip
         start = np.zeros(layout.size)
         if slip is not None:
             start[layout.block] = slip.start
@@ -170,7 +171,7 @@ class PoseFilter:
 
     def reset_slip_variances(self) -> None:
         """Make the states of slip as uncertain as at the start: what has taught them was wrong."""
-        variances = () if self._slip is None else self._slip.start_variances
+        variances = () if self.slip is None else self.slip.start_variances
         covariance = self.kalman.covariance
         for index, variance in enumerate(variances, self.layout.block.start):
             self.kalman.add_variance(index, max(0.0, float(variance) - covariance[index][index]))
