@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 
 from drivers.can_wheels.mapping_file import read_dbc
 from drivers.errors import RoverHilError
-from rover_hil.datasets.csv_table import read_csv
-from rover_hil.datasets.log import read_drive
-from rover_hil.datasets.truth_check import truth_findings
+from rover_hil.drives.csv_table import read_csv
+from rover_hil.drives.drive import read_drive
+from rover_hil.drives.truth_check import truth_findings
 from rover_hil.importing.oddities import NOT_SHOWN
 from rover_hil.importing.table.columns import read_columns, rover_of
 from rover_hil.importing.table.to_log import write_table_as_log
@@ -482,7 +482,7 @@ def import_drive(drive: Measured, folder: Path) -> Outcome:
 
 def error_m(log: Path) -> float:
     """Return the root mean square distance between estimate and truth; NaN without truth."""
-    if not len(read_drive(log).rows["x_m"]):
+    if not len(read_drive(log).channels["x_m"]):
         return math.nan
     truth = read_drive(log).true_poses()
     poses = [

@@ -42,7 +42,7 @@ from drivers.clock import nanoseconds
 from drivers.samples import Image
 from rover_hil.identify.scomp.fit import identify
 from rover_hil.scomp.columns import drive_of
-from rover_hil.scomp.drive import Drive, Track, TruePath, final_error_m
+from rover_hil.scomp.drive import DriveRows, Track, TruePath, final_error_m
 from rover_hil.scomp.odometry import estimate_track
 
 SITES = {"test_1": SIDEWAYS, "test_2": MOUNDS}
@@ -52,7 +52,7 @@ FIRST_SEED = 1000
 STARTED_S = REST_S + 1.5
 ROWS_PER_FRAME = 4
 
-ODOMETRIES: Mapping[str, Callable[[Drive, ScompParameters], Track]] = {
+ODOMETRIES: Mapping[str, Callable[[DriveRows, ScompParameters], Track]] = {
     "plain": plain_track,
     "compass": compass_track,
     "scomp_paper": paper_track,

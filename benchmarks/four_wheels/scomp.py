@@ -24,7 +24,7 @@ from rover_hil.identify.scomp.fit import identify
 from rover_hil.identify.scomp.pictures import drive_pictures, model_pictures
 from rover_hil.pages.atomic_write import write_files
 from rover_hil.scomp.columns import drive_of
-from rover_hil.scomp.drive import Drive, Track, TruePath, final_error_m
+from rover_hil.scomp.drive import DriveRows, Track, TruePath, final_error_m
 from rover_hil.scomp.odometry import Result, estimate_track
 from tests.nature.four_wheel_drive import MOUNDS, SIDEWAYS, Recorded, Site, field_test
 
@@ -34,7 +34,7 @@ SLIP_ANGLE_BAR_DEG, SLIP_BAR, HEADING_BAR_DEG = 1.0, 0.05, 0.3
 FIRST_SEED = 100
 STARTED_S = 3.5
 
-Method = Callable[[Drive, ScompParameters], Track]
+Method = Callable[[DriveRows, ScompParameters], Track]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,11 +47,11 @@ class Scores:
     heading_deg: float
 
 
-def estimated(drive: Drive, parameters: ScompParameters) -> Track:
+def estimated(drive: DriveRows, parameters: ScompParameters) -> Track:
     return estimate_track(drive, parameters).track
 
 
-def online(drive: Drive, parameters: ScompParameters) -> Track:
+def online(drive: DriveRows, parameters: ScompParameters) -> Track:
     return estimate_track(drive, parameters, online=True).track
 
 
@@ -69,7 +69,7 @@ METHODS: dict[str, Method] = {
 }
 
 
-def read(recorded: Recorded) -> tuple[Drive, TruePath]:
+def read(recorded: Recorded) -> tuple[DriveRows, TruePath]:
     truth = recorded.truth
     path = TruePath(t_s=truth["t_s"], x_m=truth["x_m"], y_m=truth["y_m"], psi_rad=truth["psi_rad"])
     return drive_of(recorded.log, "simulated")[0], path

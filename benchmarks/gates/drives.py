@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.datasets.planted_faults import runs_of
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.importing.table.columns import read_columns, rover_of
 from rover_hil.importing.table.to_log import write_table_as_log
 from rover_hil.recording.reader import LogReader

@@ -24,8 +24,8 @@ import numpy as np
 from drivers.can_wheels.mapping_file import SHIPPED_FOLDER, read_dbc
 from drivers.can_wheels.messages import MessageReader
 from drivers.clock import NANOSECONDS_PER_SECOND, stopwatch_ns
-from rover_hil.datasets.can_frames import read_can_log
-from rover_hil.datasets.can_signals import MessageFrames
+from rover_hil.drives.can_frames import read_can_log
+from rover_hil.drives.can_signals import MessageFrames
 from rover_hil.importing.can.rover import rover_of_log
 from rover_hil.importing.can.to_log import write_can_as_log
 

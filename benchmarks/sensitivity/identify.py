@@ -26,7 +26,7 @@ from benchmarks.sensitivity.subject import Subject
 from controllers.motion.kinematics import OmniKinematics
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError, ModelError
-from rover_hil.datasets.robotino_csv import ROBOTINO
+from rover_hil.drives.robotino_csv import ROBOTINO
 from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.record import MotorRecord
 from rover_hil.identify.motor.report import report_motor

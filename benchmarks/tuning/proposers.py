@@ -17,7 +17,7 @@ from sklearn.gaussian_process.kernels import (  # type: ignore[import-untyped]
 )
 
 from rover_hil.config.tune_settings import TunableSettings
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.tune.journal import Attempt
 from rover_hil.tune.unit_cube import from_unit, to_unit
 

@@ -23,7 +23,7 @@ from pathlib import Path
 from benchmarks.tuning.tasks import make_task
 from drivers.clock import SystemClock, nanoseconds
 from rover_hil.config import load_config
-from rover_hil.datasets.log import read_drive
+from rover_hil.drives.drive import read_drive
 from rover_hil.parallel.cluster import ClusterExecutor
 from rover_hil.recording.data_files import PackedConfig
 from rover_hil.run.driving import run_virtual

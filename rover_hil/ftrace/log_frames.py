@@ -9,14 +9,12 @@ from controllers.ground_motion.rig import RigFile
 from drivers.camera.settings import CameraSettings
 from drivers.errors import LogError
 from rover_hil.config import Config
-from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.log import LogRows
+from rover_hil.drives.arrays import Array, Times
+from rover_hil.drives.channels import Channels
+from rover_hil.drives.drive import Drive, picture_time_ns
 from rover_hil.ftrace.frames import FrameFile
 from rover_hil.ftrace.telemetry import TelemetryRow
-from rover_hil.recording.data_files import restore_config
-from rover_hil.recording.images import capture_time_ns, decode_image
-from rover_hil.recording.reader import LogReader
-from rover_hil.recording.schema import RAW
+from rover_hil.recording.images import decode_image
 
 SPEED_WINDOW_S = 0.1
 """The wheel speed at a frame is the mean over this time before it."""
@@ -42,18 +40,13 @@ class LogFrames:
     """
 
     def __init__(self, path: Path) -> None:
-        self._log = LogReader(path)
-        with restore_config(self._log) as config:
-            self._topic = f"{RAW}{_camera_of(config, path)}"
-            rows = LogRows(config)
+        self._drive = Drive(path)
+        config = self._drive.config
+        self._camera = _camera_of(config, path)
         frames_ns: list[int] = []
         self._numbers: list[int | None] = []
-        for message in self._log.messages():
-            if message.topic != self._topic:
-                rows.take(message, self._log)
-                continue
-            stamp_ns = capture_time_ns(message.data)
-            t_ns = message.t_ns if stamp_ns is None else stamp_ns
+        for message in self._drive.read().raw(self._camera):
+            t_ns = picture_time_ns(message)
             is_newer = not frames_ns or t_ns > frames_ns[-1]
             self._numbers.append(len(frames_ns) if is_newer else None)
             if is_newer:
@@ -64,7 +57,7 @@ class LogFrames:
         self.ground = config.ground_motion
         rig = None if config.ground_motion is None else config.ground_motion.rig
         self.rig: RigFile | None = rig if config.scomp is None else config.scomp.rig
-        self.telemetry = self._telemetry(config, rows, np.array(frames_ns, np.int64))
+        self.telemetry = self._telemetry(np.array(frames_ns, np.int64))
 
     def __iter__(self) -> Iterator[FrameFile]:
         """Yield the frames.
@@ -73,16 +66,14 @@ class LogFrames:
             LogError: One of them cannot be decoded.
         """
         numbers = iter(self._numbers)
-        for message in self._log.messages():
-            if message.topic != self._topic:
-                continue
+        for message in self._drive.raw(self._camera):
             number = next(numbers)
             if number is not None:
                 yield FrameFile(number, decode_image(message.data).image)
 
-    def _telemetry(self, config: Config, rows: LogRows, t_ns: Array) -> dict[int, TelemetryRow]:
-        t_s = (t_ns - self._log.start_ns) / 1e9
-        speeds_m_s = _wheel_speeds_m_s(config.rover.wheel_radius_m, rows, t_ns)
+    def _telemetry(self, t_ns: Times) -> dict[int, TelemetryRow]:
+        t_s, rows = self._drive.seconds(t_ns), self._drive.channels
+        speeds_m_s = _wheel_speeds_m_s(self._drive.config.rover.wheel_radius_m, rows, t_ns)
         rates = [_newest(rows, name, t_ns) for name in RATES]
         rows_by_stamp: dict[int, TelemetryRow] = {}
         for number, (time_s, speed_m_s, x, y, z) in enumerate(
@@ -111,7 +102,7 @@ def _no_frames(path: Path) -> str:
     )
 
 
-def _wheel_speeds_m_s(radius_m: float, rows: LogRows, t_ns: Array) -> Array:
+def _wheel_speeds_m_s(radius_m: float, rows: Channels, t_ns: Times) -> Array:
     """Return the mean speed of the rims before each time; NaN where it is not known."""
     window_ns = SPEED_WINDOW_S * 1e9
     turned = []
@@ -128,7 +119,7 @@ def _wheel_speeds_m_s(radius_m: float, rows: LogRows, t_ns: Array) -> Array:
     return speeds
 
 
-def _newest(rows: LogRows, name: str, t_ns: Array) -> Array:
+def _newest(rows: Channels, name: str, t_ns: Times) -> Array:
     """Return the newest reading at each time; NaN before the first."""
     readings = rows[name]
     order = np.argsort(readings.t_ns, kind="stable")

@@ -10,7 +10,7 @@ from drivers.clock import seconds
 from drivers.errors import ConfigError
 from rover_hil.console.json_text import print_json
 from rover_hil.console.steps import show_steps
-from rover_hil.datasets.truth_check import truth_findings
+from rover_hil.drives.truth_check import truth_findings
 from rover_hil.importing.drive import START_NS, Contents
 from rover_hil.importing.limits import LimitSettings
 from rover_hil.importing.oddities import Oddity

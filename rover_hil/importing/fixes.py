@@ -12,7 +12,7 @@ from drivers.nmea_gnss.codec import correlated_std_m
 from drivers.samples import UNKNOWN_YAW_STD_RAD, PoseFixSample
 from drivers.settings import Settings
 from rover_hil.config.ros2_settings import POSE_FIX
-from rover_hil.datasets.arrays import Array, Flags
+from rover_hil.drives.arrays import Array, Flags
 from rover_hil.importing.oddities import Oddity
 
 

@@ -9,7 +9,7 @@ from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.errors import ConfigError
 from drivers.robotino_board.codec import BoardReply, Counts, build_reply
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD
-from rover_hil.datasets.robotino_csv import board_counts, camera_poses, read_record
+from rover_hil.drives.robotino_csv import board_counts, camera_poses, read_record
 
 LARGEST_MM_PER_PX = 1000.0
 START_NS = NANOSECONDS_PER_SECOND
@@ -26,7 +26,7 @@ class ImportedRow:
             are 0, the bumper is free and the time count is the row's t: the file does not hold them.
         set_speed_rad_s: Setpoint of each wheel, at the wheel.
         truth_x_m, truth_y_m, truth_yaw_rad: Pose by the overhead camera; its frame is described in
-            `rover_hil.datasets.robotino_csv`.
+            `rover_hil.drives.robotino_csv`.
         truth_is_new: False when the camera's numbers are those of the row before.
     """
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.datasets.arrays import rms
+from rover_hil.drives.arrays import rms
 from rover_hil.report.run_data import RunData
 
 LEAST_ROLLED_M = 0.05

@@ -7,7 +7,7 @@ import numpy as np
 from typing_extensions import TypedDict
 
 from controllers.motion.settings import MissionSettings
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.report.run_data import RunData
 from rover_hil.report.summary import position_error_m, summarise
 from rover_hil.report.thinning import thin, with_gaps

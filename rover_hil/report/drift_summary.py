@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.datasets.arrays import rms
+from rover_hil.drives.arrays import rms
 from rover_hil.report.run_data import CrabData, DriftData
 from rover_hil.report.tracks import Series, Track
 

@@ -19,9 +19,9 @@ from drivers.clock import seconds
 from drivers.driver import Health
 from drivers.errors import LogError
 from rover_hil.config import Config
-from rover_hil.datasets.arrays import Array, in_body_frame
-from rover_hil.datasets.log import HEADING, POSE, LogRows, Readings
-from rover_hil.datasets.truth_check import compare_with_truth
+from rover_hil.drives.arrays import Array, in_body_frame
+from rover_hil.drives.channels import HEADING, POSE, Channels, Readings
+from rover_hil.drives.truth_check import compare_with_truth
 from rover_hil.recording import schema
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.findings import FindingList, FoundFinding
@@ -75,7 +75,7 @@ class _Collector:
         self._config = config
         self._start_ns = start_ns
         self._last_ns = start_ns
-        self._readings = LogRows(config)
+        self._readings = Channels(config)
         self._rows: defaultdict[str, list[tuple[float, ...]]] = defaultdict(list)
         self._innovations: defaultdict[Measured, list[tuple[float, ...]]] = defaultdict(list)
         self._computed: defaultdict[str, array[float]] = defaultdict(lambda: array("d"))

@@ -9,7 +9,7 @@ from controllers.motion.limits import Limit
 from controllers.safety import Mode
 from drivers.driver import Health
 from rover_hil.config import Config
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.recording.findings import FoundFinding
 from rover_hil.recording.schema import EndRecord, OddityRecord, SourceCheckRecord
 from rover_hil.report.tracks import Series, Track

@@ -12,7 +12,7 @@ from controllers.motion.planar import wrap_angle
 from controllers.safety import Mode
 from controllers.unwatched_yaw import find_unwatched_yaw
 from drivers.driver import Health
-from rover_hil.datasets.arrays import Array, rms, wrap_angles
+from rover_hil.drives.arrays import Array, rms, wrap_angles
 from rover_hil.recording.findings import FoundFinding
 from rover_hil.recording.schema import OddityRecord, SourceCheckRecord
 from rover_hil.report.compensation import Compensation, compensation_of

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.report.tracks import Series, spans
 
 THIN_BINS = 400

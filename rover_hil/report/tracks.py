@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from controllers.estimation.parameters import ESTIMATION
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 
 DISTANCE_STEP_M = 0.02
 FIRST_MOTION_M = 0.002

@@ -13,9 +13,9 @@ from controllers.motion.settings import WaypointsMission
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD, ROBOTINO_SCALES
 from rover_hil.config import Config, load_config
 from rover_hil.config.shipped import rigs
-from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.log import RecordedDrive, read_drive
-from rover_hil.datasets.robotino_csv import CAMERA_UNITS, MOTORS, RECORD_UNITS
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.drive import Drive, read_drive
+from rover_hil.drives.robotino_csv import CAMERA_UNITS, MOTORS, RECORD_UNITS
 from rover_hil.exporting.can import write_can
 from rover_hil.exporting.rosbag2 import write_rosbag2
 from rover_hil.ftrace.log_frames import LogFrames
@@ -178,7 +178,7 @@ def write_frames(folder: Path) -> None:
     (folder / "rig.json").write_bytes((resources.files(rigs) / "el-dorado.json").read_bytes())
 
 
-def _recorded(config: Config, duration_s: float) -> RecordedDrive:
+def _recorded(config: Config, duration_s: float) -> Drive:
     with TemporaryDirectory() as place:
         log = Path(place) / "run.mcap"
         run_virtual(config, log, duration_s, None)

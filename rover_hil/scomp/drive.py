@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Drive:
+class DriveRows:
     """A recorded drive; n rows. NaN means no new reading, None no such sensor.
 
     Attributes:

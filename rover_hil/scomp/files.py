@@ -6,11 +6,11 @@ from pathlib import Path
 from controllers.slip.scomp.parameters import RoverGeometry, ScompParameters
 from drivers.settings import read_toml
 from rover_hil.config import validated
-from rover_hil.datasets.log import RecordedDrive
-from rover_hil.datasets.log import read_drive as read_log
-from rover_hil.datasets.toml_text import toml_text
+from rover_hil.drives.drive import Drive
+from rover_hil.drives.drive import read_drive as read_log
+from rover_hil.drives.toml_text import toml_text
 from rover_hil.scomp.columns import KNOWN, drive_of
-from rover_hil.scomp.drive import Drive, Track
+from rover_hil.scomp.drive import DriveRows, Track
 from rover_hil.scomp.read_csv import read_columns
 from rover_hil.scomp.read_log import log_columns, log_fixes
 
@@ -24,10 +24,10 @@ COLUMNS = ("t_s", "x_m", "y_m", "heading_rad", "slip", "slip_angle_rad", "sigma_
 class ReadDrive:
     """A drive and what was left out of it; rover and readings of the log are None for a CSV file."""
 
-    drive: Drive
+    drive: DriveRows
     notes: tuple[str, ...]
     rover: RoverGeometry | None
-    recorded: RecordedDrive | None
+    recorded: Drive | None
 
 
 def read_drive(path: Path) -> ReadDrive:

@@ -16,8 +16,8 @@ from controllers.slip.scomp.parameters import ScompParameters
 from controllers.slip.scomp.states import ScompStates
 from drivers.errors import ModelError
 from drivers.samples import HeadingReference
-from rover_hil.datasets.arrays import Array
-from rover_hil.scomp.drive import Drive, Track
+from rover_hil.drives.arrays import Array
+from rover_hil.scomp.drive import DriveRows, Track
 from rover_hil.scomp.recorded_samples import COMPASS, RecordedSamples, recorded_estimator
 from rover_hil.scomp.smoother import smooth
 
@@ -52,7 +52,7 @@ class _Row(NamedTuple):
 
 
 def estimate_track(
-    drive: Drive,
+    drive: DriveRows,
     parameters: ScompParameters,
     progress: Callable[[int], None] = lambda _: None,
     *,
@@ -124,7 +124,7 @@ def sensor_noise(parameters: ScompParameters) -> FilterSettings:
 
 
 def _track(
-    drive: Drive,
+    drive: DriveRows,
     states: ScompStates,
     layout: StateLayout,
     rows: Sequence[tuple[tuple[Array, Array], Tilt]],
@@ -218,7 +218,7 @@ def _turned(track: Track, start_rad: float, sd_rad: float) -> Track:
     )
 
 
-def start_heading(drive: Drive, parameters: ScompParameters) -> tuple[float | None, tuple[str, ...]]:
+def start_heading(drive: DriveRows, parameters: ScompParameters) -> tuple[float | None, tuple[str, ...]]:
     """Return the heading at start by the compass, and a note; None where the start defines the frame.
 
     The frame of the path is the pose at start, x ahead, unless the parameters are from a truth in another
@@ -234,7 +234,7 @@ def start_heading(drive: Drive, parameters: ScompParameters) -> tuple[float | No
     return by_compass, (_start_note(by_compass),)
 
 
-def _missing(drive: Drive) -> list[str]:
+def _missing(drive: DriveRows) -> list[str]:
     """Return a note for each missing sensor, with its replacement."""
     notes: list[str] = []
     if drive.gyro_rad_s is None and drive.compass_rad is None:
@@ -254,7 +254,9 @@ def _missing(drive: Drive) -> list[str]:
     return notes
 
 
-def with_compass_sign(drive: Drive, parameters: ScompParameters) -> tuple[ScompParameters, tuple[str, ...]]:
+def with_compass_sign(
+    drive: DriveRows, parameters: ScompParameters
+) -> tuple[ScompParameters, tuple[str, ...]]:
     """Return the parameters with the sign of the compass, found by the gyro where it is unknown."""
     if parameters.compass.sign is not None or drive.compass_rad is None:
         return parameters, ()
@@ -264,7 +266,7 @@ def with_compass_sign(drive: Drive, parameters: ScompParameters) -> tuple[ScompP
     return parameters.model_copy(update={"compass": compass}), notes
 
 
-def _turns_clockwise(drive: Drive, rate_rad_s: Array, readings_rad: Array) -> bool:
+def _turns_clockwise(drive: DriveRows, rate_rad_s: Array, readings_rad: Array) -> bool:
     """Return whether the negative compass agrees better with the gyro; constant drifts do not matter."""
     new = np.isfinite(readings_rad)
     steps = np.diff(drive.t_s, prepend=drive.t_s[0]) * rate_rad_s

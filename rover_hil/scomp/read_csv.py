@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.csv_table import CsvTable, read_csv
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.csv_table import CsvTable, read_csv
 from rover_hil.scomp.drive import TruePath
 
 TRUTH = ("t_s", "x_m", "y_m", "psi_rad")

@@ -6,15 +6,16 @@ from numpy.typing import NDArray
 from controllers.motion.rover_geometry import has_four_wheels, track_of
 from controllers.slip.scomp.parameters import RoverGeometry
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array, Flags
-from rover_hil.datasets.log import RecordedDrive, TruePoses
+from rover_hil.drives.arrays import Array, Flags
+from rover_hil.drives.drive import Drive
+from rover_hil.drives.ground_truth import TruePoses
 from rover_hil.scomp.drive import TruePath
 
 NAMES = ("enc_rad", "heading_rad", "gyro_z_rad_s", "pitch_rad", "roll_rad", "trace_rad", "steering_rad")
 STANDSTILL_RAD = 0.02
 
 
-def log_columns(drive: RecordedDrive) -> tuple[dict[str, Array], RoverGeometry]:
+def log_columns(drive: Drive) -> tuple[dict[str, Array], RoverGeometry]:
     """Return a log as columns in the units of the CSV files, a row per position of the first wheel.
 
     The heading is that of the first heading device, the rate that of the gyro. Raised nose and left side are
@@ -30,12 +31,12 @@ def log_columns(drive: RecordedDrive) -> tuple[dict[str, Array], RoverGeometry]:
             f"{path} is of a rover of the kind {rover.kinematics}: sComp needs four wheels: front left, "
             "front right, rear left, rear right"
         )
-    if len(drive.rows["enc1_rad"]) < 2:
+    if len(drive.channels["enc1_rad"]) < 2:
         raise LogError(f"log {path} holds no positions of the first wheel: give the log of a drive")
     return drive.table(NAMES), RoverGeometry(wheel_radius_m=rover.wheel_radius_m, track_m=track_of(rover))
 
 
-def log_truth(drive: RecordedDrive) -> tuple[TruePath, str]:
+def log_truth(drive: Drive) -> tuple[TruePath, str]:
     """Return the true path in a log, and in words what measured it.
 
     Pose fixes are on the floor of their camera; they are turned into the frame of the pose at start, the mean
@@ -58,21 +59,21 @@ def log_truth(drive: RecordedDrive) -> tuple[TruePath, str]:
     return path, true.source
 
 
-def log_fixes(drive: RecordedDrive) -> tuple[dict[str, Array], float]:
+def log_fixes(drive: Drive) -> tuple[dict[str, Array], float]:
     """Return the pose fixes of the camera in `roles.fixes` as columns in the frame of the pose at start.
 
     Returns:
         `fix_x_m` and `fix_y_m`, one row per position of the first wheel, empty without fixes; and their
         standard deviation in m, with that of the direction at start at the farthest fix.
     """
-    fixes = drive.rows.fixes()
+    fixes = drive.fixes()
     if fixes is None or not len(fixes.t_ns):
         return {}, 0.0
     at_start = _at_start(drive, fixes)
     moved_m, _ = _from_start_m(fixes, at_start)
     turned_m = float(fixes.yaw_sd_rad[at_start].mean() / np.sqrt(at_start.sum()) * np.abs(moved_m).max())
     sd_m = float(np.hypot(np.median(fixes.position_sd_m), turned_m))
-    rows_ns = np.unique(drive.rows[drive.clock].t_ns)
+    rows_ns = np.unique(drive.channels[drive.clock].t_ns)
     row = np.searchsorted(rows_ns, fixes.t_ns)
     inside = row < len(rows_ns)
     columns = {name: np.full(len(rows_ns), np.nan) for name in ("fix_x_m", "fix_y_m")}
@@ -81,9 +82,9 @@ def log_fixes(drive: RecordedDrive) -> tuple[dict[str, Array], float]:
     return columns, sd_m
 
 
-def _at_start(drive: RecordedDrive, poses: TruePoses) -> Flags:
+def _at_start(drive: Drive, poses: TruePoses) -> Flags:
     """Return which poses are from before the first wheel turns; the first one in any case."""
-    wheel = drive.rows["enc1_rad"]
+    wheel = drive.channels["enc1_rad"]
     turned = np.abs(wheel.value - wheel.value[0]) > STANDSTILL_RAD
     at_start: Flags = poses.t_ns < (wheel.t_ns[np.argmax(turned)] if turned.any() else wheel.t_ns[-1])
     at_start[0] = True

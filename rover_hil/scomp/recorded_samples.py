@@ -28,7 +28,7 @@ from drivers.samples import (
     Sample,
     WheelSample,
 )
-from rover_hil.scomp.drive import Drive
+from rover_hil.scomp.drive import DriveRows
 
 WHEELS, GYRO, COMPASS, CAMERA, FIXES = "wheels", "gyro", "compass", "camera", "fixes"
 START_NS = nanoseconds(1.0)
@@ -64,7 +64,7 @@ class RecordedSamples:
         start_rad: Heading at the start in the frame of the fixes; None where it is along x.
     """
 
-    def __init__(self, drive: Drive, parameters: ScompParameters, start_rad: float | None) -> None:
+    def __init__(self, drive: DriveRows, parameters: ScompParameters, start_rad: float | None) -> None:
         self.drive = drive
         self.trace = RecordedTrace()
         self._compass_sign = parameters.compass.sign or 1

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from controllers.estimation.filter.guarded_filter import FilterStep
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 
 
 def smooth(steps: Sequence[FilterStep], angles: Sequence[int]) -> list[tuple[Array, Array]]:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.errors import ModelError
-from rover_hil.datasets.arrays import Array, in_body_frame
-from rover_hil.scomp.drive import Drive, TruePath
+from rover_hil.drives.arrays import Array, in_body_frame
+from rover_hil.scomp.drive import DriveRows, TruePath
 
 WINDOW_S = 2.0
 SLOWEST_RIM_M_S = 0.01
@@ -50,7 +50,7 @@ def smoothed(t_s: Array, values: Array, memory_s: float) -> Array:
     return result
 
 
-def cut(drive: Drive, truth: TruePath, wheel_radius_m: float) -> Windows:
+def cut(drive: DriveRows, truth: TruePath, wheel_radius_m: float) -> Windows:
     """Divide a drive into windows of two seconds and compare its wheels with the truth.
 
     Raises:

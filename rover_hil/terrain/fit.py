@@ -8,7 +8,7 @@ import numpy as np
 from scipy import optimize, stats
 
 from drivers.errors import ModelError
-from rover_hil.datasets.arrays import Array, rms
+from rover_hil.drives.arrays import Array, rms
 from rover_hil.parallel.calls import HERE, Calls
 from rover_hil.terrain.fit_data import WheelTests
 from sim_backends.terramechanics.soil.any_angle_wheel import (

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from sim_backends.terramechanics.soil.any_angle_wheel import Motion
 
 

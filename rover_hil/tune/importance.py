@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rover_hil.config.tune_settings import TuneSettings
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.tune.journal import Attempt
 from rover_hil.tune.unit_cube import to_unit
 

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rover_hil.config.tune_settings import TuneSettings
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.pages import style
 from rover_hil.tune.journal import Attempt
 

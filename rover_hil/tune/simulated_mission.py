@@ -14,7 +14,7 @@ from drivers.clock import VirtualClock, nanoseconds, seconds
 from drivers.errors import ConfigError
 from drivers.link import NoTap
 from rover_hil.config import Config
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.report.tracks import Track
 from rover_hil.run.check_manoeuvre import without_check_manoeuvre
 from rover_hil.run.composition import build_virtual_rig

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from rover_hil.config.tune_settings import TunableSettings
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 
 
 def to_unit(parameters: Mapping[str, TunableSettings], values: Mapping[str, float]) -> Array:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rover_hil.datasets.clocks import WRAPS, spread, unwrapped
+from rover_hil.drives.clocks import WRAPS, spread, unwrapped
 
 
 @given(

@@ -22,8 +22,8 @@ from rich.text import Text
 from drivers.errors import LogError
 from rover_hil.config import Config, load_config, read_config_text
 from rover_hil.console.key_presses import enter_was_pressed
-from rover_hil.datasets.log import read_drive
-from rover_hil.datasets.marks import marks_file, read_marks
+from rover_hil.drives.drive import read_drive
+from rover_hil.drives.marks import marks_file, read_marks
 from rover_hil.ready import procedure
 from rover_hil.ready.commission.drive import read_poses
 from rover_hil.ready.commission.procedure import Plan

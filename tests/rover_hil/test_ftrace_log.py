@@ -8,7 +8,7 @@ import pytest
 
 from controllers.ground_motion.rig import RigFile
 from drivers.errors import ConfigError, LogError
-from rover_hil.datasets.log import read_drive
+from rover_hil.drives.drive import read_drive
 from rover_hil.ftrace.command import trace_angles
 from rover_hil.ftrace.log_frames import LogFrames
 from rover_hil.run.driving import run_virtual
@@ -34,7 +34,7 @@ def test_the_angles_are_those_that_the_run_found(
     assert len(rows) == pytest.approx(FRAME_RATE_HZ * EL_DORADO_S, abs=2)
     assert json.loads(capsys.readouterr().out)["frames"] == len(rows)
     drive = read_drive(el_dorado_log, with_traces=True)
-    recorded = drive.rows["trace_rad"]
+    recorded = drive.channels["trace_rad"]
     recorded_s = drive.seconds(recorded.t_ns)
     found = {round(float(row["t"]), 3): float(row["theta_t_deg"]) for row in rows if row["detected"] == "1"}
     pairs = [
@@ -56,8 +56,8 @@ def test_each_frame_has_the_speed_and_the_rates_of_its_time(el_dorado_log: Path)
     times = [row.t_s for row in frames.telemetry.values()]
     assert np.diff(times) == pytest.approx(1.0 / FRAME_RATE_HZ, abs=0.01)
     drive = read_drive(el_dorado_log)
-    true = [drive.rows[f"true_speed{number}_rad_s"] for number in (1, 2, 3, 4)]
-    rate = drive.rows["gyro_z_rad_s"]
+    true = [drive.channels[f"true_speed{number}_rad_s"] for number in (1, 2, 3, 4)]
+    rate = drive.channels["gyro_z_rad_s"]
     last = frames.telemetry[frames.count - 1]
     at_ns = round(last.t_s * 1e9) + drive.log.start_ns
     rim_m_s = 0.092 * np.mean([np.interp(at_ns - 5e7, speed.t_ns, speed.value) for speed in true])

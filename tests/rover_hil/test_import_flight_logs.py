@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from pymap3d import enu2geodetic
 
-from rover_hil.datasets.array_table import read_table
-from rover_hil.datasets.csv_table import read_csv
-from rover_hil.datasets.log import read_drive
+from rover_hil.drives.array_table import read_table
+from rover_hil.drives.csv_table import read_csv
+from rover_hil.drives.drive import read_drive
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.flight_logs import Kind, Message, dataflash, ulog
 
@@ -164,7 +164,7 @@ def test_a_drive_is_imported_and_replays(command: Command, log: Path) -> None:
     assert "fixes: 61 rows" in command.out
     assert not re.search(r"(?m)^(finding|doubt) ", command.out)
     assert ("dropouts of the logger" in command.out) == (log.suffix == ".ulg")
-    rows = read_drive(Path("drive.mcap")).rows
+    rows = read_drive(Path("drive.mcap")).channels
     for wheel, rim_m_s in enumerate(RIMS_M_S, start=1):
         angles = rows[f"enc{wheel}_rad"].value
         assert angles[-1] - angles[0] == pytest.approx(rim_m_s / RADIUS_M * END_S, rel=1e-6)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_hil.datasets.log import read_drive
+from rover_hil.drives.drive import read_drive
 from tests.rover_hil.command import Command, assert_one_sentence
 
 PERIOD_S, ROWS, TICKS = 0.05, 400, 1000
@@ -69,7 +69,7 @@ def oddities(command: Command) -> dict[str, dict[str, object]]:
 
 
 def turned_rad() -> list[float]:
-    rows = read_drive(Path("drive.mcap")).rows
+    rows = read_drive(Path("drive.mcap")).channels
     return [rows[f"enc{wheel}_rad"].value[-1] - rows[f"enc{wheel}_rad"].value[0] for wheel in (1, 2)]
 
 

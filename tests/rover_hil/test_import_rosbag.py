@@ -18,8 +18,8 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
 from rover_hil.config import load_config
-from rover_hil.datasets.csv_table import read_csv
-from rover_hil.datasets.log import read_drive
+from rover_hil.drives.csv_table import read_csv
+from rover_hil.drives.drive import read_drive
 from rover_hil.importing.rosbag import bag as bag_module
 from rover_hil.importing.rosbag.topics import read_topics
 from rover_hil.run.driving import run_virtual
@@ -206,7 +206,7 @@ def test_every_kind_of_bag_becomes_a_log_that_replays(command: Command, any_bag:
     assert "truth: 100 messages" in command.out
     assert "camera: 10 messages" in command.out
     drive = read_drive(Path("drive.mcap"))
-    rows = drive.rows
+    rows = drive.channels
     for wheel, speed_rad_s in enumerate(SPEEDS_RAD_S, start=1):
         assert rows[f"enc{wheel}_rad"].value[-1] == pytest.approx(speed_rad_s * END_S, abs=1e-8)
         assert rows[f"speed{wheel}_rad_s"].value == pytest.approx(speed_rad_s, abs=1e-8)
@@ -236,7 +236,7 @@ def test_the_estimate_follows_the_circle(command: Command, bag1: Path) -> None:
 
 def test_odometry_becomes_the_angles_that_give_it(command: Command, bag1: Path) -> None:
     assert import_it(command, bag1, 'rover = "robotino"\n[odometry]\ntopic = "/odom"\n') == 0
-    rows = read_drive(Path("drive.mcap")).rows
+    rows = read_drive(Path("drive.mcap")).channels
     for wheel, speed_rad_s in enumerate(SPEEDS_RAD_S, start=1):
         # Chords of 0.57 degrees are shorter than their arcs by 4e-6.
         assert rows[f"enc{wheel}_rad"].value[-1] == pytest.approx(speed_rad_s * END_S, rel=1e-4)
@@ -244,7 +244,7 @@ def test_odometry_becomes_the_angles_that_give_it(command: Command, bag1: Path) 
 
 def test_effort_may_be_a_current_and_a_joint_may_count_backwards(command: Command, bag1: Path) -> None:
     assert import_it(command, bag1, WHEELS + "effort_is_current = true\nsigns = [1, 1, -1]\n") == 0
-    rows = read_drive(Path("drive.mcap")).rows
+    rows = read_drive(Path("drive.mcap")).channels
     assert [rows[f"current{wheel}_a"].value[0] for wheel in (1, 2, 3)] == pytest.approx([0.1, 0.2, -0.3])
     assert rows["speed3_rad_s"].value[0] == pytest.approx(-SPEEDS_RAD_S[2])
 
@@ -263,7 +263,7 @@ def test_a_run_survives_export_and_import(command: Command) -> None:
     assert import_it(command, Path("run_rosbag2"), OF_AN_EXPORT) == 0
     before, after = read_drive(Path("run.mcap")), read_drive(Path("drive.mcap"))
     for name in ("enc1_rad", "enc3_rad", "speed2_rad_s", "gyro_z_rad_s"):
-        assert after.rows[name].value == pytest.approx(before.rows[name].value, abs=1e-9)
+        assert after.channels[name].value == pytest.approx(before.channels[name].value, abs=1e-9)
     was, now = before.true_poses(), after.true_poses()
     assert now.x_m == pytest.approx(was.x_m)
     assert now.yaw_rad == pytest.approx(was.yaw_rad)

@@ -12,8 +12,8 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores
 
-from rover_hil.datasets.csv_table import read_csv
-from rover_hil.datasets.log import read_drive
+from rover_hil.drives.csv_table import read_csv
+from rover_hil.drives.drive import read_drive
 from rover_hil.importing.fixes import lost_poses
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.test_import_rosbag import START_NS, Messages
@@ -162,7 +162,7 @@ def errors_m(command: Command, source: str = "estimate") -> np.ndarray:
 @pytest.mark.usefixtures("unrendered")
 def test_steering_and_a_wheel_with_a_speed_only(command: Command) -> None:
     assert import_it(command, TOPICS, {}) == 0, command.error
-    rows = read_drive(Path("drive.mcap")).rows
+    rows = read_drive(Path("drive.mcap")).channels
     assert rows["steer2_rad"].value == pytest.approx(STEER_RAD)
     assert rows["speed1_rad_s"].value == pytest.approx(TOO_FAR * SPEED_M_S / RADIUS_M)
     # Half of the circle too far; the stamps of the headers are zero.

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from rover_hil.datasets.csv_table import read_csv
-from rover_hil.datasets.log import read_drive
+from rover_hil.drives.csv_table import read_csv
+from rover_hil.drives.drive import read_drive
 from rover_hil.importing.table.columns import read_columns
 from tests.rover_hil.command import Command, assert_one_sentence
 
@@ -62,7 +62,7 @@ def import_it(command: Command, columns: str, *files: str, out: str = "drive.mca
 
 
 def assert_circle(command: Command, tolerance_rad: float = 1e-9) -> None:
-    rows = read_drive(Path("drive.mcap")).rows
+    rows = read_drive(Path("drive.mcap")).channels
     turned = [rows[f"enc{wheel}_rad"].value for wheel in (1, 2)]
     for values, speed_rad_s in zip(turned, (LEFT_RAD_S, RIGHT_RAD_S), strict=True):
         assert values[-1] - values[0] == pytest.approx(speed_rad_s * T_S[-1], abs=tolerance_rad)
@@ -163,7 +163,7 @@ def test_wheels_with_speeds_only(command: Command, tmp_path: Path, unit: str, pe
     text = TIME + wheels_of("speed", f'unit = "{unit}"') + ROVER
     assert import_it(command, text, str(tmp_path / "drive.csv")) == 0, command.error
     assert "no angles, its speeds are integrated" in command.out
-    speeds = read_drive(Path("drive.mcap")).rows["speed1_rad_s"].value
+    speeds = read_drive(Path("drive.mcap")).channels["speed1_rad_s"].value
     assert speeds == pytest.approx(LEFT_RAD_S)
 
 
@@ -311,7 +311,7 @@ def test_yaw_rate_and_currents(command: Command, tmp_path: Path) -> None:
     text = TIME + RADIANS + 'current = { column = "i", unit = "mA" }\n'
     text += '[imu]\nyaw_rate = { column = "w", unit = "deg/s" }\n' + ROVER
     assert import_it(command, text, str(tmp_path / "drive.csv")) == 0, command.error
-    rows = read_drive(Path("drive.mcap")).rows
+    rows = read_drive(Path("drive.mcap")).channels
     assert rows["gyro_z_rad_s"].value == pytest.approx(TURN_RAD_S)
     assert rows["current2_a"].value == pytest.approx(0.3)
 

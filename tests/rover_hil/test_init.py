@@ -30,8 +30,8 @@ from drivers.registry import AnyDeviceSettings
 from drivers.serial_link import SerialLink
 from rover_hil.config import load_config
 from rover_hil.console.ask import ask_choice
-from rover_hil.datasets.log import read_drive
 from rover_hil.doctor.finding import SystemPaths
+from rover_hil.drives.drive import read_drive
 from rover_hil.ready.set_up import command as init
 from rover_hil.ready.set_up import probing, turning
 from rover_hil.ready.set_up.cameras import ground_motion

@@ -15,7 +15,7 @@ from controllers.slip.effort.learned_bracket import LearnedBracket
 from controllers.slip.effort.settings import SlipSettings
 from controllers.slip.effort.slip_bracket import DrivenTravel, SlipReading
 from rover_hil.config import load_config, read_config_text
-from rover_hil.datasets.marks import Marks
+from rover_hil.drives.marks import Marks
 from rover_hil.ready.commission import learning, procedure
 from rover_hil.ready.commission.drive import Poses
 from rover_hil.ready.commission.learning import (

@@ -28,7 +28,7 @@ from controllers.slip.scomp.compensator import ScompReport
 from drivers.errors import LogError
 from drivers.samples import PoseFixSample, RateSample, Sample, SentCommand, WheelCommand, WheelSample
 from rover_hil.config import load_config
-from rover_hil.datasets.log import read_drive
+from rover_hil.drives.drive import read_drive
 from rover_hil.recording.json_schema import topic_schema
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.schema import (
@@ -247,6 +247,6 @@ def test_set_points_that_were_not_delivered_are_none(tmp_path: Path) -> None:
         for t_ns, delivered in ((10, True), (20, False)):
             sent = SentCommand(t_ns=t_ns, speed_rad_s=(1.0, 2.0, 3.0), delivered=delivered)
             log.write_json("/command", t_ns, set_point_record(sent))
-    rows = read_drive(path).rows
+    rows = read_drive(path).channels
     assert rows["set2_rad_s"].t_ns.tolist() == [10]
     assert rows["set2_rad_s"].value.tolist() == [2.0]

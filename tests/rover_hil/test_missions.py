@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rover_hil.config import load_config, read_config_text
-from rover_hil.datasets.log import read_drive
+from rover_hil.drives.drive import read_drive
 from rover_hil.run.driving import run_virtual
 from tests.rover_hil.command import Command, assert_one_sentence
 

@@ -17,7 +17,7 @@ from rover_hil.identify.scomp.pictures import model_pictures
 from rover_hil.pages.atomic_write import write_file
 from rover_hil.scomp.columns import drive_of
 from rover_hil.scomp.command import run_scomp
-from rover_hil.scomp.drive import Drive
+from rover_hil.scomp.drive import DriveRows
 from rover_hil.scomp.files import COLUMNS, parameters_text, read_drive, read_parameters
 from rover_hil.scomp.read_csv import read_truth
 from tests.controllers.scomp.drives import mounds, sideways
@@ -178,7 +178,7 @@ def test_a_long_gap_of_a_sensor_is_reported(first: int, last: int) -> None:
     assert not [note for note in drive_of(columns, "gappy")[1] if "no data" in note]
 
 
-def wheels(*ends: float) -> tuple[Drive, list[str]]:
+def wheels(*ends: float) -> tuple[DriveRows, list[str]]:
     columns = {"t_s": np.arange(3.0)}
     columns |= {f"enc{i + 1}_rad": np.linspace(5.0, 5.0 + end, 3) for i, end in enumerate(ends)}
     return drive_of(columns, "wheels")

@@ -10,7 +10,7 @@ import pytest
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import LogError
 from rover_hil.config import load_config
-from rover_hil.datasets.log import read_drive
+from rover_hil.drives.drive import read_drive
 from rover_hil.recording.data_files import collect_data_files, restore_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.writer import LogWriter

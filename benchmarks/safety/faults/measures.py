@@ -20,7 +20,7 @@ from controllers.motion.rover_geometry import OmniRoverSettings, track_of
 from drivers.clock import NANOSECONDS_PER_SECOND, nanoseconds, seconds
 from drivers.errors import LogError
 from rover_hil.config import Config
-from rover_hil.datasets.log import read_drive
+from rover_hil.drives.drive import read_drive
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.report.read_run import read_run

@@ -9,7 +9,8 @@ from drivers.errors import LogError
 from drivers.robotino_board.scales import scales
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from rover_hil.config import Config
-from rover_hil.datasets.log import POSE, read_drive
+from rover_hil.drives.channels import POSE
+from rover_hil.drives.drive import read_drive
 from rover_hil.gap.data.columns import DriveLog
 from rover_hil.gap.data.parameters import DATA
 from sim_backends.models.interface import Run
@@ -46,7 +47,7 @@ def read_log(path: Path, name: str) -> DriveLog:
     """
     drive = read_drive(path)
     columns = drive.table((*WHEELS, *BODY), outside=math.nan)
-    count = len(drive.rows[drive.clock])
+    count = len(drive.channels[drive.clock])
     if count < DATA.runs.least_rows:
         raise LogError(f"log {path} holds {count} readings of the first wheel: give the log of a drive")
     return DriveLog(

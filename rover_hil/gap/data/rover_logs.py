@@ -9,8 +9,9 @@ import numpy as np
 
 from controllers.motion.rover_geometry import WheelsRoverSettings
 from drivers.errors import ConfigError, LogError
-from rover_hil.datasets.log import RecordedDrive, TruePoses, read_drive
-from rover_hil.datasets.marks import mark_files
+from rover_hil.drives.drive import Drive, read_drive
+from rover_hil.drives.ground_truth import TruePoses
+from rover_hil.drives.marks import mark_files
 from rover_hil.gap.data.logs import find_logs
 from rover_hil.gap.data.parameters import DATA
 from rover_hil.gap.data.windows import Windows, body_rates, stretches, windows_over
@@ -63,7 +64,7 @@ def _with_stretches(run: Run, rng: np.random.Generator) -> Run:
     return replace(run, measured=measured, overlap=(before + size, after))
 
 
-def _run(model: WheelsModel, drive: RecordedDrive, name: str, rng: np.random.Generator) -> Run:
+def _run(model: WheelsModel, drive: Drive, name: str, rng: np.random.Generator) -> Run:
     rover = drive.config.rover
     if not isinstance(rover, WheelsRoverSettings) or len(rover.wheels) != model.wheel_count:
         raise ConfigError(
@@ -74,7 +75,7 @@ def _run(model: WheelsModel, drive: RecordedDrive, name: str, rng: np.random.Gen
     true_s = drive.seconds(poses.t_ns)
     width_s = _window_s(poses, true_s, name)
     numbers = range(1, model.wheel_count + 1)
-    wheels = {number: drive.rows[f"enc{number}_rad"] for number in numbers}
+    wheels = {number: drive.channels[f"enc{number}_rad"] for number in numbers}
     # A wheel without a motor need not have a sensor: it rolls as the ground does.
     wheels = {number: one for number, one in wheels.items() if number in model.driven or len(one)}
     if any(len(one) < DATA.runs.least_rows for one in wheels.values()):
@@ -93,7 +94,7 @@ def _run(model: WheelsModel, drive: RecordedDrive, name: str, rng: np.random.Gen
     if model.steers:
         inputs |= {f"steering_{number}_rad": _steering(drive, number, windows) for number in numbers}
     measured = {"forward_m_s": forward, "left_m_s": left, "turn_rad_s": turn}
-    gyro = drive.rows["gyro_z_rad_s"]
+    gyro = drive.channels["gyro_z_rad_s"]
     if len(gyro) >= DATA.runs.least_rows:
         measured[GYRO] = windows.mean(drive.seconds(gyro.t_ns), gyro.value)
     for channel, values in measured.items():
@@ -121,10 +122,10 @@ def _window_s(poses: TruePoses, true_s: Array, name: str) -> float:
     return max(DATA.windows.window_s, 2.0 * interval_s)
 
 
-def _steering(drive: RecordedDrive, number: int, windows: Windows) -> Array:
+def _steering(drive: Drive, number: int, windows: Windows) -> Array:
     """Return the steering angle of a wheel: measured, else its setpoint, else 0."""
     for name in (f"steer{number}_rad", f"set_steer{number}_rad"):
-        readings = drive.rows[name]
+        readings = drive.channels[name]
         if len(readings):
             return windows.mean(drive.seconds(readings.t_ns), readings.value)
     return np.zeros(windows.middle_s.size)

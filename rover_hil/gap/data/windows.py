@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.errors import ConfigError
-from rover_hil.datasets.arrays import in_body_frame
+from rover_hil.drives.arrays import in_body_frame
 from rover_hil.gap.data.parameters import DATA
 from sim_backends.models.interface import Array, Run
 

@@ -16,8 +16,8 @@ from scipy.stats import t as student
 
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array, rms
-from rover_hil.datasets.robotino_csv import COMMANDS, CURRENTS, ROBOTINO, SPEEDS, read_averages
+from rover_hil.drives.arrays import Array, rms
+from rover_hil.drives.robotino_csv import COMMANDS, CURRENTS, ROBOTINO, SPEEDS, read_averages
 from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.record import cut_set_point
 from rover_hil.identify.motor.report import UNITS, Estimate, MotorReport, estimate

@@ -13,7 +13,7 @@ from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.console.json_text import print_json
 from rover_hil.console.options import ClusterOption, ForceOption, JsonOption, check_inputs, out_option
 from rover_hil.console.steps import show_progress
-from rover_hil.datasets.toml_text import toml_text
+from rover_hil.drives.toml_text import toml_text
 from rover_hil.identify.motor.identify import Record, find_logs, identify, read_records
 from rover_hil.identify.motor.report import Estimate, MotorReport
 from rover_hil.pages.atomic_write import check_file, write_file

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from drivers.errors import LogError
-from rover_hil.datasets.robotino_csv import is_averages
+from rover_hil.drives.robotino_csv import is_averages
 from rover_hil.identify.motor.averages import MotorDrives, read_drives, report_drives
 from rover_hil.identify.motor.log import read_log
 from rover_hil.identify.motor.record import MotorRecord

@@ -7,7 +7,7 @@ import numpy as np
 
 from drivers.errors import LogError
 from drivers.robotino_board.settings import RobotinoBoardSettings
-from rover_hil.datasets.log import RecordedDrive, read_drive
+from rover_hil.drives.drive import Drive, read_drive
 from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.record import (
     MotorRecord,
@@ -27,7 +27,7 @@ def read_log(path: Path) -> list[MotorRecord]:
         LogError: The log cannot be read, or lacks wheels, currents or setpoints.
     """
     drive = read_drive(path)
-    rows = drive.rows
+    rows = drive.channels
     driven = list(takewhile(lambda motor: f"set{motor}_rad_s" in rows, count(1)))
     measured = [motor for motor in driven if any(field.format(motor) in rows for field in FIELDS)]
     if not measured or len(rows["set1_rad_s"]) < MOTOR_FIT.record.least_readings:
@@ -39,7 +39,7 @@ def read_log(path: Path) -> list[MotorRecord]:
     return [_record(path, drive, motor) for motor in driven]
 
 
-def _record(path: Path, drive: RecordedDrive, motor: int) -> MotorRecord:
+def _record(path: Path, drive: Drive, motor: int) -> MotorRecord:
     device = drive.config.devices[drive.config.roles.wheels]
     where = f"{path} motor {motor}"
     gear, scale = 1.0, Scale()
@@ -52,7 +52,7 @@ def _record(path: Path, drive: RecordedDrive, motor: int) -> MotorRecord:
         raise LogError(f"{where}: no motor currents in the log: use a drive that reports them")
     if position is None and speed is None:
         raise LogError(f"{where}: neither positions nor speeds in the log: use a drive that reports them")
-    sent = drive.rows[f"set{motor}_rad_s"]
+    sent = drive.channels[f"set{motor}_rad_s"]
     set_point = sent.value * gear
     if scale.speed_rad_s:
         set_point = cut_set_point(set_point, scale.speed_rad_s)
@@ -64,15 +64,15 @@ def _record(path: Path, drive: RecordedDrive, motor: int) -> MotorRecord:
         position=position,
         speed=speed,
         current=current,
-        current_is_signed=motor not in drive.rows.unsigned_wheels,
+        current_is_signed=motor not in drive.channels.unsigned_wheels,
         voltage=_series(drive, f"voltage{motor}_v", where),
         scale=scale,
     )
 
 
-def _series(drive: RecordedDrive, name: str, where: str, factor: float = 1.0) -> Series | None:
+def _series(drive: Drive, name: str, where: str, factor: float = 1.0) -> Series | None:
     """Return finite readings over time; None when there are too few."""
-    readings = drive.rows[name]
+    readings = drive.channels[name]
     use = np.isfinite(readings.value)
     if np.count_nonzero(use) < MOTOR_FIT.record.least_readings:
         return None

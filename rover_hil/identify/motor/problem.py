@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.record import MotorRecord, Moves, Series, find_moves
 from rover_hil.identify.motor.response import Motion, MotorModel, Response, respond

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from drivers.errors import LogError
 from drivers.robotino_board.scales import scales
 from drivers.robotino_board.settings import RobotinoBoardSettings
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.identify.motor.parameters import MOTOR_FIT
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import rms
+from rover_hil.drives.arrays import rms
 from rover_hil.identify.motor.fit import ELECTRIC_LAG_S, HIDDEN, MotorFit, fit_motor
 from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.problem import MotorProblem

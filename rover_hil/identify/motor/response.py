@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.record import Moves
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.special import ndtr
 
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.identify.motor.record import Scale
 
 FINEST_STEP_A = 0.004

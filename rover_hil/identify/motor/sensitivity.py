@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.identify.motor.fit import MotorFit
 from rover_hil.identify.motor.parameters import MOTOR_FIT
 

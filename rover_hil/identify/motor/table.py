@@ -4,7 +4,7 @@ from pathlib import Path
 
 from drivers.errors import LogError
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD
-from rover_hil.datasets.robotino_csv import MOTORS, RobotinoRecord, read_record
+from rover_hil.drives.robotino_csv import MOTORS, RobotinoRecord, read_record
 from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.record import MotorRecord, Scale, Series, cut_set_point
 

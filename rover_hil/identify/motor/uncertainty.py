@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.identify.motor.fit import LOOP_PERIOD_S, TYPICAL, MotorFit
 from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.problem import MotorProblem

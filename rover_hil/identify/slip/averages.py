@@ -8,8 +8,8 @@ import numpy as np
 
 from controllers.slip.effort.motor_model import MotorSettings, paper_torque, wheel_torque
 from controllers.slip.effort.parameters import EFFORT
-from rover_hil.datasets.arrays import Array, Flags
-from rover_hil.datasets.robotino_csv import (
+from rover_hil.drives.arrays import Array, Flags
+from rover_hil.drives.robotino_csv import (
     AVERAGE_S,
     COMMANDS,
     CURRENTS,

@@ -1,4 +1,4 @@
-"""Poses between positions that were measured by hand while the rover stood, see `rover_hil.datasets.marks`.
+"""Poses between positions that were measured by hand while the rover stood, see `rover_hil.drives.marks`.
 
 Between two of them the slip is taken as constant: the rover is put on the way from one to the other in
 proportion to the travel of its wheels. So a leg shows the mean slip, and not how it scatters along the way.
@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.marks import Marks
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.marks import Marks
 from rover_hil.identify.slip.parameters import SLIP_FIT
 
 Complex = NDArray[np.complex128]

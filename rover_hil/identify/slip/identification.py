@@ -7,7 +7,7 @@ from pathlib import Path
 
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
-from rover_hil.datasets.marks import mark_files
+from rover_hil.drives.marks import mark_files
 from rover_hil.identify.slip.camera_scale import CameraScale, find_scale
 from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import RunWindows

@@ -10,9 +10,10 @@ import numpy as np
 
 from controllers.motion.rover_geometry import OmniRoverSettings
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array, Flags
-from rover_hil.datasets.log import LogRows, RecordedDrive, read_drive
-from rover_hil.datasets.marks import marks_beside, read_marks
+from rover_hil.drives.arrays import Array, Flags
+from rover_hil.drives.channels import Channels
+from rover_hil.drives.drive import Drive, read_drive
+from rover_hil.drives.marks import marks_beside, read_marks
 from rover_hil.identify.slip.hand_positions import poses_between
 from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import WHEELS, MeasuredRun, to_wheels
@@ -25,7 +26,7 @@ def read_log_run(path: Path, surface: str) -> MeasuredRun:
         LogError: The log is damaged, is of another kind of rover, or lacks wheels, currents or the true pose.
     """
     drive = read_drive(path)
-    rover, rows = drive.config.rover, drive.rows
+    rover, rows = drive.config.rover, drive.channels
     if not isinstance(rover, OmniRoverSettings):
         raise LogError(
             f"{path} is of a rover with kinematics '{rover.kinematics}': "
@@ -78,9 +79,7 @@ def read_log_run(path: Path, surface: str) -> MeasuredRun:
     )
 
 
-def _truth_by_hand(
-    path: Path, drive: RecordedDrive, rover: OmniRoverSettings, position: Sequence[Array]
-) -> Array:
+def _truth_by_hand(path: Path, drive: Drive, rover: OmniRoverSettings, position: Sequence[Array]) -> Array:
     """Return rows of time in s, x, y, yaw at the readings of the first wheel between positions in a file."""
     t_s = position[0][:, 0]
     turned = np.column_stack([np.interp(t_s, table[:, 0], table[:, 1]) for table in position])
@@ -93,7 +92,7 @@ def _truth_by_hand(
     return np.column_stack((t_s, poses))[known]
 
 
-def _series(rows: LogRows, name: str) -> Array:
+def _series(rows: Channels, name: str) -> Array:
     """Return rows of time in s and value."""
     readings = rows[name]
     return np.column_stack((readings.t_ns / 1e9, readings.value))

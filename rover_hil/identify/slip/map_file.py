@@ -9,7 +9,7 @@ from controllers.slip.effort.slip_map import MapScore, SlipMapFile, WheelMap
 from drivers.clock import wall_time_text
 from drivers.files import SETTINGS_BYTES, read_bytes, resolved
 from rover_hil.config import load_slip_map, validated
-from rover_hil.datasets.toml_text import toml_text
+from rover_hil.drives.toml_text import toml_text
 from rover_hil.identify.slip.identification import SlipIdentification
 from rover_hil.identify.slip.scores import Score
 from rover_hil.identify.slip.wheel_fit import collect_samples, fit_monotone

@@ -9,8 +9,8 @@ import numpy as np
 from controllers.motion.kinematics import OmniKinematics
 from controllers.motion.rover_geometry import OmniRoverSettings
 from controllers.slip.effort.gyro_response import GyroResponse
-from rover_hil.datasets.arrays import Array, Flags
-from rover_hil.datasets.robotino_csv import ROBOTINO
+from rover_hil.drives.arrays import Array, Flags
+from rover_hil.drives.robotino_csv import ROBOTINO
 
 WHEELS = 3
 

@@ -13,8 +13,8 @@ from drivers.errors import LogError
 from drivers.files import resolved
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD, ROBOTINO_SCALES
 from drivers.robotino_board.scales import MAX_RAW
-from rover_hil.datasets.marks import ENDING, FORMER_ENDING, marks_file
-from rover_hil.datasets.robotino_csv import board_counts, camera_poses, is_averages, read_record, record_names
+from rover_hil.drives.marks import ENDING, FORMER_ENDING, marks_file
+from rover_hil.drives.robotino_csv import board_counts, camera_poses, is_averages, read_record, record_names
 from rover_hil.identify.slip.averages import read_average_runs
 from rover_hil.identify.slip.log_runs import read_log_run
 from rover_hil.identify.slip.parameters import SLIP_FIT

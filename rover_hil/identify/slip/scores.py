@@ -8,7 +8,7 @@ import numpy as np
 from controllers.slip.effort.slip_map import WheelMap, slip_at
 from controllers.slip.effort.surface_map import NO_TRAVEL, SurfaceMap, SurfaceTracker, Travel
 from controllers.slip.effort.travel_range import direction_problem
-from rover_hil.datasets.arrays import Array, rms
+from rover_hil.drives.arrays import Array, rms
 from rover_hil.identify.slip.run_data import WHEELS, RunWindows, to_wheels
 from rover_hil.identify.slip.runs import surface_parts
 from rover_hil.identify.slip.surface_fit import travel_direction_rad, travel_work_j

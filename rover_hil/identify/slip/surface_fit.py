@@ -6,7 +6,7 @@ import numpy as np
 
 from controllers.slip.effort.surface_map import DirectionCurve, SurfaceMap, SurfaceModel
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array, Flags
+from rover_hil.drives.arrays import Array, Flags
 from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import RunWindows
 

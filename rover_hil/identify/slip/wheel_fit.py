@@ -8,7 +8,7 @@ import numpy as np
 from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.slip_map import Feature, MonotoneMap, PolynomialMap, TractionMap, WheelMap
 from drivers.errors import ConfigError, LogError
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import RunWindows
 

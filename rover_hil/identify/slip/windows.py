@@ -13,7 +13,7 @@ import numpy as np
 
 from controllers.slip.effort.motor_model import EffortObserver, MotorSettings, WheelEffort
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array, Flags, in_body_frame
+from rover_hil.drives.arrays import Array, Flags, in_body_frame
 from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import WHEELS, MeasuredRun, RunWindows, to_wheels
 

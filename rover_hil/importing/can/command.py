@@ -16,7 +16,7 @@ from rover_hil.console.exit_codes import EXIT_OK
 from rover_hil.console.json_text import print_json
 from rover_hil.console.options import ForceOption, JsonOption, out_option
 from rover_hil.console.steps import show_steps
-from rover_hil.datasets.can_frames import read_can_log
+from rover_hil.drives.can_frames import read_can_log
 from rover_hil.importing.can.listing import ListedIdentifier, absence_of, list_frames, motion_kinds
 from rover_hil.importing.can.rover import rover_of_log
 from rover_hil.importing.can.to_log import write_can_as_log

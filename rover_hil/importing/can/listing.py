@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from drivers.can.frame import ERROR_FLAG, EXTENDED_FLAG, EXTENDED_ID_MASK
 from drivers.can_wheels.messages import bus_id
-from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.can_frames import LARGEST_PAYLOAD, CanFrames
-from rover_hil.datasets.can_signals import MessageFrames
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.can_frames import LARGEST_PAYLOAD, CanFrames
+from rover_hil.drives.can_signals import MessageFrames
 
 _ANGLES = "rad deg degrees °"
 _RATES = "rad/s deg/s rev/s rpm m/s mm/s km/h kph kmh mph"

@@ -16,7 +16,7 @@ from drivers.errors import ConfigError, LogError
 from drivers.link import Received
 from drivers.samples import RateSample, Sample, WheelSample
 from rover_hil.config import Config
-from rover_hil.datasets.can_frames import CanFrames, timed_payloads
+from rover_hil.drives.can_frames import CanFrames, timed_payloads
 from rover_hil.importing.can.listing import absence_of, identifier_text
 from rover_hil.importing.drive import LONGEST_GAP_NS, START_NS, Contents, check_steering, write_drive
 from rover_hil.importing.oddities import LEFT_OUT, NO_FAULT, REPAIRED, Evidence, Oddity

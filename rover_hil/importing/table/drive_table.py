@@ -12,11 +12,11 @@ from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.errors import LogError
 from drivers.settings import Settings
 from rover_hil.config import Config
-from rover_hil.datasets.array_table import Table, read_table
-from rover_hil.datasets.arrays import Array, Flags
-from rover_hil.datasets.clocks import Clock, spread, unwrapped
-from rover_hil.datasets.csv_table import CsvTable
-from rover_hil.datasets.flight_table import FlightTable
+from rover_hil.drives.array_table import Table, read_table
+from rover_hil.drives.arrays import Array, Flags
+from rover_hil.drives.clocks import Clock, spread, unwrapped
+from rover_hil.drives.csv_table import CsvTable
+from rover_hil.drives.flight_table import FlightTable
 from rover_hil.importing.oddities import NO_FAULT, REPAIRED, TOLD, Oddity
 from rover_hil.importing.rosbag.joints import REGULAR
 from rover_hil.importing.table.columns import (

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controllers.estimation.settings import FilterSettings
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 
 LEAST_RESTS = 5
 """Fewer rests do not distinguish noise and drift: those of the settings are used."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from controllers.motion.kinematics import make_kinematics
 from drivers.clock import NANOSECONDS_PER_SECOND
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.importing.drive import check_straight
 from rover_hil.importing.table.columns import (
     SI_PER_UNIT,

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import LogError
-from rover_hil.datasets.array_table import Table
-from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.flight_table import FlightTable
+from rover_hil.drives.array_table import Table
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.flight_table import FlightTable
 from rover_hil.importing.fixes import invented_poses
 from rover_hil.importing.oddities import Oddity
 from rover_hil.importing.table.columns import (

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import LogError, RoverHilError
-from rover_hil.datasets.array_table import Table, read_table
-from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.csv_table import CsvTable
-from rover_hil.datasets.flight_table import FlightTable
+from rover_hil.drives.array_table import Table, read_table
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.csv_table import CsvTable
+from rover_hil.drives.flight_table import FlightTable
 from rover_hil.importing.table.columns import SI_PER_UNIT
 
 MOST_COLUMNS = 16

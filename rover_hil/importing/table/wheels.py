@@ -9,7 +9,7 @@ from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import RoverSettings, WheelsRoverSettings
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.importing.drive import check_steering
 from rover_hil.importing.oddities import NO_FAULT, REPAIRED, Oddity
 from rover_hil.importing.rosbag.joints import REGULAR, Steps

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.drive import Drive
 from rover_hil.recording import schema
-from rover_hil.recording.reader import LogReader
 
 LEAST_STOP_S = 1.0
 SPEED_WINDOW_S = 0.25
@@ -60,18 +60,17 @@ def read_poses(path: Path) -> Poses:
     Raises:
         LogError: The log is damaged, or holds no drive with a stop.
     """
-    log = LogReader(path)
+    drive = Drive(path)
+    log = drive.log
     rows: list[list[float]] = []
     moving: list[bool] = []
     slips: list[float] = []
-    for message in log.messages():
-        if message.topic != schema.ESTIMATE:
-            continue
-        record = log.parse(message, schema.ESTIMATE_SHAPE)
+
+    def take(t_ns: int, record: schema.EstimateRecord) -> None:
         pose, wheels = record["estimate"], record["odometry"]
         rows.append(
             [
-                (message.t_ns - log.start_ns) / 1e9,
+                (t_ns - log.start_ns) / 1e9,
                 *(wheels["x_m"], wheels["y_m"], wheels["yaw_rad"]),
                 *(pose["x_m"], pose["y_m"], pose["yaw_rad"]),
                 *pose["covariance"],
@@ -80,6 +79,8 @@ def read_poses(path: Path) -> Poses:
         moving.append(any(record["command"]["speed_rad_s"]))
         if moving[-1] and (record.get("slip") or record.get("drift")):
             slips.append(float(_has_slip(record)))
+
+    drive.read(take_estimate=take)
     table = np.array(rows).reshape(-1, 13)
     if not np.isfinite(table).all() or not any(moving):
         raise LogError(f"log {path} holds no drive: let `rover-hil commission` drive again")

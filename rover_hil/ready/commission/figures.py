@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from rover_hil.datasets.marks import Marks
+from rover_hil.drives.marks import Marks
 from rover_hil.pages import style
 from rover_hil.ready.commission.drive import Poses
 from rover_hil.ready.commission.worth import Worth

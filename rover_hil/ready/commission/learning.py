@@ -23,8 +23,8 @@ from controllers.slip.effort.parameters import EFFORT
 from controllers.slip.effort.settings import SlipSettings
 from controllers.slip.effort.slip_bracket import DrivenTravel
 from drivers.clock import date_of, wall_time_ns
-from rover_hil.datasets.arrays import Array, rms
-from rover_hil.datasets.toml_text import toml_text
+from rover_hil.drives.arrays import Array, rms
+from rover_hil.drives.toml_text import toml_text
 from rover_hil.pages.atomic_write import write_file
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader

@@ -27,9 +27,9 @@ from rover_hil.console.options import (
     number_option,
     out_option,
 )
-from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.log import read_drive
-from rover_hil.datasets.marks import COLUMNS, Marks, marks_beside, marks_file, marks_text, read_marks
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.drive import read_drive
+from rover_hil.drives.marks import COLUMNS, Marks, marks_beside, marks_file, marks_text, read_marks
 from rover_hil.pages.atomic_write import refuse_overwrite, write_file
 from rover_hil.pages.picture import Drawing
 from rover_hil.ready.commission.drive import Poses, read_poses

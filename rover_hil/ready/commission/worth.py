@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from rover_hil.datasets.arrays import Array, rms
-from rover_hil.datasets.marks import Marks
+from rover_hil.drives.arrays import Array, rms
+from rover_hil.drives.marks import Marks
 from rover_hil.ready.commission.drive import Poses
 
 CONFIDENCE = 0.95

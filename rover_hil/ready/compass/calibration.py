@@ -14,7 +14,7 @@ from drivers.samples import RateSample, Sample
 from rover_hil.config import Config
 from rover_hil.console.options import number_option
 from rover_hil.console.steps import show_steps
-from rover_hil.datasets.toml_text import toml_text
+from rover_hil.drives.toml_text import toml_text
 from rover_hil.pages.picture import Drawing
 from rover_hil.ready.by_hand import record_by_hand
 from rover_hil.ready.compass.coverage import Coverage

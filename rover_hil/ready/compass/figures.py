@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from drivers.heading_calibration import DeviationTable, MagnetometerCalibration
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.pages import style
 from rover_hil.ready.compass.fit import CompassFit
 

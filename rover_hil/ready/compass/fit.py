@@ -23,7 +23,7 @@ from drivers.nmea_compass.codec import NmeaCompassCodec
 from drivers.samples import HeadingReference, HeadingSample
 from drivers.witmotion.codec import MagneticReader, WitMotionCodec
 from drivers.witmotion.settings import WitMotionSettings
-from rover_hil.datasets.arrays import Array, Flags, rms, wrap_angles
+from rover_hil.drives.arrays import Array, Flags, rms, wrap_angles
 from rover_hil.ready.compass.parameters import COMPASS_FIT
 from rover_hil.ready.compass.record import CompassRecord, CompassSettings, aligned
 

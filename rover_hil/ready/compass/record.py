@@ -15,11 +15,11 @@ from drivers.nmea_compass.settings import NmeaCompassSettings
 from drivers.samples import AttitudeSample, RateSample
 from drivers.witmotion.settings import WitMotionSettings
 from rover_hil.config import Config
-from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.log import LogRows
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.channels import Channels
+from rover_hil.drives.drive import Drive
 from rover_hil.ready.compass.parameters import COMPASS_FIT
 from rover_hil.recording import schema
-from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 
 CompassSettings = NmeaCompassSettings | WitMotionSettings
@@ -108,23 +108,20 @@ def read_record(path: Path, device: str | None) -> CompassRecord:
         ConfigError: The log's configuration has no such compass.
         LogError: The log is damaged, or holds nothing of the compass, or no turns.
     """
-    log = LogReader(path)
-    with restore_config(log) as config:
-        rows = LogRows(config)
+    drive = Drive(path)
+    log, config = drive.log, drive.config
     name, settings = compass_of(config, device)
-    payloads: list[Received[bytes]] = []
     rates: defaultdict[str, list[RateSample]] = defaultdict(list)
     attitudes: defaultdict[str, list[AttitudeSample]] = defaultdict(list)
-    for message in log.messages():
-        rows.take(message, log)
-        if message.topic == f"{schema.RAW}{name}":
-            payloads.append(Received(message.t_ns, message.data))
-        elif message.topic == schema.SAMPLES:
-            samples = log.parse(message, schema.SAMPLES_SHAPE)
-            for rate in samples.rates:
-                rates[rate.device].append(rate)
-            for attitude in samples.attitudes:
-                attitudes[attitude.device].append(attitude)
+
+    def take(_: int, samples: schema.SamplesRecord) -> None:
+        for rate in samples.rates:
+            rates[rate.device].append(rate)
+        for attitude in samples.attitudes:
+            attitudes[attitude.device].append(attitude)
+
+    drive.read(take)
+    payloads = [Received(each.t_ns, each.data) for each in drive.raw(name)]
     if not payloads:
         raise LogError(f"log {path} holds nothing of '{name}': was it connected?")
     gyros = [each for each in (config.roles.gyro, name, *rates) if each is not None and each in rates]
@@ -133,7 +130,7 @@ def read_record(path: Path, device: str | None) -> CompassRecord:
         t_s, rate_rad_s = _yaw_rate(rates[gyros[0]], attitudes[gyros[0]], log.start_ns)
     else:
         reference = "wheels"
-        t_s, rate_rad_s = _wheel_rate(config, rows, log)
+        t_s, rate_rad_s = _wheel_rate(config, drive.channels, log)
     t_s, keep = np.unique(t_s, return_index=True)
     rate_rad_s = rate_rad_s[keep]
     if len(t_s) < LEAST_READINGS or not np.isfinite(rate_rad_s).all():
@@ -171,7 +168,7 @@ def _yaw_rate(rates: list[RateSample], attitudes: list[AttitudeSample], start_ns
     return t_s, turned
 
 
-def _wheel_rate(config: Config, rows: LogRows, log: LogReader) -> tuple[Array, Array]:
+def _wheel_rate(config: Config, rows: Channels, log: LogReader) -> tuple[Array, Array]:
     kinematics = make_kinematics(config.rover)
     positions = [rows[f"enc{wheel + 1}_rad"] for wheel in range(kinematics.wheel_count)]
     if any(len(each) < LEAST_READINGS for each in positions):

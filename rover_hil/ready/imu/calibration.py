@@ -13,7 +13,7 @@ from controllers.slip.effort.yaw_excitation import ExcitationSettings
 from drivers.clock import date_of, wall_time_ns
 from drivers.errors import ConfigError
 from rover_hil.config import Config
-from rover_hil.datasets.toml_text import toml_text
+from rover_hil.drives.toml_text import toml_text
 from rover_hil.pages.picture import Drawing
 from rover_hil.ready.imu.figures import draw_response
 from rover_hil.ready.imu.fit import ResponseFit, fit_response

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from scipy.signal import lfilter
 
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 
 
 class ContactSpring(NamedTuple):

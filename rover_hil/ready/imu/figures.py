@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from controllers.slip.effort.gyro_response import GyroResponse
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.pages import style
 from rover_hil.ready.imu.parameters import GYRO_FIT
 from rover_hil.ready.imu.turns import Turns

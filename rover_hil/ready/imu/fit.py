@@ -21,7 +21,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from controllers.slip.effort.yaw_excitation import ExcitationSettings
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.ready.imu.contact import ContactSpring
 from rover_hil.ready.imu.parameters import GYRO_FIT
 from rover_hil.ready.imu.turns import Turns

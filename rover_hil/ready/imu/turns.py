@@ -9,8 +9,8 @@ from scipy.interpolate import CubicSpline
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import OmniRoverSettings
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.log import read_drive
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.drive import read_drive
 from rover_hil.ready.imu.parameters import GYRO_FIT
 
 TURNS = GYRO_FIT.turns
@@ -50,7 +50,7 @@ def read_turns(path: Path) -> Turns:
             place.
     """
     drive = read_drive(path)
-    config, rows = drive.config, drive.rows
+    config, rows = drive.config, drive.channels
     if not isinstance(config.rover, OmniRoverSettings):
         raise LogError(
             f"{path} is of a rover with kinematics '{config.rover.kinematics}': "

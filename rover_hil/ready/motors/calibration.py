@@ -12,8 +12,8 @@ from drivers.clock import date_of, wall_time_ns
 from drivers.errors import ConfigError
 from rover_hil.config import Config
 from rover_hil.console.options import number_option
-from rover_hil.datasets.arrays import rms
-from rover_hil.datasets.toml_text import toml_text
+from rover_hil.drives.arrays import rms
+from rover_hil.drives.toml_text import toml_text
 from rover_hil.pages.picture import Drawing
 from rover_hil.ready.compass.record import compass_of
 from rover_hil.ready.motors.figures import draw_motor_errors, draw_motor_fields

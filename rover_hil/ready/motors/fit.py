@@ -17,13 +17,12 @@ from controllers.estimation.headings.motor_field import GREATEST_SHARE, MotorCur
 from controllers.estimation.settings import MotorFields
 from controllers.motion.kinematics import make_kinematics
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array, Flags, rms, wrap_angles
+from rover_hil.drives.arrays import Array, Flags, rms, wrap_angles
+from rover_hil.drives.drive import Drive
 from rover_hil.ready.compass.fit import reference_columns, solve_columns, waves_of
 from rover_hil.ready.compass.record import CompassRecord, aligned, read_record
 from rover_hil.ready.motors.parameters import MOTOR_FIELD
 from rover_hil.recording import schema
-from rover_hil.recording.data_files import restore_config
-from rover_hil.recording.reader import LogReader
 
 LEAST_AGE_S = 0.15
 """Currents are known at least for this time, whatever the age limit of the wheels."""
@@ -144,25 +143,25 @@ def read_motor_drive(path: Path, device: str | None) -> MotorDrive:
 
 def _headings(path: Path, record: CompassRecord) -> Array:
     """Return time, yaw and the currents of the motors at each heading, (n, 2 + m)."""
-    log = LogReader(path)
-    with restore_config(log) as config:
-        count, wheels = make_kinematics(config.rover).wheel_count, config.roles.wheels
-        age_s = max(LEAST_AGE_S, config.devices[wheels].max_age_s or 0.0)
-        currents = MotorCurrents(count, config.filter.heading_lag_s, age_s)
+    drive = Drive(path)
+    config = drive.config
+    count, wheels = make_kinematics(config.rover).wheel_count, config.roles.wheels
+    age_s = max(LEAST_AGE_S, config.devices[wheels].max_age_s or 0.0)
+    currents = MotorCurrents(count, config.filter.heading_lag_s, age_s)
     with_current: set[int] = set()
     rows: list[tuple[float, ...]] = []
-    for message in log.messages():
-        if message.topic != schema.SAMPLES:
-            continue
-        samples = log.parse(message, schema.SAMPLES_SHAPE)
+
+    def take(t_ns: int, samples: schema.SamplesRecord) -> None:
         for wheel in samples.wheels:
             if wheel.device == wheels:
-                currents.take(wheel, message.t_ns)
-                with_current |= {wheel.wheel} if wheel.current_a is not None else set()
+                currents.take(wheel, t_ns)
+                with_current.update({wheel.wheel} if wheel.current_a is not None else ())
         for heading in samples.headings:
-            known = currents.at(message.t_ns) if heading.device == record.device else None
+            known = currents.at(t_ns) if heading.device == record.device else None
             if known is not None and math.isfinite(heading.heading_rad):
-                rows.append(((message.t_ns - record.start_ns) / 1e9, heading.heading_rad, *known))
+                rows.append(((t_ns - record.start_ns) / 1e9, heading.heading_rad, *known))
+
+    drive.read(take)
     missing = ", ".join(str(wheel) for wheel in range(count) if wheel not in with_current)
     if missing:
         raise LogError(

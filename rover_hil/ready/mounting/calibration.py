@@ -16,8 +16,8 @@ from rover_hil.config import Config
 from rover_hil.console.ask import ask_number
 from rover_hil.console.options import number_option
 from rover_hil.console.steps import show_steps
-from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.toml_text import toml_text
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.toml_text import toml_text
 from rover_hil.pages.picture import Drawing
 from rover_hil.ready.by_hand import record_by_hand
 from rover_hil.ready.mounting.figures import draw_axis, draw_residuals, draw_turns

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.ready.mounting.parameters import MOUNTING_FIT
 from rover_hil.ready.mounting.record import InertialRecord
 

@@ -10,10 +10,10 @@ from drivers.errors import ConfigError, LogError
 from drivers.heading_calibration import Vector
 from drivers.inertial_settings import InertialSettings
 from rover_hil.config import Config
-from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.log import LogRows, TruePoses
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.drive import Drive
+from rover_hil.drives.ground_truth import TruePoses
 from rover_hil.recording import schema
-from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 
 LEAST_READINGS = 100
@@ -76,30 +76,28 @@ def read_inertial(path: Path, device: str | None) -> InertialRecord:
         ConfigError: The log's configuration has no such sensor.
         LogError: The log is damaged, or holds too few rates.
     """
-    log = LogReader(path)
-    with restore_config(log) as config:
-        rows = LogRows(config)
+    drive = Drive(path)
+    log, config = drive.log, drive.config
     name, settings = sensor_of(config, device)
     rates: list[tuple[float, ...]] = []
     accelerations: list[tuple[float, ...]] = []
     headings: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
-    for message in log.messages():
-        rows.take(message, log)
-        if message.topic != schema.SAMPLES:
-            continue
-        samples = log.parse(message, schema.SAMPLES_SHAPE)
-        rates += [
+
+    def take(_: int, samples: schema.SamplesRecord) -> None:
+        rates.extend(
             (_s(each.t_ns, log), each.rate_x_rad_s or 0.0, each.rate_y_rad_s or 0.0, each.rate_z_rad_s)
             for each in samples.rates
             if each.device == name
-        ]
-        accelerations += [
+        )
+        accelerations.extend(
             (_s(each.t_ns, log), each.x_m_s2, each.y_m_s2, each.z_m_s2)
             for each in samples.accelerations
             if each.device == name
-        ]
+        )
         for heading in samples.headings:
             headings[heading.device].append((_s(heading.t_ns, log), heading.heading_rad))
+
+    drive.read(take)
     headings.pop(name, None)
     table = np.array(rates).reshape(-1, 4)
     if len(table) < LEAST_READINGS or not np.isfinite(table[:, 3]).all():
@@ -109,11 +107,11 @@ def read_inertial(path: Path, device: str | None) -> InertialRecord:
         f"compass '{compass}'": (np.array(pairs).T[0], np.unwrap(np.array(pairs).T[1]))
         for compass, pairs in headings.items()
     }
-    fixes = rows.fixes()
+    fixes = drive.fixes()
     if fixes is not None and len(fixes.t_ns):
         references = {"overhead camera": _yaw_of(fixes, log), **references}
     if log.origin == "virtual":
-        references = {"simulated turns": _yaw_of(rows.true_poses(log), log), **references}
+        references = {"simulated turns": _yaw_of(drive.true_poses(), log), **references}
     return InertialRecord(
         path=path,
         device=name,

@@ -14,7 +14,7 @@ from drivers.clock import date_of, wall_time_ns
 from drivers.errors import ConfigError, LogError
 from rover_hil.config import Config
 from rover_hil.console.options import number_option
-from rover_hil.datasets.toml_text import toml_text
+from rover_hil.drives.toml_text import toml_text
 from rover_hil.pages.picture import Drawing
 from rover_hil.ready.options import command
 from rover_hil.ready.procedure import Drive, Entry, Facts, FileProcedure, Request, comments

@@ -21,13 +21,11 @@ from drivers.clock import nanoseconds, seconds
 from drivers.errors import LogError
 from drivers.samples import Image
 from rover_hil.config import Config
-from rover_hil.datasets.arrays import Array, Times
-from rover_hil.datasets.log import LogRows, TruePoses
+from rover_hil.drives.arrays import Array, Times
+from rover_hil.drives.channels import Channels
+from rover_hil.drives.drive import Drive
+from rover_hil.drives.ground_truth import TruePoses
 from rover_hil.ground.picture import draw
-from rover_hil.recording.data_files import restore_config
-from rover_hil.recording.images import capture_time_ns, decode_image
-from rover_hil.recording.reader import LogReader
-from rover_hil.recording.schema import RAW
 
 RATES = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 WHEELS = "wheels"
@@ -91,15 +89,13 @@ def read_scale_record(path: Path) -> ScaleRecord:
     Raises:
         LogError: The log is damaged, or holds no [ground_motion], no frames or no wheels.
     """
-    log = LogReader(path)
-    with restore_config(log) as config:
-        settings, rows = config.ground_motion, LogRows(config)
+    drive = Drive(path)
+    log, config = drive.log, drive.config
+    settings = config.ground_motion
     if settings is None or config.roles.camera is None:
         raise LogError(f"log {path} is of a rover without [ground_motion]: its camera has no rig")
-    for message in log.messages():
-        rows.take(message, log)
-    wheels = _Wheels(config, rows, path)
-    fixes = rows.fixes()
+    wheels = _Wheels(config, drive.read().channels, path)
+    fixes = drive.fixes()
     sinkage_m = 0.0 if fixes is None else settings.tolerance.sinkage_m
     tolerance = settings.tolerance.model_copy(update={"scale": 1.0, "scale_sd": None, "sinkage_m": sinkage_m})
     alone = settings.model_copy(update={"tolerance": tolerance})
@@ -108,7 +104,7 @@ def read_scale_record(path: Path) -> ScaleRecord:
     reasons: Counter[str] = Counter()
     meter = _meter(alone)
     view, picture = GroundView(GroundPatch(settings.rig.geometry())), None
-    for image, motion in _pairs(log, config, alone, rows, wheels, meter):
+    for image, motion in _pairs(drive, alone, wheels, meter):
         if motion.invalid_because:
             reasons[motion.invalid_because] += 1
         if motion.is_valid:
@@ -128,28 +124,26 @@ def read_scale_record(path: Path) -> ScaleRecord:
     )
 
 
-def read_ground_yaw(log: LogReader, config: Config, rows: LogRows) -> tuple[Times, Array] | None:
+def read_ground_yaw(drive: Drive) -> tuple[Times, Array] | None:
     """Return frame times and the yaw by the camera alone, over its longest run of valid pairs.
 
     Times are those of the frames, without `camera_delay_s`. None without [ground_motion], frames or wheels.
 
     Args:
-        log: The log.
-        config: Of the log.
-        rows: All readings of the log.
+        drive: Read to its end.
 
     Raises:
         LogError: The log is damaged.
     """
-    settings = config.ground_motion
-    if settings is None or config.roles.camera is None:
+    settings = drive.config.ground_motion
+    if settings is None or drive.config.roles.camera is None:
         return None
     stamped = settings.model_copy(update={"camera_delay_s": 0.0})
     runs: list[list[tuple[int, float]]] = [[]]
     try:
-        wheels = _Wheels(config, rows, log.path)
+        wheels = _Wheels(drive.config, drive.channels, drive.log.path)
         meter = _meter(stamped)
-        for _, motion in _pairs(log, config, stamped, rows, wheels, meter, turn_sd_rad=FREE_TURN_SD_RAD):
+        for _, motion in _pairs(drive, stamped, wheels, meter, turn_sd_rad=FREE_TURN_SD_RAD):
             if motion.is_open:
                 continue
             if not motion.is_valid:
@@ -165,10 +159,8 @@ def read_ground_yaw(log: LogReader, config: Config, rows: LogRows) -> tuple[Time
 
 
 def _pairs(
-    log: LogReader,
-    config: Config,
+    drive: Drive,
     settings: GroundMotionSettings,
-    rows: LogRows,
     wheels: "_Wheels",
     meter: GroundMotionEstimator,
     *,
@@ -177,20 +169,18 @@ def _pairs(
     """Yield frame and motion of each pair of frames.
 
     Args:
-        log: The log.
-        config: Of the log.
+        drive: Read to its end.
         settings: Those of the camera.
-        rows: All readings of the log.
         wheels: Where the search begins.
         meter: Measures the motion.
         turn_sd_rad: Standard deviation of the turn by the wheels, which is then used instead of the gyro's.
     """
     point_m = complex(*settings.rig.geometry().point_m)
     before: tuple[int, Rates | None] | None = None
-    for t_ns, image in _frames(log, config, settings):
+    for t_ns, image in _frames(drive, settings):
         if before is not None and t_ns <= before[0]:
             continue
-        rates = None if turn_sd_rad is not None else _rates_at(rows, t_ns)
+        rates = None if turn_sd_rad is not None else _rates_at(drive.channels, t_ns)
         from_ns, old_rates = (t_ns, None) if before is None else before
         before = t_ns, rates
         rolled_m, turn_rad = wheels.between(from_ns, t_ns, point_m)
@@ -218,7 +208,7 @@ class _Wheels:
         NothingToCompareError: The log holds no positions of the wheels.
     """
 
-    def __init__(self, config: Config, rows: LogRows, path: Path) -> None:
+    def __init__(self, config: Config, rows: Channels, path: Path) -> None:
         self._kinematics = make_kinematics(config.rover)
         positions = [rows[f"enc{wheel + 1}_rad"] for wheel in range(self._kinematics.wheel_count)]
         if not all(len(each) > 1 for each in positions):
@@ -241,26 +231,21 @@ class _Wheels:
         return complex(x_m, y_m) * half + swing_m, turn_rad
 
 
-def _frames(log: LogReader, config: Config, settings: GroundMotionSettings) -> Iterator[tuple[int, Image]]:
+def _frames(drive: Drive, settings: GroundMotionSettings) -> Iterator[tuple[int, Image]]:
     """Yield the frames with the middle of their exposure."""
-    topic = f"{RAW}{config.roles.camera}"
+    camera = str(drive.config.roles.camera)
     size = (settings.rig.image.height, settings.rig.image.width)
     count = 0
-    for message in log.messages():
-        if message.topic != topic:
-            continue
-        stamp_ns = capture_time_ns(message.data)
-        image = decode_image(message.data).image
-        if image.shape[:2] != size:
+    for t_ns, picture in drive.pictures(camera):
+        if picture.image.shape[:2] != size:
             continue
         count += 1
-        t_ns = message.t_ns if stamp_ns is None else min(stamp_ns, message.t_ns)
-        yield t_ns - nanoseconds(settings.camera_delay_s), image
+        yield t_ns - nanoseconds(settings.camera_delay_s), picture.image
     if not count:
-        raise NothingToCompareError(f"log {log.path} holds no frames of '{config.roles.camera}'")
+        raise NothingToCompareError(f"log {drive.log.path} holds no frames of '{camera}'")
 
 
-def _rates_at(rows: LogRows, t_ns: int) -> Rates | None:
+def _rates_at(rows: Channels, t_ns: int) -> Rates | None:
     rates = []
     for name in RATES:
         readings = rows[name]

@@ -19,7 +19,7 @@ from drivers.errors import ConfigError
 from drivers.overhead_camera.settings import OverheadCameraSettings
 from rover_hil.config import validated
 from rover_hil.console.ask import again, ask_choice, ask_number, ask_yes
-from rover_hil.datasets.toml_text import toml_text
+from rover_hil.drives.toml_text import toml_text
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.ready.set_up.simulated_rover import RoverTable, WheelTable, wheels_of
 from rover_hil.terminal import Terminal

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from drivers.registry import AnyDeviceSettings
 from rover_hil.config.loader import SCHEMA_NAME
-from rover_hil.datasets.toml_text import toml_text
+from rover_hil.drives.toml_text import toml_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ import typer
 
 from rover_hil.config import Config
 from rover_hil.console.options import out_option
-from rover_hil.datasets.toml_text import toml_text
+from rover_hil.drives.toml_text import toml_text
 from rover_hil.pages.picture import Drawing
 from rover_hil.ready.options import command
 from rover_hil.ready.procedure import Facts, FileProcedure, Request

@@ -22,13 +22,11 @@ from controllers.ground_motion.ground_patch import GroundPatch
 from controllers.ground_motion.rolling_shutter import rolling_shutter
 from controllers.motion.kinematics import make_kinematics
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array, Flags
-from rover_hil.datasets.log import LogRows
+from rover_hil.drives.arrays import Array, Flags
+from rover_hil.drives.drive import Drive
 from rover_hil.ready.scale.record import read_ground_yaw
 from rover_hil.ready.time.parameters import TIMING
 from rover_hil.recording import schema
-from rover_hil.recording.data_files import restore_config
-from rover_hil.recording.reader import LogReader
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,21 +83,20 @@ def read_tracks(path: Path) -> list[YawTrack]:
     Raises:
         LogError: The log is damaged, or fewer than two devices show turns.
     """
-    log = LogReader(path)
-    with restore_config(log) as config:
-        rows = LogRows(config)
+    drive = Drive(path)
+    log, config, rows = drive.log, drive.config, drive.channels
     rates: defaultdict[str, list[tuple[int, float]]] = defaultdict(list)
     yaws: defaultdict[tuple[str, str], list[tuple[int, float]]] = defaultdict(list)
-    for message in log.messages():
-        rows.take(message, log)
-        if message.topic == schema.SAMPLES:
-            samples = log.parse(message, schema.SAMPLES_SHAPE)
-            for rate in samples.rates:
-                rates[rate.device].append((rate.t_ns, rate.rate_z_rad_s))
-            for heading in samples.headings:
-                yaws["heading", heading.device].append((heading.t_ns, heading.heading_rad))
-            for fix in samples.fixes:
-                yaws["fixes", fix.device].append((min(fix.t_capture_ns, fix.t_ns), fix.yaw_rad))
+
+    def take(_: int, samples: schema.SamplesRecord) -> None:
+        for rate in samples.rates:
+            rates[rate.device].append((rate.t_ns, rate.rate_z_rad_s))
+        for heading in samples.headings:
+            yaws["heading", heading.device].append((heading.t_ns, heading.heading_rad))
+        for fix in samples.fixes:
+            yaws["fixes", fix.device].append((min(fix.t_capture_ns, fix.t_ns), fix.yaw_rad))
+
+    drive.read(take)
     tracks = [
         _track("gyro", device, readings, log.start_ns, is_rate=True)
         for device, readings in sorted(rates.items(), key=lambda each: each[0] != config.roles.gyro)
@@ -114,7 +111,7 @@ def read_tracks(path: Path) -> list[YawTrack]:
             _track("wheels", config.roles.wheels, list(zip(t_ns.tolist(), turned, strict=True)), log.start_ns)
         )
     tracks += [_track(kind, device, readings, log.start_ns) for (kind, device), readings in yaws.items()]
-    ground = read_ground_yaw(log, config, rows)
+    ground = read_ground_yaw(drive)
     if ground is not None and config.roles.camera is not None and config.ground_motion is not None:
         shutter = rolling_shutter(GroundPatch(config.ground_motion.rig.geometry()))
         seen = list(zip(ground[0].tolist(), ground[1].tolist(), strict=True))

@@ -16,8 +16,8 @@ from drivers.errors import ConfigError, LogError
 from rover_hil.config import Config
 from rover_hil.console.ask import ask_number
 from rover_hil.console.options import number_option
-from rover_hil.datasets.log import read_drive
-from rover_hil.datasets.toml_text import toml_text
+from rover_hil.drives.drive import read_drive
+from rover_hil.drives.toml_text import toml_text
 from rover_hil.pages.picture import Drawing
 from rover_hil.ready.options import command
 from rover_hil.ready.procedure import Drive, Entry, Facts, FileProcedure, Request, comments

@@ -21,10 +21,9 @@ from controllers.motion.rover_geometry import (
 )
 from controllers.motion.wheel_constraints import skids_in_turns
 from drivers.errors import LogError
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.drive import Drive
 from rover_hil.recording import schema
-from rover_hil.recording.data_files import restore_config
-from rover_hil.recording.reader import LogReader
 
 CONFIDENCE = 0.95
 NORMAL_95 = 1.96
@@ -156,17 +155,16 @@ def read_odometry(path: Path) -> Odometry:
     Raises:
         LogError: The log is damaged, holds no run, or the wheels lost their base on the way.
     """
-    log = LogReader(path)
-    with restore_config(log) as config:
-        rover = config.rover
+    drive = Drive(path)
     poses: list[tuple[float, float, float]] = []
     rebases = set()
-    for message in log.messages():
-        if message.topic == schema.ESTIMATE:
-            record = log.parse(message, schema.ESTIMATE_SHAPE)
-            pose = record["odometry"]
-            poses.append((pose["x_m"], pose["y_m"], pose["yaw_rad"]))
-            rebases.add(record["odometry_rebases"])
+
+    def take(_: int, record: schema.EstimateRecord) -> None:
+        pose = record["odometry"]
+        poses.append((pose["x_m"], pose["y_m"], pose["yaw_rad"]))
+        rebases.add(record["odometry_rebases"])
+
+    drive.read(take_estimate=take)
     if len(poses) < 2:
         raise LogError(f"log {path} holds no run: record one with `rover-hil run`")
     table = np.array(poses)
@@ -175,7 +173,9 @@ def read_odometry(path: Path) -> Odometry:
             f"log {path}: the wheels fell silent on the way, so that a part of the drive is missing"
         )
     moved = table[-1] - table[0]
-    return Odometry(path, rover, float(np.hypot(*moved[:2])), float(np.diff(np.unwrap(table[:, 2])).sum()))
+    return Odometry(
+        path, drive.config.rover, float(np.hypot(*moved[:2])), float(np.diff(np.unwrap(table[:, 2])).sum())
+    )
 
 
 def fit_factor(measured: Sequence[float], odometry: Sequence[float], accuracy: float) -> Factor:

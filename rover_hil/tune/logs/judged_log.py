@@ -13,8 +13,10 @@ from drivers.clock import nanoseconds
 from drivers.errors import ConfigError, LogError
 from drivers.files import LOG_COPY_BYTES, read_bytes
 from rover_hil.config import Config
-from rover_hil.datasets.arrays import Array, Times
-from rover_hil.datasets.log import POSE, RecordedDrive, TruePoses, read_drive
+from rover_hil.drives.arrays import Array, Times
+from rover_hil.drives.channels import POSE
+from rover_hil.drives.drive import Drive, read_drive
+from rover_hil.drives.ground_truth import TruePoses
 
 POSE_PERIOD_S = 0.5
 FIRST_M = 0.1
@@ -121,7 +123,7 @@ def _read(path: Path, config: Config, withheld_s: float) -> JudgedLog:
     drive = read_drive(path)
     _check_rover(path, drive.config.rover, config.rover)
     poses = drive.true_poses()
-    by_fixes = POSE[0] not in drive.rows and drive.rows.fixes() is not None
+    by_fixes = POSE[0] not in drive.channels and drive.fixes() is not None
     if by_fixes:
         _check_fixes(path, poses, withheld_s)
     return JudgedLog(
@@ -142,7 +144,7 @@ def _check_fixes(path: Path, fixes: TruePoses, withheld_s: float) -> None:
         )
 
 
-def _judge_poses(path: Path, drive: RecordedDrive, poses: TruePoses) -> JudgePoses:
+def _judge_poses(path: Path, drive: Drive, poses: TruePoses) -> JudgePoses:
     """Return poses half a second apart from the first motion on, in the local frame of the filter.
 
     Raises:
@@ -176,7 +178,7 @@ def _judge_poses(path: Path, drive: RecordedDrive, poses: TruePoses) -> JudgePos
     )
 
 
-def _check_start(path: Path, drive: RecordedDrive, poses: TruePoses) -> None:
+def _check_start(path: Path, drive: Drive, poses: TruePoses) -> None:
     """Check that no wheel has turned before the first pose.
 
     Raises:
@@ -190,9 +192,9 @@ def _check_start(path: Path, drive: RecordedDrive, poses: TruePoses) -> None:
             )
 
 
-def _turn_rad(drive: RecordedDrive, wheel: int, until_ns: int) -> float:
+def _turn_rad(drive: Drive, wheel: int, until_ns: int) -> float:
     """Return by how much a wheel, counted from 1, has turned back and forth until a time."""
-    position, speed = drive.rows[f"enc{wheel}_rad"], drive.rows[f"speed{wheel}_rad_s"]
+    position, speed = drive.channels[f"enc{wheel}_rad"], drive.channels[f"speed{wheel}_rad_s"]
     if len(position):
         angle_rad = position.value[position.t_ns <= until_ns]
     else:

@@ -7,7 +7,7 @@ from statistics import NormalDist
 import numpy as np
 
 from rover_hil.config.tune_settings import LogObjectiveSettings
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.tune.logs.replayed_log import ReplayedLog
 from rover_hil.tune.objective import Evaluation
 

@@ -18,7 +18,7 @@ from drivers.clock import nanoseconds
 from drivers.errors import LogError
 from drivers.samples import PoseFixSample, Sample
 from rover_hil.config import Config
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.recording.data_files import restore_config, with_controller_of
 from rover_hil.recording.reader import LogReader
 from rover_hil.run.replay import estimate_again

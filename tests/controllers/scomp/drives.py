@@ -4,7 +4,7 @@ import numpy as np
 
 from rover_hil.identify.scomp.fit import Identification, identify
 from rover_hil.scomp.columns import drive_of
-from rover_hil.scomp.drive import Drive, TruePath
+from rover_hil.scomp.drive import DriveRows, TruePath
 from rover_hil.scomp.odometry import Result, estimate_track
 from tests.nature.four_wheel_drive import MOUNDS, SIDEWAYS, Recorded, field_test
 from tests.once import computed_once
@@ -22,7 +22,7 @@ def mounds() -> Recorded:
     return field_test(MOUNDS, SEED)
 
 
-def read(recorded: Recorded) -> tuple[Drive, TruePath]:
+def read(recorded: Recorded) -> tuple[DriveRows, TruePath]:
     truth = recorded.truth
     path = TruePath(t_s=truth["t_s"], x_m=truth["x_m"], y_m=truth["y_m"], psi_rad=truth["psi_rad"])
     return drive_of(recorded.log, "simulated")[0], path

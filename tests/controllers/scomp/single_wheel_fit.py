@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 
 from controllers.slip.scomp.combined_slip import CombinedSlip
 from drivers.errors import ModelError
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 
 LOW_SLIP = 0.2
 HIGH_SLIP = 0.5

@@ -9,7 +9,7 @@ from controllers.slip.scomp.motion_model import expected_drift, tilt_along
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import ModelError
 from rover_hil.identify.scomp.fit import _checked, fit_gyro, fit_pitch, fit_roll, identify
-from rover_hil.scomp.drive import Drive, TruePath
+from rover_hil.scomp.drive import DriveRows, TruePath
 from rover_hil.scomp.windows import Windows, cut, true_velocity
 from tests.controllers.scomp.drives import fitted, read, sideways
 
@@ -75,7 +75,7 @@ def test_sensors_of_the_field_test() -> None:
     assert parameters.compass.sign == parameters.trace.sign == parameters.pitch.pitch_sign == 1
 
 
-def mirrored() -> Drive:
+def mirrored() -> DriveRows:
     drive, _ = read(sideways())
     assert drive.compass_rad is not None
     assert drive.trace_rad is not None
@@ -140,7 +140,7 @@ def replace_psi(path: TruePath, turn_rad: float) -> TruePath:
 
 def test_bare_wheels_give_the_two_segment_law() -> None:
     drive, path = read(sideways())
-    bare = Drive(t_s=drive.t_s, wheel_rad=drive.wheel_rad, wheel_yaw_rad=drive.wheel_yaw_rad)
+    bare = DriveRows(t_s=drive.t_s, wheel_rad=drive.wheel_rad, wheel_yaw_rad=drive.wheel_yaw_rad)
     found = identify(bare, path)
     assert found.parameters.two_segment_slip == fitted().parameters.two_segment_slip
     assert found.slip_rms is None

@@ -7,7 +7,7 @@ import pytest
 from controllers.slip.scomp.parameters import CompassModel, ScompParameters
 from controllers.slip.scomp.two_segment_slip_law import TwoSegmentSlip
 from drivers.errors import ModelError
-from rover_hil.scomp.drive import Drive, Track, TruePath, final_error_m
+from rover_hil.scomp.drive import DriveRows, Track, TruePath, final_error_m
 from rover_hil.scomp.odometry import estimate_track, start_heading
 from tests.cases import first_often
 from tests.controllers.scomp.drives import estimated, fitted, mounds, read, rms, sideways
@@ -17,9 +17,9 @@ PARAMETERS = ScompParameters(two_segment_slip=TWO_SEGMENTS, compass=CompassModel
 WAY_M = 5.0
 
 
-def straight(beta_rad: float, heading_rad: float = 0.0) -> Drive:
+def straight(beta_rad: float, heading_rad: float = 0.0) -> DriveRows:
     t_s = np.arange(0.0, 50.05, 0.1)
-    return Drive(
+    return DriveRows(
         t_s=t_s,
         wheel_rad=WAY_M / 0.092 * t_s / t_s[-1],
         wheel_yaw_rad=np.zeros_like(t_s),
@@ -159,7 +159,7 @@ def test_fixes_on_the_way_correct_the_end() -> None:
 
 def test_a_drive_of_one_row_is_refused() -> None:
     drive = straight(0.0)
-    one = Drive(t_s=drive.t_s[:1], wheel_rad=drive.wheel_rad[:1], wheel_yaw_rad=drive.wheel_yaw_rad[:1])
+    one = DriveRows(t_s=drive.t_s[:1], wheel_rad=drive.wheel_rad[:1], wheel_yaw_rad=drive.wheel_yaw_rad[:1])
     with pytest.raises(ModelError, match="two rows"):
         estimate_track(one, PARAMETERS)
 

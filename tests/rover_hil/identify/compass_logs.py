@@ -10,7 +10,7 @@ from drivers.link import Received
 from drivers.samples import RateSample, Sample
 from drivers.witmotion.codec import WitMotionCodec
 from rover_hil.config import Config
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
 from tests.nature.magnetised_rover import Rover, Turns, turn

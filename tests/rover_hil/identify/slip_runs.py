@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rover_hil.datasets.robotino_csv import ROBOTINO
+from rover_hil.drives.robotino_csv import ROBOTINO
 from rover_hil.identify.slip.run_data import RunWindows, to_wheels
 
 NAMES = (

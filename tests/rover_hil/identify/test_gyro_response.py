@@ -14,7 +14,7 @@ from drivers.samples import RateSample, Sample, WheelSample
 from rover_hil.app.app import app
 from rover_hil.config import load_config
 from rover_hil.config.loader import read_config_text
-from rover_hil.datasets.robotino_csv import ROBOTINO
+from rover_hil.drives.robotino_csv import ROBOTINO
 from rover_hil.ready.imu.calibration import GyroCalibration, small_turns_config
 from rover_hil.ready.imu.fit import fit_response
 from rover_hil.ready.imu.turns import read_turns

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from drivers.errors import LogError
 from rover_hil.app.app import app
-from rover_hil.datasets.marks import Marks
+from rover_hil.drives.marks import Marks
 from rover_hil.identify.slip.hand_positions import poses_between
 from rover_hil.identify.slip.runs import find_runs
 from tests.rover_hil.identify.test_slip_fixes import SPEED_M_S, read, slips, write_drive

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import LogError
-from rover_hil.datasets.robotino_csv import COMMANDS, CURRENTS, ROBOTINO, SPEEDS
+from rover_hil.drives.robotino_csv import COMMANDS, CURRENTS, ROBOTINO, SPEEDS
 from rover_hil.identify.motor.averages import read_drives, report_drives
 from rover_hil.identify.motor.command import identify_motor
 from rover_hil.identify.slip.run_data import to_wheels

@@ -12,7 +12,7 @@ from controllers.motion.kinematics import OmniKinematics
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
 from drivers.samples import PoseFixSample, WheelSample
-from rover_hil.datasets.robotino_csv import ROBOTINO
+from rover_hil.drives.robotino_csv import ROBOTINO
 from rover_hil.identify.slip.command import identify_slip
 from rover_hil.identify.slip.run_data import RunWindows
 from rover_hil.identify.slip.runs import read_windows

@@ -13,7 +13,7 @@ from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
 from drivers.samples import SentCommand, WheelSample
 from rover_hil.config import load_config
-from rover_hil.datasets.robotino_csv import ROBOTINO
+from rover_hil.drives.robotino_csv import ROBOTINO
 from rover_hil.identify.slip.log_runs import read_log_run
 from rover_hil.identify.slip.run_data import RunWindows
 from rover_hil.identify.slip.scores import predict_by_surface

@@ -18,7 +18,7 @@ from scipy.ndimage import uniform_filter1d
 
 from drivers.errors import ConfigError
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD
-from rover_hil.datasets.robotino_csv import (
+from rover_hil.drives.robotino_csv import (
     AVERAGE_S,
     AVERAGES_BEGIN,
     CAMERA_UNITS,

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rover_hil.datasets.arrays import rms
+from rover_hil.drives.arrays import rms
 from rover_hil.gap.data.observed_model import ObservedModel
 from rover_hil.gap.data.problem import Point, Problem, cells, observe
 from rover_hil.gap.machines.evidence.evidence import Evidence, LearnedEvidence

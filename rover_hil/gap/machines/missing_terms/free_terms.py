@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.datasets.arrays import rms
+from rover_hil.drives.arrays import rms
 from rover_hil.gap.data.problem import Problem, split_point
 from rover_hil.gap.machines.evidence.evidence import MachineFit
 from rover_hil.gap.machines.fits.machine_fit import MachineFits

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rover_hil.datasets.arrays import rms
+from rover_hil.drives.arrays import rms
 from rover_hil.gap.data.problem import Point, Problem
 from rover_hil.gap.machines.analysis import MachineFindings
 from rover_hil.gap.machines.evidence.evidence import MachineFit

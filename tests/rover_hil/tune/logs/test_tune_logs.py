@@ -14,9 +14,10 @@ import pytest
 
 from drivers.errors import ConfigError, LogError
 from rover_hil.config import load_config
-from rover_hil.datasets.log import LogRows, Readings, TruePoses
-from rover_hil.datasets.marks import marks_file
-from rover_hil.recording.reader import LogReader
+from rover_hil.drives.channels import Channels, Readings
+from rover_hil.drives.drive import Drive
+from rover_hil.drives.ground_truth import TruePoses
+from rover_hil.drives.marks import marks_file
 from rover_hil.tune.logs.judged_log import JudgedLog, read_judged_logs, split
 from rover_hil.tune.logs.replayed_log import ReplayedLog
 from rover_hil.tune.logs.study import LogStudy
@@ -191,20 +192,20 @@ def test_a_truth_that_begins_after_the_first_motion_is_no_judge(
 ) -> None:
     """Also where the wheels report speeds alone, and where only another wheel than the first has turned."""
     config = load_config(str(tmp_path / "rover.toml"))
-    true_poses, readings = LogRows.true_poses, LogRows.__getitem__
+    true_poses, readings = Drive.true_poses, Channels.__getitem__
     begin_s = 0.0
 
-    def late(self: LogRows, log: LogReader) -> TruePoses:
-        poses = true_poses(self, log)
-        use = poses.t_ns >= log.start_ns + 1e9 * begin_s
+    def late(self: Drive) -> TruePoses:
+        poses = true_poses(self)
+        use = poses.t_ns >= self.log.start_ns + 1e9 * begin_s
         return replace(poses, **{key.name: getattr(poses, key.name)[use] for key in fields(poses)[1:]})
 
-    def without(hidden: tuple[str, ...]) -> Callable[[LogRows, str], Readings]:
+    def without(hidden: tuple[str, ...]) -> Callable[[Channels, str], Readings]:
         return lambda self, name: readings(self, "none" if name in hidden else name)
 
-    monkeypatch.setattr(LogRows, "true_poses", late)
+    monkeypatch.setattr(Drive, "true_poses", late)
     for hidden in ((), ("enc1_rad", "enc2_rad"), ("enc1_rad", "speed1_rad_s")):
-        monkeypatch.setattr(LogRows, "__getitem__", without(hidden))
+        monkeypatch.setattr(Channels, "__getitem__", without(hidden))
         begin_s = 2.0  # the rover stands for three seconds
         read_judged_logs([tmp_path / logs[0]], config, 5.0)
         begin_s = 7.0

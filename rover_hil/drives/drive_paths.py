@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from controllers.motion.kinematics import Kinematics
 from drivers.samples import UNKNOWN_YAW_STD_RAD
-from rover_hil.datasets.arrays import Array, Times
-from rover_hil.datasets.log import LogRows
+from rover_hil.drives.arrays import Array, Times
+from rover_hil.drives.channels import Channels
+from rover_hil.drives.ground_truth import measured_poses
 
 STEP_S = 0.1
 """Of the path of the wheels."""
@@ -51,7 +52,7 @@ class DrivePath:
         return np.hypot(x_m, y_m), np.diff(np.interp(edges_s, self.t_s, self.yaw_rad))
 
 
-def wheel_angles(rows: LogRows, wheel: int) -> tuple[Times, Array] | None:
+def wheel_angles(rows: Channels, wheel: int) -> tuple[Times, Array] | None:
     """Return how far a wheel, from 1, has turned; by its speeds where it has no angle; None without both."""
     readings = rows[f"enc{wheel}_rad"]
     if len(readings) > 1:
@@ -63,18 +64,18 @@ def wheel_angles(rows: LogRows, wheel: int) -> tuple[Times, Array] | None:
     return readings.t_ns, np.concatenate(([0.0], np.cumsum(steps)))
 
 
-def places_of(rows: LogRows) -> Iterator[tuple[str, DrivePath]]:
+def places_of(rows: Channels) -> Iterator[tuple[str, DrivePath]]:
     """Yield "truth" and "fixes", where there are such, and their places."""
     x, y, yaw = (rows[name] for name in ("x_m", "y_m", "psi_rad"))
     if min(map(len, (x, y, yaw))) > 1:
         yield "truth", DrivePath(x.t_ns / 1e9, x.value, y.value, np.unwrap(yaw.value))
-    fixes = rows.fixes()
+    fixes = measured_poses(rows)
     if fixes is not None and len(fixes.t_ns) > 1:
         has_yaw = bool((fixes.yaw_sd_rad < UNKNOWN_YAW_STD_RAD).all())
         yield "fixes", DrivePath(fixes.t_ns / 1e9, fixes.x_m, fixes.y_m, fixes.yaw_rad if has_yaw else None)
 
 
-def path_of_wheels(rows: LogRows, kinematics: Kinematics) -> DrivePath | None:
+def path_of_wheels(rows: Channels, kinematics: Kinematics) -> DrivePath | None:
     """Return the path by the wheels, in steps; None where a wheel is not measured."""
     count = kinematics.wheel_count
     measured = [wheel for wheel in range(count) if wheel not in kinematics.unmeasured]

@@ -11,9 +11,9 @@ import numpy as np
 
 from drivers.errors import ConfigError, LogError, RoverHilError
 from drivers.files import TABLE_BYTES, TABLE_CELLS, TABLE_COLUMNS, TABLE_LINES, read_bytes
-from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.csv_table import CsvTable, read_csv
-from rover_hil.datasets.flight_table import FlightTable, read_flight_log
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.csv_table import CsvTable, read_csv
+from rover_hil.drives.flight_table import FlightTable, read_flight_log
 
 FLIGHT_LOGS = frozenset({".ulg", ".bin"})
 PICKLE = "pickle"

@@ -6,7 +6,7 @@ from typing import Any
 import can
 import numpy as np
 
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 
 _MARK = b"LOBJ"
 _LEAST_OBJECT, _LEAST_FRAME, _LARGEST_FRAME = 16, 48, 96

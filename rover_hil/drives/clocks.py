@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 
 WRAPS = (
     (2.0**32 * 1e-6, "2^32 us"),

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from drivers.errors import ConfigError, LogError, RoverHilError
 from drivers.files import FLIGHT_LOG_BYTES, MEGABYTE, TABLE_LINES
-from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.ulog_formats import check_formats
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.ulog_formats import check_formats
 
 ULOG_TIME, DATAFLASH_TIME = "timestamp", "TimeUS"
 FAST_INDEX = "PYMAVLINK_FAST_INDEX"

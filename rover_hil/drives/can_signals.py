@@ -10,7 +10,7 @@ from cantools.database.can import Message, Signal
 from numpy.typing import NDArray
 
 from drivers.can_wheels.layout import bits_of, choices_of
-from rover_hil.datasets.arrays import Array, Flags
+from rover_hil.drives.arrays import Array, Flags
 
 WORD_BITS = 64
 _FLOATS = {16: "f2", 32: "f4", 64: "f8"}

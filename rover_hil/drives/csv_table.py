@@ -13,7 +13,7 @@ import numpy as np
 
 from drivers.errors import LogError, RoverHilError
 from drivers.files import TABLE_BYTES, TABLE_CELLS, TABLE_COLUMNS, TABLE_LINES, read_packed_bytes
-from rover_hil.datasets.arrays import Array
+from rover_hil.drives.arrays import Array
 
 WORDS = {"": math.nan, "true": 1.0, "false": 0.0}
 DELIMITERS = "\t;,"

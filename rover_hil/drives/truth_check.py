@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.motion.rover_geometry import RoverSettings, WheelsRoverSettings
-from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.clock_check import clock_findings
-from rover_hil.datasets.drive_paths import path_of_wheels, places_of, wheel_angles
-from rover_hil.datasets.log import LogRows, read_drive
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.channels import Channels
+from rover_hil.drives.clock_check import clock_findings
+from rover_hil.drives.drive import read_drive
+from rover_hil.drives.drive_paths import path_of_wheels, places_of, wheel_angles
 from rover_hil.recording.findings import FoundFinding
 
 Steps = NDArray[np.complex128]
@@ -104,10 +105,10 @@ def truth_findings(path: Path) -> list[FoundFinding]:
         LogError: The log cannot be read or is damaged.
     """
     drive = read_drive(path)
-    return compare_with_truth(drive.rows, drive.config.rover)
+    return compare_with_truth(drive.channels, drive.config.rover)
 
 
-def compare_with_truth(rows: LogRows, rover: RoverSettings) -> list[FoundFinding]:
+def compare_with_truth(rows: Channels, rover: RoverSettings) -> list[FoundFinding]:
     """Return what the truth of a drive says against its wheels, and what a wheel says against itself.
 
     Turns and distances of windows of a second are compared. Distances are those of the marker that the truth
@@ -187,7 +188,7 @@ def _explain(fits: Sequence[_Fit], truth: _Motion) -> str:
     return f"wheels and truth contradict each other, {shares} {', or '.join(which)}{unsure}"
 
 
-def _body_steps(rows: LogRows, kinematics: Kinematics) -> tuple[Array, Steps, Steps] | None:
+def _body_steps(rows: Channels, kinematics: Kinematics) -> tuple[Array, Steps, Steps] | None:
     """Return the begin of each window, and how far wheels and truth go in it, left as imaginary part."""
     wheels, truth = path_of_wheels(rows, kinematics), dict(places_of(rows)).get("truth")
     if wheels is None or truth is None:
@@ -305,7 +306,7 @@ def _compared(what: str, motion: _Motion, truth: _Motion) -> _Fit:
     return _Fit(what, scale, residual)
 
 
-def _windows(rows: LogRows, kinematics: Kinematics) -> tuple[Array, Array | None, _Motion] | None:
+def _windows(rows: Channels, kinematics: Kinematics) -> tuple[Array, Array | None, _Motion] | None:
     """Return turns and steering of the wheels in windows of motion, and the truth; None without enough."""
     count = kinematics.wheel_count
     measured = [wheel for wheel in range(count) if wheel not in kinematics.unmeasured]
@@ -364,7 +365,7 @@ class _SpeedFit:
     residual: float
 
 
-def _speed_findings(rows: LogRows) -> Iterator[FoundFinding]:
+def _speed_findings(rows: Channels) -> Iterator[FoundFinding]:
     """Yield wheels whose speed is not the change of their angle, and a clock that all speeds contradict."""
     fits = list(_speed_fits(rows))
     for fit in fits:
@@ -391,7 +392,7 @@ def _speed_findings(rows: LogRows) -> Iterator[FoundFinding]:
         yield FoundFinding(name="clock", t_s=None, text=text)
 
 
-def _speed_fits(rows: LogRows) -> Iterator[_SpeedFit]:
+def _speed_fits(rows: Channels) -> Iterator[_SpeedFit]:
     """Yield the fit of each wheel with speeds and angles that moves enough."""
     wheel = 0
     while f"speed{(wheel := wheel + 1)}_rad_s" in rows:

@@ -27,11 +27,11 @@ from drivers.files import (
     MEGABYTE,
     open_packed,
 )
-from rover_hil.datasets.arrays import Array
-from rover_hil.datasets.blf_blocks import BlfBlocks
-from rover_hil.datasets.clocks import unwrapped
-from rover_hil.datasets.csv_table import header_lines, read_csv
-from rover_hil.datasets.mf4_blocks import check_blocks
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.blf_blocks import BlfBlocks
+from rover_hil.drives.clocks import unwrapped
+from rover_hil.drives.csv_table import header_lines, read_csv
+from rover_hil.drives.mf4_blocks import check_blocks
 
 Identifiers: TypeAlias = NDArray[np.uint32]
 Bytes: TypeAlias = NDArray[np.uint8]
