@@ -7,7 +7,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "rover_hil"
 MAY_LOOP = ("drives", "exporting", "report", "run", "recording", "live")
-NO_LOGS = ("importing/rosbag/to_log.py",)
+NO_LOGS = ("importing/rosbag/bag.py", "importing/rosbag/to_log.py")
 """Messages of a bag."""
 
 
