@@ -33,3 +33,7 @@ def test_analyses_read_the_messages_of_a_log_by_its_drive() -> None:
 @pytest.mark.parametrize("path", ["drives/drive.py", "report/read_run.py"])
 def test_such_a_loop_is_found(path: str) -> None:
     assert looping(PACKAGE / path)
+
+
+def test_quantities_are_cut_into_windows_in_one_place() -> None:
+    assert [path.parent.name for path in PACKAGE.rglob("windows.py")] == ["drives"]

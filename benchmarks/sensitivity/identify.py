@@ -32,12 +32,12 @@ from rover_hil.identify.motor.record import MotorRecord
 from rover_hil.identify.motor.report import report_motor
 from rover_hil.identify.scomp.fit import identify
 from rover_hil.identify.scomp.parameters import SCOMP_FIT
+from rover_hil.identify.slip.form_windows import form_windows
 from rover_hil.identify.slip.identification import identify_slip_maps, read_all
 from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import MeasuredRun
 from rover_hil.identify.slip.runs import find_runs
 from rover_hil.identify.slip.scores import Score
-from rover_hil.identify.slip.windows import form_windows
 from rover_hil.ready.imu.calibration import GyroCalibration
 from rover_hil.ready.imu.fit import fit_response
 from rover_hil.ready.imu.parameters import GYRO_FIT

@@ -11,7 +11,7 @@ from drivers.errors import ConfigError
 from rover_hil.gap.data.columns import DriveLog
 from rover_hil.gap.data.readers.four_wheel_drive import four_wheel_runs_of_log, read_four_wheel_runs
 from rover_hil.gap.data.readers.robotino_drive import drive_runs_of_log, read_drive_runs
-from rover_hil.gap.data.windows import stretches, windows_over
+from rover_hil.gap.data.stretches import stretches, windows_over
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.delay import earlier

@@ -12,9 +12,10 @@ from drivers.errors import ConfigError, LogError
 from rover_hil.drives.drive import Drive, read_drive
 from rover_hil.drives.ground_truth import TruePoses
 from rover_hil.drives.marks import mark_files
+from rover_hil.drives.windows import Windows, body_rates
 from rover_hil.gap.data.logs import find_logs
 from rover_hil.gap.data.parameters import DATA
-from rover_hil.gap.data.windows import Windows, body_rates, stretches, windows_over
+from rover_hil.gap.data.stretches import stretches, windows_over
 from rover_hil.parallel.calls import HERE, Calls
 from sim_backends.models.interface import Array, Run
 from sim_backends.wheels_model.model import GYRO, HEADING, STRETCHES, WheelsModel

@@ -24,7 +24,7 @@ from drivers.errors import ModelError
 from rover_hil.drives.arrays import Array, rms
 from rover_hil.identify.scomp.parameters import SCOMP_FIT
 from rover_hil.scomp.drive import DriveRows, TruePath
-from rover_hil.scomp.windows import LONGEST_TRUTH_GAP_S, WINDOW_S, Windows, cut, smoothed, true_velocity
+from rover_hil.scomp.true_slip import LONGEST_TRUTH_GAP_S, WINDOW_S, SlipWindows, cut, smoothed, true_velocity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +36,7 @@ class Identification:
     """
 
     parameters: ScompParameters
-    windows: Windows
+    windows: SlipWindows
     slip_rms: float | None
     notes: tuple[str, ...]
 
@@ -76,7 +76,7 @@ def identify(drive: DriveRows, truth: TruePath, rover: RoverGeometry | None = No
     return Identification(parameters=parameters, windows=windows, slip_rms=slip_rms, notes=tuple(notes))
 
 
-def _check_windows(windows: Windows) -> None:
+def _check_windows(windows: SlipWindows) -> None:
     """Reject a truth that cannot be that of the log.
 
     Raises:
@@ -107,7 +107,7 @@ def _checked(parameters: ScompParameters) -> ScompParameters:
         ) from error
 
 
-def fit_pitch(windows: Windows, notes: list[str]) -> tuple[SlipFromPitch, float | None]:
+def fit_pitch(windows: SlipWindows, notes: list[str]) -> tuple[SlipFromPitch, float | None]:
     """Fit c_rr and C_x to the slip in the windows, for the sign of the pitch that explains it better."""
     if windows.pitch_rad is None:
         notes.append("no pitch in the log: the slip from the pitch keeps its defaults")
@@ -119,7 +119,7 @@ def fit_pitch(windows: Windows, notes: list[str]) -> tuple[SlipFromPitch, float 
     return upward
 
 
-def _fit_pitch_signed(windows: Windows, pitch_rad: Array, sign: int) -> tuple[SlipFromPitch, float]:
+def _fit_pitch_signed(windows: SlipWindows, pitch_rad: Array, sign: int) -> tuple[SlipFromPitch, float]:
     # Imported here because scipy takes a second that `--help` must not cost.
     from scipy.optimize import least_squares
 
@@ -179,7 +179,7 @@ def _pitch_update(solution: Array, covariance: Array) -> dict[str, object]:
     }
 
 
-def fit_roll(windows: Windows, parameters: ScompParameters, notes: list[str]) -> DriftFromRoll:
+def fit_roll(windows: SlipWindows, parameters: ScompParameters, notes: list[str]) -> DriftFromRoll:
     """Fit the share of the drift that the roll explains; the residual gives its uncertainty."""
     beta = windows.slip_angle_rad
     alone, alone_s = _at_least(beta, SCOMP_FIT.roll.least_alone_deg), _smooth_time_s(beta)

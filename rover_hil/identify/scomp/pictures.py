@@ -13,7 +13,7 @@ from rover_hil.identify.scomp.fit import Identification
 from rover_hil.pages.picture import svg
 from rover_hil.pages.style import ENCODERS, ESTIMATE, STYLE, TRUTH, WIDTH_IN
 from rover_hil.scomp.drive import Track, TruePath
-from rover_hil.scomp.windows import true_velocity
+from rover_hil.scomp.true_slip import true_velocity
 
 ANGLES_DEG = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0)
 SLOPE_DEG = 12.0

@@ -16,10 +16,10 @@ from drivers.robotino_board.scales import MAX_RAW
 from rover_hil.drives.marks import ENDING, FORMER_ENDING, marks_file
 from rover_hil.drives.robotino_csv import board_counts, camera_poses, is_averages, read_record, record_names
 from rover_hil.identify.slip.averages import read_average_runs
+from rover_hil.identify.slip.form_windows import form_windows
 from rover_hil.identify.slip.log_runs import read_log_run
 from rover_hil.identify.slip.parameters import SLIP_FIT
 from rover_hil.identify.slip.run_data import MeasuredRun, RunWindows
-from rover_hil.identify.slip.windows import form_windows
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
 OF_A_LOG = (ENDING, FORMER_ENDING)

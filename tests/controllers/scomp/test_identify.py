@@ -10,11 +10,11 @@ from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import ModelError
 from rover_hil.identify.scomp.fit import _checked, fit_gyro, fit_pitch, fit_roll, identify
 from rover_hil.scomp.drive import DriveRows, TruePath
-from rover_hil.scomp.windows import Windows, cut, true_velocity
+from rover_hil.scomp.true_slip import SlipWindows, cut, true_velocity
 from tests.controllers.scomp.drives import fitted, read, sideways
 
 
-def windows_of(resistance: float, stiffness_n: float, sign: int = 1, noise: float = 0.01) -> Windows:
+def windows_of(resistance: float, stiffness_n: float, sign: int = 1, noise: float = 0.01) -> SlipWindows:
     """Return windows whose slip follows the model exactly but for noise."""
     rng = np.random.default_rng(2)
     pitch = np.radians(rng.uniform(0.0, 14.0, 60))
@@ -24,7 +24,7 @@ def windows_of(resistance: float, stiffness_n: float, sign: int = 1, noise: floa
         model.slip_at(math.sin(p) + resistance, a, stiffness_n)
         for p, a in zip(pitch.tolist(), angle.tolist(), strict=True)
     ]
-    return Windows(
+    return SlipWindows(
         t_s=2.0 * np.arange(60.0),
         slip=np.array(slip) + noise * rng.standard_normal(60),
         slip_angle_rad=angle,

@@ -14,9 +14,9 @@ from drivers.errors import LogError
 from drivers.samples import PoseFixSample, WheelSample
 from rover_hil.drives.robotino_csv import ROBOTINO
 from rover_hil.identify.slip.command import identify_slip
+from rover_hil.identify.slip.form_windows import CONTRADICTION, NO_FIX, TOO_NOISY
 from rover_hil.identify.slip.run_data import RunWindows
 from rover_hil.identify.slip.runs import read_windows
-from rover_hil.identify.slip.windows import CONTRADICTION, NO_FIX, TOO_NOISY
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
 from tests.rover_hil.test_overhead_run import config_with

@@ -14,11 +14,11 @@ from drivers.errors import LogError
 from drivers.samples import SentCommand, WheelSample
 from rover_hil.config import load_config
 from rover_hil.drives.robotino_csv import ROBOTINO
+from rover_hil.identify.slip.form_windows import form_windows
 from rover_hil.identify.slip.log_runs import read_log_run
 from rover_hil.identify.slip.run_data import RunWindows
 from rover_hil.identify.slip.scores import predict_by_surface
 from rover_hil.identify.slip.surface_fit import fit_surface_map
-from rover_hil.identify.slip.windows import form_windows
 from rover_hil.recording.writer import LogWriter
 from tests.rover_hil.identify.slip_runs import windows
 

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from drivers.errors import ConfigError
+from rover_hil.drives.windows import Windows, body_rates
 from rover_hil.gap.data.columns import (
     Columns,
     DriveLog,
@@ -27,7 +28,7 @@ from rover_hil.gap.data.columns import (
     whole_rows,
 )
 from rover_hil.gap.data.parameters import DATA
-from rover_hil.gap.data.windows import Windows, body_rates, stretches, windows_between
+from rover_hil.gap.data.stretches import stretches, windows_between
 from sim_backends.models.four_wheel_drive.model import WHEELS
 from sim_backends.models.interface import Array, Run
 

@@ -29,6 +29,7 @@ from rover_hil.drives.robotino_csv import (
     STEPS,
     camera_poses,
 )
+from rover_hil.drives.windows import Windows, body_rates
 from rover_hil.gap.data.columns import (
     Columns,
     DriveLog,
@@ -42,7 +43,7 @@ from rover_hil.gap.data.columns import (
     whole_rows,
 )
 from rover_hil.gap.data.parameters import DATA
-from rover_hil.gap.data.windows import Windows, body_rates, stretches, windows_between, windows_over
+from rover_hil.gap.data.stretches import stretches, windows_between, windows_over
 from sim_backends.models.interface import Array, Run
 from sim_backends.models.robotino_drive.model import RADIUS_M, TO_BODY, WHEELS
 

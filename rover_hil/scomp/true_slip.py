@@ -6,6 +6,7 @@ import numpy as np
 
 from drivers.errors import ModelError
 from rover_hil.drives.arrays import Array, in_body_frame
+from rover_hil.drives.windows import Windows, body_steps
 from rover_hil.scomp.drive import DriveRows, TruePath
 
 WINDOW_S = 2.0
@@ -18,7 +19,7 @@ POINTS = 31
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Windows:
+class SlipWindows:
     """A drive divided into k windows in which the wheels turn.
 
     Attributes:
@@ -50,7 +51,7 @@ def smoothed(t_s: Array, values: Array, memory_s: float) -> Array:
     return result
 
 
-def cut(drive: DriveRows, truth: TruePath, wheel_radius_m: float) -> Windows:
+def cut(drive: DriveRows, truth: TruePath, wheel_radius_m: float) -> SlipWindows:
     """Divide a drive into windows of two seconds and compare its wheels with the truth.
 
     Raises:
@@ -59,9 +60,8 @@ def cut(drive: DriveRows, truth: TruePath, wheel_radius_m: float) -> Windows:
     start = max(float(drive.t_s[0]), float(truth.t_s[0]))
     end = min(float(drive.t_s[-1]), float(truth.t_s[-1]))
     edges = np.arange(start, end, WINDOW_S)
-    distance_m = (
-        wheel_radius_m * np.diff(np.interp(edges, drive.t_s, drive.wheel_rad)) if len(edges) > 1 else edges
-    )
+    windows = Windows(edges)
+    distance_m = wheel_radius_m * windows.step(drive.t_s, drive.wheel_rad) if len(edges) > 1 else edges
     turns = distance_m > SLOWEST_RIM_M_S * WINDOW_S
     after = np.searchsorted(truth.t_s, edges).clip(1)
     is_known = np.diff(truth.t_s)[after - 1] <= LONGEST_TRUTH_GAP_S
@@ -71,16 +71,21 @@ def cut(drive: DriveRows, truth: TruePath, wheel_radius_m: float) -> Windows:
             f"log and truth share {np.count_nonzero(use)} windows of {WINDOW_S:g} s with turning wheels, "
             f"{FEWEST_WINDOWS} are needed: check that both use the same clock, and give a longer drive"
         )
-    steering_rad = _means(drive.t_s, drive.steering_rad, edges, np.ones(len(edges) - 1, bool))
-    if steering_rad is None:
-        steering_rad = np.zeros(len(edges) - 1)
-    ahead_m, aside_m = in_body_frame(*_body_travel(truth, edges), steering_rad)
-    return Windows(
-        t_s=0.5 * (edges[1:] + edges[:-1])[use],
+
+    def means(values: Array | None) -> Array | None:
+        return None if values is None else windows.mean(drive.t_s, values)
+
+    steering_rad = means(drive.steering_rad)
+    steering_rad = np.zeros(len(edges) - 1) if steering_rad is None else steering_rad
+    travel_m = body_steps(windows, truth.t_s, truth.x_m, truth.y_m, truth.psi_rad)
+    ahead_m, aside_m = in_body_frame(*travel_m, steering_rad)
+    pitch_rad, roll_rad = means(drive.pitch_rad), means(drive.roll_rad)
+    return SlipWindows(
+        t_s=windows.middle_s[use],
         slip=(1.0 - ahead_m[use] / distance_m[use]),
         slip_angle_rad=np.arctan2(aside_m, ahead_m)[use],
-        pitch_rad=_means(drive.t_s, drive.pitch_rad, edges, use),
-        roll_rad=_means(drive.t_s, drive.roll_rad, edges, use),
+        pitch_rad=None if pitch_rad is None else pitch_rad[use],
+        roll_rad=None if roll_rad is None else roll_rad[use],
         steering_rad=steering_rad[use],
         without_truth=int(np.count_nonzero(turns & ~use)),
     )
@@ -111,23 +116,3 @@ def true_velocity(truth: TruePath, t_s: Array) -> TrueVelocity:
     return TrueVelocity(
         slip_angle_rad=np.arctan2(aside, ahead), speed_m_s=np.hypot(ahead, aside), yaw_rate_rad_s=rates[2]
     )
-
-
-def _body_travel(truth: TruePath, edges: Array) -> tuple[Array, Array]:
-    """Return the travel ahead and to the left in each window, by the heading in its middle."""
-    dx, dy = (np.diff(np.interp(edges, truth.t_s, place)) for place in (truth.x_m, truth.y_m))
-    psi = np.interp(0.5 * (edges[1:] + edges[:-1]), truth.t_s, truth.psi_rad)
-    return in_body_frame(dx, dy, psi)
-
-
-def _means(t_s: Array, values: Array | None, edges: Array, use: np.ndarray) -> Array | None:
-    if values is None:
-        return None
-    index = np.digitize(t_s, edges) - 1
-    count = len(edges) - 1
-    inside = (index >= 0) & (index < count)
-    total = np.bincount(index[inside], values[inside], count)
-    rows = np.bincount(index[inside], minlength=count)
-    middle = np.interp(0.5 * (edges[1:] + edges[:-1]), t_s, values)
-    means: Array = np.where(rows > 0, total / np.maximum(rows, 1), middle)[use]
-    return means

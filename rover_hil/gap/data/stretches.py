@@ -1,51 +1,18 @@
-"""Recorded drives in windows of equal length: mean rates between their edges."""
+"""Recorded drives in windows of equal length, and cut into stretches."""
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from drivers.errors import ConfigError
-from rover_hil.drives.arrays import in_body_frame
+from rover_hil.drives.windows import Windows
 from rover_hil.gap.data.parameters import DATA
 from sim_backends.models.interface import Array, Run
 
 OVERLAP = (2, 1)
 """Values at the start and end of a stretch that overlap with its neighbours."""
-
-
-@dataclass(frozen=True, slots=True)
-class Windows:
-    """Edges in time; n + 1 of them make n windows."""
-
-    edges_s: Array
-
-    @property
-    def middle_s(self) -> Array:
-        """The middle of each window."""
-        middle: Array = 0.5 * (self.edges_s[1:] + self.edges_s[:-1])
-        return middle
-
-    def rate(self, t_s: Array, values: Array) -> Array:
-        """Return the mean change per second of a cumulated quantity, NaN outside the record."""
-        good = np.isfinite(values)
-        at = np.interp(self.edges_s, t_s[good], values[good], left=np.nan, right=np.nan)
-        rate: Array = np.diff(at) / np.diff(self.edges_s)
-        return rate
-
-    def mean(self, t_s: Array, values: Array) -> Array:
-        """Return the mean of a quantity in each window, interpolated in windows without a value."""
-        good = np.isfinite(values)
-        t_s, values = t_s[good], values[good]
-        place = np.searchsorted(self.edges_s, t_s, side="right") - 1
-        inside = (place >= 0) & (place < self.edges_s.size - 1)
-        size = self.edges_s.size - 1
-        count = np.bincount(place[inside], minlength=size)
-        total = np.bincount(place[inside], weights=values[inside], minlength=size)
-        middle = np.interp(self.middle_s, t_s, values)
-        mean: Array = np.where(count > 0, total / np.maximum(count, 1), middle)
-        return mean
 
 
 def windows_over(first_s: float, last_s: float, where: str) -> Windows:
@@ -89,13 +56,3 @@ def stretches(run: Run) -> list[Run]:
         part = replace(run, inputs=inputs, measured=measured, overlap=OVERLAP, missing=missing)
         parts.append(replace(part, name=f"{run.name} part {number}"))
     return parts
-
-
-def body_rates(
-    windows: Windows, t_s: Array, x_m: Array, y_m: Array, psi_rad: Array
-) -> tuple[Array, Array, Array]:
-    """Return a pose's velocity forward and to the left (m/s) and its turn (rad/s), in the body frame."""
-    heading = np.unwrap(psi_rad)
-    middle = np.interp(windows.middle_s, t_s, heading)
-    east, north = windows.rate(t_s, x_m), windows.rate(t_s, y_m)
-    return *in_body_frame(east, north, middle), windows.rate(t_s, heading)
