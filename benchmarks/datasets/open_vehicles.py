@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from rover_hil.drives.csv_table import read_csv
+from rover_hil.drives.files.csv_table import read_csv
 
 HERE = Path(__file__).parent
 SETS = {

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from benchmarks.datasets.planted_faults import runs_of
 from rover_hil.drives.arrays import Array
-from rover_hil.importing.table.columns import read_columns, rover_of
-from rover_hil.importing.table.to_log import write_table_as_log
+from rover_hil.drives.formats.table.columns import read_columns, rover_of
+from rover_hil.drives.formats.table.to_log import write_table_as_log
 from rover_hil.recording.reader import LogReader
 
 FOLDER = Path(__file__).parents[3] / "shared" / "data" / "vehicles"

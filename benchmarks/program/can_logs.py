@@ -24,10 +24,10 @@ import numpy as np
 from drivers.can_wheels.mapping_file import SHIPPED_FOLDER, read_dbc
 from drivers.can_wheels.messages import MessageReader
 from drivers.clock import NANOSECONDS_PER_SECOND, stopwatch_ns
-from rover_hil.drives.can_frames import read_can_log
-from rover_hil.drives.can_signals import MessageFrames
-from rover_hil.importing.can.rover import rover_of_log
-from rover_hil.importing.can.to_log import write_can_as_log
+from rover_hil.drives.files.can_frames import read_can_log
+from rover_hil.drives.files.can_signals import MessageFrames
+from rover_hil.drives.formats.can.rover import rover_of_log
+from rover_hil.drives.formats.can.to_log import write_can_as_log
 
 FRAMES_PER_S = 2000
 CHECKED = 20_000

@@ -21,8 +21,8 @@ import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from rover_hil.config import Config, load_config
-from rover_hil.importing.robotino_csv import read_run
-from rover_hil.importing.to_log import observing_config, write_run_as_log
+from rover_hil.drives.formats.robotino_csv import read_run
+from rover_hil.drives.formats.to_log import observing_config, write_run_as_log
 from rover_hil.pages import style
 from rover_hil.report.figures.pose import draw_path
 from rover_hil.report.read_run import read_run as read_log

@@ -76,10 +76,10 @@ COMMANDS: Entries = {
     "import": Room(
         "Turn measured data of others into logs.",
         {
-            "robotino": Place("rover_hil.importing.command", "import_run"),
-            "rosbag": Place("rover_hil.importing.rosbag.command", "import_bag"),
-            "can": Place("rover_hil.importing.can.command", "import_can_logs"),
-            "table": Place("rover_hil.importing.table.command", "import_tables"),
+            "robotino": Place("rover_hil.drives.formats.command", "import_run"),
+            "rosbag": Place("rover_hil.drives.formats.rosbag.command", "import_bag"),
+            "can": Place("rover_hil.drives.formats.can.command", "import_can_logs"),
+            "table": Place("rover_hil.drives.formats.table.command", "import_tables"),
         },
     ),
 }

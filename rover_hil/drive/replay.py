@@ -26,7 +26,7 @@ from rover_hil.console.options import (
 )
 from rover_hil.console.steps import show_progress
 from rover_hil.drive.run_surroundings import live_mirror
-from rover_hil.drives.truth_check import truth_findings
+from rover_hil.drives.quality.truth_check import truth_findings
 from rover_hil.pages.atomic_write import refuse_overwrite
 from rover_hil.recording.data_files import restore_config, with_controller_of
 from rover_hil.recording.findings import finding_line

@@ -1,1 +1,1 @@
-"""Measured data, each format read once: logs of this software, Robotino data sets, CSV tables."""
+"""Recorded drives: one drive for all analyses, the files of others as logs, and what is wrong with them."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.errors import LogError
 from rover_hil.drives.arrays import Array
-from rover_hil.drives.csv_table import read_csv
+from rover_hil.drives.files.csv_table import read_csv
 
 COLUMNS = ("t_s", "x_m", "y_m", "yaw_deg", "sigma_m")
 ENDING = ".positions.csv"

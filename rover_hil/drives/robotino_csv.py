@@ -33,7 +33,7 @@ from drivers.errors import LogError
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD, ROBOTINO_SCALES
 from drivers.robotino_board.scales import MAX_RAW, MAX_SPEED_STEPS
 from rover_hil.drives.arrays import Array, Flags, Times
-from rover_hil.drives.csv_table import CsvTable, header_lines, read_csv
+from rover_hil.drives.files.csv_table import CsvTable, header_lines, read_csv
 
 ROBOTINO = OmniRoverSettings(kinematics="omni3", wheel_radius_m=0.040, base_radius_m=0.125)
 MOTORS = (1, 2, 3)

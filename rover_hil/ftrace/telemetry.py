@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.errors import ConfigError
-from rover_hil.drives.csv_table import read_csv
+from rover_hil.drives.files.csv_table import read_csv
 
 NEEDED = ("frame", "t")
 RATES = ("gyro_roll_dps", "gyro_pitch_dps", "gyro_yaw_dps")

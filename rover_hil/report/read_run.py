@@ -21,7 +21,7 @@ from drivers.errors import LogError
 from rover_hil.config import Config
 from rover_hil.drives.arrays import Array, in_body_frame
 from rover_hil.drives.channels import HEADING, POSE, Channels, Readings
-from rover_hil.drives.truth_check import compare_with_truth
+from rover_hil.drives.quality.truth_check import compare_with_truth
 from rover_hil.recording import schema
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.findings import FindingList, FoundFinding

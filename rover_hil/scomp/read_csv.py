@@ -7,7 +7,7 @@ import numpy as np
 
 from drivers.errors import LogError
 from rover_hil.drives.arrays import Array
-from rover_hil.drives.csv_table import CsvTable, read_csv
+from rover_hil.drives.files.csv_table import CsvTable, read_csv
 from rover_hil.scomp.drive import TruePath
 
 TRUTH = ("t_s", "x_m", "y_m", "psi_rad")

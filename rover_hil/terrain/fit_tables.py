@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.errors import LogError
 from rover_hil.drives.arrays import Array
-from rover_hil.drives.csv_table import read_csv
+from rover_hil.drives.files.csv_table import read_csv
 from rover_hil.terrain.fit_data import WheelTests
 from sim_backends.terramechanics.soil.any_angle_wheel import Motion
 from sim_backends.terramechanics.soil.pressure_sinkage import PlateTest

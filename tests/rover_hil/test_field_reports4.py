@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rover_hil.drives.can_frames import read_can_log
+from rover_hil.drives.files.can_frames import read_can_log
 from tests.rover_hil.command import Command
 from tests.rover_hil.test_field_bags import ROOT, end_of
 

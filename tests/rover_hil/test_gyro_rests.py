@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from controllers.estimation.settings import FilterSettings
-from rover_hil.importing.table.gyro_rests import GyroRest, learn_bias
+from rover_hil.drives.formats.table.gyro_rests import GyroRest, learn_bias
 from rover_hil.recording.reader import LogReader
 from tests.cases import first_often
 from tests.rover_hil.command import Command

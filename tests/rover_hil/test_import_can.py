@@ -19,8 +19,8 @@ from drivers.can.frame import ERROR_FLAG, EXTENDED_FLAG, REMOTE_FLAG
 from drivers.can_wheels.mapping_file import load_mapping, read_dbc
 from drivers.can_wheels.messages import MessageReader
 from drivers.errors import ConfigError, LogError
-from rover_hil.drives.can_frames import _read, read_can_log, timed_payloads
-from rover_hil.drives.can_signals import MessageFrames
+from rover_hil.drives.files.can_frames import _read, read_can_log, timed_payloads
+from rover_hil.drives.files.can_signals import MessageFrames
 from rover_hil.recording.reader import LogReader
 from tests.cases import first_often
 from tests.rover_hil.command import Command, assert_one_sentence
@@ -282,7 +282,7 @@ def test_candump_read_by_blocks_equals_python_can_frame_by_frame(
         lines.append(f"({number * 0.001 + 1.7e9:.6f}) vcan0 {rng.integers(0, 0x800):03X}#{data}\n")
     text = "".join([*lines[:2000], ODD_LINES[name].replace("(1.", "(1700000001."), *lines[2000:]])
     (folder / "bus.log").write_text(text, "utf-8", newline="")
-    monkeypatch.setattr("rover_hil.drives.can_frames.BLOCK_BYTES", 10_000)
+    monkeypatch.setattr("rover_hil.drives.files.can_frames.BLOCK_BYTES", 10_000)
     expected = [
         message for message in can.LogReader(folder / "bus.log") if not message.is_fd and message.dlc <= 8
     ]

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from pymap3d import enu2geodetic
 
-from rover_hil.drives.array_table import read_table
-from rover_hil.drives.csv_table import read_csv
 from rover_hil.drives.drive import read_drive
+from rover_hil.drives.files.array_table import read_table
+from rover_hil.drives.files.csv_table import read_csv
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.flight_logs import Kind, Message, dataflash, ulog
 

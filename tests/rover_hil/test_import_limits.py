@@ -19,9 +19,9 @@ from benchmarks.malformed import imports
 from drivers.can_wheels.mapping_file import read_dbc
 from drivers.errors import ConfigError, LogError, RoverHilError
 from drivers.files import read_bytes
-from rover_hil.importing import reading_process
-from rover_hil.importing.limits import Limits, LimitSettings
-from rover_hil.importing.reading_process import Report, read_in_child
+from rover_hil.drives.formats import reading_process
+from rover_hil.drives.formats.limits import Limits, LimitSettings
+from rover_hil.drives.formats.reading_process import Report, read_in_child
 from tests.rover_hil.command import Command, assert_one_sentence
 
 FILE = Path("drive.csv")
@@ -287,7 +287,7 @@ def test_what_describes_a_drive_is_read_in_a_child(
     def read(*_: object) -> None:
         raise ConfigError(f"process {os.getpid()}")
 
-    monkeypatch.setattr(f"rover_hil.importing.{reader}", read)
+    monkeypatch.setattr(f"rover_hil.drives.formats.{reader}", read)
     arguments = arguments_of(Bad("", kind, lambda folder: folder), tmp_path / "drive.log", tmp_path)
     assert command(*arguments, *(["--dbc", "drive.dbc"] if kind == "list" else [])) == 2
     assert_one_sentence(command.error, "process")

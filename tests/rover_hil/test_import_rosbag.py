@@ -18,10 +18,10 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
 from rover_hil.config import load_config
-from rover_hil.drives.csv_table import read_csv
 from rover_hil.drives.drive import read_drive
-from rover_hil.importing.rosbag import bag as bag_module
-from rover_hil.importing.rosbag.topics import read_topics
+from rover_hil.drives.files.csv_table import read_csv
+from rover_hil.drives.formats.rosbag import bag as bag_module
+from rover_hil.drives.formats.rosbag.topics import read_topics
 from rover_hil.run.driving import run_virtual
 from tests.cases import first_often
 from tests.rover_hil.command import Command, assert_one_sentence

@@ -12,9 +12,9 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores
 
-from rover_hil.drives.csv_table import read_csv
 from rover_hil.drives.drive import read_drive
-from rover_hil.importing.fixes import lost_poses
+from rover_hil.drives.files.csv_table import read_csv
+from rover_hil.drives.formats.fixes import lost_poses
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.test_import_rosbag import START_NS, Messages
 

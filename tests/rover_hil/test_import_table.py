@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from rover_hil.drives.csv_table import read_csv
 from rover_hil.drives.drive import read_drive
-from rover_hil.importing.table.columns import read_columns
+from rover_hil.drives.files.csv_table import read_csv
+from rover_hil.drives.formats.table.columns import read_columns
 from tests.rover_hil.command import Command, assert_one_sentence
 
 PERIOD_S, ROWS = 0.05, 101

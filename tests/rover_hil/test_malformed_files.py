@@ -25,7 +25,7 @@ from drivers.heading_calibration import MagnetometerCalibration, load_calibratio
 from drivers.settings import read_toml
 from rover_hil.config import Config, load_config
 from rover_hil.config.loader import read_config_text, read_rig
-from rover_hil.drives.csv_table import read_csv
+from rover_hil.drives.files.csv_table import read_csv
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.images import decode_image
 from rover_hil.recording.reader import LogMessage, LogReader

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rover_hil.importing.table.columns import read_columns
-from rover_hil.importing.table.propose import propose
+from rover_hil.drives.formats.table.columns import read_columns
+from rover_hil.drives.formats.table.propose import propose
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.test_import_table import write
 

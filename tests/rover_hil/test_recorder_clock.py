@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import pytest
 
-from rover_hil.importing.rosbag.bag import Bag, BagMessage
+from rover_hil.drives.formats.rosbag.bag import Bag, BagMessage
 
 FIRST_NS = 1_700_000_000_000_000_000
 SECOND_NS = 1_000_000_000

@@ -13,7 +13,7 @@ from drivers.robotino_board.codec import RobotinoBoardCodec, parse_reply
 from drivers.robotino_board.scales import scales
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.samples import BumperSample, WheelSample
-from rover_hil.importing.robotino_csv import START_NS, RobotinoRun, read_run
+from rover_hil.drives.formats.robotino_csv import START_NS, RobotinoRun, read_run
 
 BOARD = RobotinoBoardSettings(type="robotino_board", port="p")
 SCALES = scales(BOARD)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rover_hil.drives.drive import read_drive
-from rover_hil.importing.robotino_csv import read_run
+from rover_hil.drives.formats.robotino_csv import read_run
 from rover_hil.sample import catalogue
 from rover_hil.sample.catalogue import SAMPLES, Sample
 from tests.rover_hil.command import Command, assert_one_sentence

@@ -11,7 +11,7 @@ from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import WheelsRoverSettings
 from drivers.errors import ConfigError
 from rover_hil.config import load_config
-from rover_hil.drives.csv_table import read_csv
+from rover_hil.drives.files.csv_table import read_csv
 from rover_hil.run.checks import VIRTUAL_RUN_CHECKS
 from tests.rover_hil.command import Command, assert_one_sentence
 

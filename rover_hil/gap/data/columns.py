@@ -8,7 +8,7 @@ from typing import Protocol, TypeAlias, runtime_checkable
 import numpy as np
 
 from drivers.errors import ConfigError
-from rover_hil.drives.csv_table import CsvTable, read_csv
+from rover_hil.drives.files.csv_table import CsvTable, read_csv
 from sim_backends.models.interface import Array, Run
 
 Columns: TypeAlias = Mapping[str, Array]

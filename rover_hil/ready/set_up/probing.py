@@ -25,7 +25,7 @@ from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.samples import AttitudeSample, HeadingSample, LinkSample, PoseFixSample, RateSample
 from drivers.serial_link import SerialLink
 from rover_hil.doctor.devices.listening import listen, open_device
-from rover_hil.drives.can_frames import read_can_log, timed_payloads
+from rover_hil.drives.files.can_frames import read_can_log, timed_payloads
 
 LISTEN_S = 0.8
 FIRST_LISTEN_S = 1.5

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.signal import butter, filtfilt
 
 from drivers.errors import ConfigError
-from rover_hil.drives.csv_table import read_csv
+from rover_hil.drives.files.csv_table import read_csv
 from rover_hil.gap import Array, Channel, Parameter, Port, Run, StateModel, effects
 
 RECORD_S, CUT_S, STEP_S, CORNER_HZ = 0.001, 2.0, 0.01, 20.0

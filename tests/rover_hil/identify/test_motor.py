@@ -9,13 +9,13 @@ import pytest
 
 from drivers.errors import ConfigError, LogError
 from rover_hil.config import load_config
+from rover_hil.drives.formats.robotino_csv import read_run
+from rover_hil.drives.formats.to_log import observing_config, write_run_as_log
 from rover_hil.identify.motor.command import identify_motor
 from rover_hil.identify.motor.identify import find_logs, identify, read_records
 from rover_hil.identify.motor.log import read_log
 from rover_hil.identify.motor.report import MotorReport
 from rover_hil.identify.motor.table import read_table
-from rover_hil.importing.robotino_csv import read_run
-from rover_hil.importing.to_log import observing_config, write_run_as_log
 from tests.nature.motor import Measured, TrueMotor, measure, staircase, write_csv
 
 SOFT = TrueMotor(kp=20, inertia_kg_m2=4.1e-5)

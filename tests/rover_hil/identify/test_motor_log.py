@@ -6,9 +6,9 @@ import pytest
 from drivers.errors import LogError
 from drivers.samples import SentCommand, WheelSample
 from rover_hil.config import load_config
+from rover_hil.drives.formats.to_log import observing_config
 from rover_hil.identify.motor.identify import read_records
 from rover_hil.identify.motor.log import read_log
-from rover_hil.importing.to_log import observing_config
 from rover_hil.recording.writer import LogWriter
 
 START_NS = 1_000_000_000

@@ -6,9 +6,9 @@ import pytest
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
 from rover_hil.config import load_config
+from rover_hil.drives.formats.robotino_csv import read_run
+from rover_hil.drives.formats.to_log import observing_config, write_run_as_log
 from rover_hil.identify.slip.runs import find_runs, read_windows, surface_of, surface_parts
-from rover_hil.importing.robotino_csv import read_run
-from rover_hil.importing.to_log import observing_config, write_run_as_log
 from rover_hil.recording.writer import LogWriter
 from tests.rover_hil.identify.slip_runs import NAMES, write_drive, write_rows
 

@@ -23,8 +23,8 @@ from drivers.errors import LogError
 from drivers.link import LinkChange
 from drivers.samples import RateSample, SentCommand, WheelCommand, WheelSample
 from rover_hil.config import Config, load_config
-from rover_hil.importing.robotino_csv import read_run as read_csv
-from rover_hil.importing.to_log import observing_config, write_run_as_log
+from rover_hil.drives.formats.robotino_csv import read_run as read_csv
+from rover_hil.drives.formats.to_log import observing_config, write_run_as_log
 from rover_hil.recording.schema import VIEW_LOG, EstimateRecord, PoseRecord, end_record
 from rover_hil.recording.text import estimate_text
 from rover_hil.recording.watchdog_note import MOST_CHARACTERS, note_path, read_note

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import ConfigError
-from rover_hil.drives.csv_table import CsvTable, read_csv
+from rover_hil.drives.files.csv_table import CsvTable, read_csv
 from rover_hil.gap.data.columns import Reader
 from rover_hil.gap.data.parameters import DATA
 from sim_backends.models.interface import Array, Run

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import ConfigError
-from rover_hil.drives.csv_table import read_csv
+from rover_hil.drives.files.csv_table import read_csv
 from rover_hil.gap.data.columns import Reader
 from sim_backends.models.interface import Run
 

@@ -1,0 +1,60 @@
+"""The rows of a drive in SI units, from the columns of a table."""
+
+from pathlib import Path
+
+import numpy as np
+
+from rover_hil.config import Config
+from rover_hil.drives.formats.table.columns import SI_PER_UNIT, Columns, ImuColumns
+from rover_hil.drives.formats.table.drive_table import Drive, DriveTable
+from rover_hil.drives.formats.table.increments import take_increments, take_tricycle
+from rover_hil.drives.formats.table.places import take_fixes, take_truth
+from rover_hil.drives.formats.table.wheels import take_wheels
+
+
+def read_drive_table(path: Path, columns: Columns, rover: Config) -> Drive:
+    """Return the drive in a table.
+
+    Args:
+        path: The table.
+        columns: What its columns hold.
+        rover: Its wheels and their limits.
+
+    Raises:
+        LogError: The table cannot be read or holds something wrong; names file, row, column and fix.
+    """
+    source = DriveTable(path, columns, rover)
+    if columns.wheel:
+        take_wheels(source, columns.wheel)
+    elif columns.increments is not None:
+        take_increments(source, columns.increments)
+    elif columns.tricycle is not None:
+        take_tricycle(source, columns.tricycle)
+    if columns.imu is not None:
+        _take_imu(source, columns.imu)
+    if columns.fixes is not None:
+        take_fixes(source, columns.fixes)
+    if columns.truth is not None:
+        take_truth(source, columns.truth)
+    source.note_rows()
+    source.drive.rows.sort(key=lambda row: row.t_ns)  # stable, so that rows of one time keep their order
+    return source.drive
+
+
+def _take_imu(source: DriveTable, imu: ImuColumns) -> None:
+    values: dict[str, list[list[float]]] = {}
+    held = np.zeros(len(source.t_ns), bool)
+    if imu.yaw_rate is not None:
+        rates = source.numbers(imu.yaw_rate) * SI_PER_UNIT[imu.yaw_rate.unit]
+        zeros = np.zeros_like(rates)
+        values["rate"] = np.column_stack((zeros, zeros, rates)).tolist()
+        held |= np.isfinite(rates)
+    if imu.heading is not None:
+        headings = source.angle_rad(imu.heading)
+        values["heading"] = headings[:, np.newaxis].tolist()
+        held |= np.isfinite(headings)
+    axes = [axis for axis in (imu.acceleration_x, imu.acceleration_y, imu.acceleration_z) if axis]
+    if axes:
+        stack = np.column_stack([source.numbers(axis) * SI_PER_UNIT[axis.unit] for axis in axes])
+        values["acceleration"] = stack.tolist()
+    source.add("imu", values, held)

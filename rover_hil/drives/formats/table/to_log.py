@@ -1,0 +1,157 @@
+"""Write a table as a log: its numbers pass through the codecs of a rover's devices, and replay like a run."""
+
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Literal, NamedTuple
+
+from controllers.motion.kinematics import Kinematics, make_kinematics
+from drivers.can_wheels.settings import CanWheelsSettings
+from drivers.errors import LogError
+from drivers.registry import AnyDeviceSettings
+from drivers.samples import PoseFixSample
+from drivers.xsens.settings import XsensSettings
+from rover_hil.config import Config, RoleSettings
+from rover_hil.config.ros2_settings import Ros2Settings
+from rover_hil.drives.formats.drive import IMU, SILENT_S, START_NS, WHEELS, Contents, DriveLinks, write_drive
+from rover_hil.drives.formats.fixes import FixMaker
+from rover_hil.drives.formats.oddities import Evidence
+from rover_hil.drives.formats.table.columns import Columns, FixColumns
+from rover_hil.drives.formats.table.drive_table import Row
+from rover_hil.drives.formats.table.rows import read_drive_table
+from rover_hil.drives.formats.wheel_frames import write_mapping
+from rover_hil.recording.schema import TruthRecord
+from rover_hil.run.composition import ReplayLinks
+
+
+def write_table_as_log(path: Path, columns: Columns, rover: Config, out: Path) -> Iterator[Contents]:
+    """Write the log `out` of a table, cycle by cycle; yields what was used so far.
+
+    Args:
+        path: The table.
+        columns: What its columns hold.
+        rover: Configuration of the rover; its devices and its mission are not used.
+        out: The log; must not exist.
+
+    Raises:
+        LogError: The table cannot be read, or does not fit the rover.
+    """
+    kinematics = make_kinematics(rover.rover)
+    drive = read_drive_table(path, columns, rover)
+    contents = Contents(notes=drive.notes, oddities=drive.oddities)
+    held = {row.section for row in drive.rows}
+    has_both = any(wheel.speed and (wheel.position or wheel.step) for wheel in columns.wheel)
+    contents.evidence = Evidence(
+        sections=frozenset(held), has_own_turn=bool(columns.wheel), has_both=has_both
+    )
+    if drive.filter is not None:
+        rover = rover.model_copy(update={"filter": drive.filter})
+
+    def make_feed(links: ReplayLinks) -> Callable[[Row], Iterator[TruthRecord | PoseFixSample]]:
+        return _Feeder(links, kinematics, contents, columns.fixes).feed
+
+    with TemporaryDirectory(prefix="rover_hil_") as folder:
+        config = _config(
+            rover,
+            Path(folder),
+            kinematics,
+            drive.quantities,
+            _imu_roles(columns, held),
+            has_fixes="fixes" in held,
+        )
+        for _ in write_drive(out, f"imported from {path.name}", config, drive.rows, make_feed, contents):
+            yield contents
+    if not contents.used.keys() & {"wheels", "increments"}:
+        raise LogError(f"{path}: no row holds a number of the wheels: name other columns")
+
+
+def _config(
+    rover: Config,
+    folder: Path,
+    kinematics: Kinematics,
+    quantities: tuple[str, ...],
+    imu: "_ImuRoles",
+    *,
+    has_fixes: bool,
+) -> Config:
+    mapping = write_mapping(folder, [None] * kinematics.wheel_count, quantities, ())
+    devices: dict[str, AnyDeviceSettings] = {
+        WHEELS: CanWheelsSettings(
+            interface="virtual", channel="table", mapping=str(mapping), max_age_s=SILENT_S
+        )
+    }
+    if imu.has_rate or imu.has_heading:
+        devices[IMU] = XsensSettings(
+            port="table", max_age_s=SILENT_S, heading_reference=imu.heading_reference
+        )
+    roles = RoleSettings(
+        wheels=WHEELS, gyro=IMU if imu.has_rate else None, headings=(IMU,) if imu.has_heading else ()
+    )
+    ros2 = Ros2Settings(pose_fixes=True) if has_fixes else None
+    none = dict.fromkeys(("mission", "slip", "scomp", "simulation", "tune"))
+    return rover.model_copy(update={"devices": devices, "roles": roles, "ros2": ros2, **none})
+
+
+class _ImuRoles(NamedTuple):
+    """What the inertial sensor of a drive measures."""
+
+    has_rate: bool
+    has_heading: bool
+    heading_reference: Literal["magnetic", "true"]
+
+
+def _imu_roles(columns: Columns, held: Collection[str]) -> _ImuRoles:
+    imu = columns.imu
+    if imu is None:
+        # The gyro of the increments.
+        return _ImuRoles("imu" in held, has_heading=False, heading_reference="magnetic")
+    return _ImuRoles(imu.yaw_rate is not None, imu.heading is not None, imu.heading_reference)
+
+
+class _Feeder:
+    """Turns rows into what the devices would have sent."""
+
+    def __init__(
+        self, links: ReplayLinks, kinematics: Kinematics, contents: Contents, fixes: FixColumns | None
+    ) -> None:
+        self._fixes = None if fixes is None else FixMaker(fixes, fixes.marker)
+        self._drive = DriveLinks(links, kinematics)
+        self._contents = contents
+
+    def feed(self, row: Row) -> Iterator[TruthRecord | PoseFixSample]:
+        """Feed one row into the links; yields the true pose or the fix that it holds, if any."""
+        t_ns, values, is_used = START_NS + row.t_ns, row.values, False
+        match row.section:
+            case "wheels":
+                for quantity, numbers in values.items():
+                    is_used |= self._drive.put_wheels(t_ns, quantity, numbers)
+            case "increments":
+                x_m, y_m, turn_rad = values["move"]
+                is_used = self._drive.move(t_ns, x_m, y_m, turn_rad)
+            case "imu":
+                is_used = self._feed_imu(t_ns, values)
+            case "fixes":
+                fix = None if self._fixes is None else self._fixes.make(t_ns, *values["fix"])
+                is_used = fix is not None
+                if fix is not None:
+                    yield fix
+            case _:
+                x_m, y_m, yaw_rad = values["pose"]
+                is_used = all(map(math.isfinite, values["pose"]))
+                if is_used:
+                    yield {"t_ns": t_ns, "x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad, "is_new": True}
+        self._contents.count(row.section, is_used=is_used)
+
+    def _feed_imu(self, t_ns: int, values: Mapping[str, Sequence[float]]) -> bool:
+        held = {name: numbers for name, numbers in values.items() if all(map(math.isfinite, numbers))}
+        heading_rad = None if "heading" not in held else held["heading"][0]
+        orientation = (
+            None
+            if heading_rad is None
+            else (math.cos(0.5 * heading_rad), 0.0, 0.0, math.sin(0.5 * heading_rad))
+        )
+        if "rate" in held or orientation is not None:
+            self._drive.put_imu(t_ns, held.get("rate"), held.get("acceleration"), orientation)
+            return True
+        return False

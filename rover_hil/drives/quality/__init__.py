@@ -1,0 +1,1 @@
+"""What is wrong with a recorded drive: clocks, contradictions, units and signs."""

@@ -1,0 +1,98 @@
+"""Compares the clock of true poses or fixes with that of the wheels: do both show the same course of time?"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from controllers.motion.kinematics import Kinematics
+from rover_hil.drives.arrays import Array
+from rover_hil.drives.channels import Channels
+from rover_hil.drives.quality.drive_paths import STEP_S, DrivePath, path_of_wheels, places_of
+from rover_hil.recording.findings import FoundFinding
+
+GREATEST_OFFSET_S = 1.0
+FACTORS = (0.1, *np.round(np.arange(0.97, 1.0301, 0.002), 4).tolist(), 10.0)
+"""Seconds of the places over those of the wheels."""
+LEAST_WINDOWS, LONGEST_WINDOW_S = 20, 1.0
+AGREES = 0.3
+"""Residual, as a share of the motion, up to which a clock explains the places."""
+BETTER = 0.4
+"""Another clock explains the places if it leaves less than this share of the residual."""
+LEAST_GAIN = 0.015
+"""And by so much of the motion: even motion fits any clock, but for its noise."""
+FAR = 2.0
+SCALES = (0.8, 1.25)
+"""With a clock that is wrong by so much or more, wheels and places must go equally far: a part of an even
+drive fits any clock, with another scale."""
+LEAST_SHARE = 0.004
+"""A clock is not named that is wrong by less."""
+
+
+def clock_findings(rows: Channels, kinematics: Kinematics) -> Iterator[FoundFinding]:
+    """Yield true poses and fixes whose clock is wrong by a constant factor against that of the wheels.
+
+    Where the speed of the rover changes, its course by the wheels and by the places fits at one factor only.
+    The clocks may begin up to a second apart.
+
+    Args:
+        rows: The drive.
+        kinematics: Of its wheels.
+    """
+    wheels = path_of_wheels(rows, kinematics)
+    if wheels is None:
+        return
+    for name, places in places_of(rows):
+        factor = min(FACTORS, key=lambda each: _residual(wheels, places, each))
+        best = _residual(wheels, places, factor)
+        # A part of a drive fits more easily than the whole: both clocks are judged by the same part.
+        plain = _residual(wheels, places, 1.0, _span(wheels, places, factor))
+        is_better = best <= min(AGREES, BETTER * plain, plain - LEAST_GAIN)
+        if is_better and math.isfinite(plain) and abs(factor - 1.0) > LEAST_SHARE:
+            share = f"{100.0 * plain:.0f} % of the motion is left, {100.0 * best:.0f} % with it"
+            text = (
+                f"the clock of the {name} runs {factor:.4g} times as long as that of the wheels, {share}: "
+                "correct the unit of one of the two times; this drive does not show which"
+            )
+            yield FoundFinding(name="clock", t_s=None, text=text)
+
+
+def _span(wheels: DrivePath, places: DrivePath, factor: float, offset_s: float = 0.0) -> tuple[float, float]:
+    """Return the first and the last time of the wheels at which both are known."""
+    start_s = wheels.t_s[0]
+    first_s, last_s = (
+        float(start_s + (each_s - start_s) / factor + offset_s) for each_s in (places.t_s[0], places.t_s[-1])
+    )
+    return max(float(start_s), first_s), min(float(wheels.t_s[-1]), last_s)
+
+
+def _residual(
+    wheels: DrivePath, places: DrivePath, factor: float, within_s: tuple[float, float] = (-math.inf, math.inf)
+) -> float:
+    """Return the share of the motion that a clock leaves, at its best beginning; infinite without enough."""
+    least_rms = math.inf
+    start_s = wheels.t_s[0]
+    for offset_s in np.arange(-GREATEST_OFFSET_S, GREATEST_OFFSET_S + 0.5 * STEP_S, STEP_S).tolist():
+        begin_s, end_s = _span(wheels, places, factor, offset_s)
+        begin_s, end_s = max(begin_s, within_s[0]), min(end_s, within_s[1])
+        window_s = min(LONGEST_WINDOW_S, (end_s - begin_s) / LEAST_WINDOWS)
+        if window_s < STEP_S:
+            continue
+        edges_s = np.arange(begin_s, end_s, window_s)
+        said_m, said_rad = wheels.steps(edges_s)
+        true_m, true_rad = places.steps(start_s + factor * (edges_s - start_s - offset_s))
+        pairs = [(said_m, true_m)] if places.yaw_rad is None else [(said_m, true_m), (said_rad, true_rad)]
+        scale = true_m.sum() / max(float(said_m.sum()), 1e-9)
+        if max(factor, 1.0 / factor) >= FAR and not SCALES[0] <= scale <= SCALES[1]:
+            continue
+        residuals = [_left(own, true) for own, true in pairs]
+        least_rms = min(least_rms, math.sqrt(sum(residuals) / len(residuals)))
+    return least_rms
+
+
+def _left(own: Array, true: Array) -> float:
+    """Return the square of the share of the motion that a common factor leaves."""
+    square, seen = float(own @ own), float(true @ true)
+    if square <= 0.0 or seen <= 0.0:
+        return 1.0
+    return max(0.0, 1.0 - float(own @ true) ** 2 / (square * seen))

@@ -1,1 +1,0 @@
-"""Import of runs recorded by others as logs."""
