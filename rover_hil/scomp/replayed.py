@@ -1,14 +1,15 @@
 """Path of a log: its cycles run again by the estimator that drove, smoothed backwards."""
 
 import math
+import tempfile
 from collections import Counter
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
 from controllers.control_loop import StepOutput
-from controllers.estimation.filter.guarded_filter import FilterStep, Innovation
+from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.state_layout import YAW, X, Y
 from controllers.motion.steering import mean_steering_rad
@@ -21,8 +22,8 @@ from rover_hil.config import Config
 from rover_hil.recording.reader import LogReader
 from rover_hil.run.replay import estimate_again
 from rover_hil.scomp.drive import Track
+from rover_hil.scomp.kept_steps import KeptSteps
 from rover_hil.scomp.odometry import Result, learnt_of, turned_by_compass
-from rover_hil.scomp.smoother import smooth
 
 LEAST_SHARE = 0.01
 """A reason that leaves the slip uncertain in a smaller share of the cycles is not reported."""
@@ -52,11 +53,11 @@ class _Row(NamedTuple):
 class _Cycles:
     """Collects the rows of a replay."""
 
-    def __init__(self, start_ns: int) -> None:
-        self._start_ns = start_ns
+    def __init__(self, start_ns: int, file: BinaryIO) -> None:
+        self._start_ns, self._file = start_ns, file
         self._filter: PoseFilter | None = None
         self._odometry: object = None
-        self.steps: list[FilterStep] = []
+        self._steps: KeptSteps | None = None
         self.rows: list[_Row] = []
         self.innovations: list[Innovation] = []
         self.reasons: Counter[str] = Counter()
@@ -64,7 +65,7 @@ class _Cycles:
     def take_filter(self, pose_filter: PoseFilter) -> None:
         """Keep the steps of a filter from now on."""
         self._filter = pose_filter
-        self.steps = pose_filter.keep_steps()
+        self._steps = KeptSteps(pose_filter.keep_steps(), self._file)
 
     @property
     def pose_filter(self) -> PoseFilter:
@@ -72,6 +73,13 @@ class _Cycles:
         if self._filter is None:
             raise RuntimeError("no replay has begun")
         return self._filter
+
+    @property
+    def steps(self) -> KeptSteps:
+        """Its steps."""
+        if self._steps is None:
+            raise RuntimeError("no replay has begun")
+        return self._steps
 
     @property
     def states(self) -> ScompStates:
@@ -84,6 +92,7 @@ class _Cycles:
     def take(self, output: StepOutput) -> None:
         """Take what a cycle computed; wheel positions that are not newer give no row."""
         self.innovations += output.innovations
+        self.steps.save()
         t_s = seconds(output.estimate.t_ns - self._start_ns)
         if output.scomp is None or (self.rows and t_s <= self.rows[-1].t_s):
             return
@@ -114,15 +123,17 @@ def replay_track(
     Raises:
         LogError: The log is damaged, or has fewer than two cycles with wheel positions.
     """
-    cycles = _Cycles(log.start_ns)
-    for output in estimate_again(log, config, take_filter=cycles.take_filter):
-        cycles.take(output)
-        on_cycle()
-    if len(cycles.rows) < 2:
-        raise LogError(f"log {log.path} has fewer than two cycles with wheel positions: give a longer log")
-    layout, last = cycles.pose_filter.layout, cycles.steps[-1]
-    estimates = [step.estimate for step in cycles.steps] if online else smooth(cycles.steps, layout.angles)
-    track = _track(cycles, estimates)
+    with tempfile.TemporaryFile() as file:
+        cycles = _Cycles(log.start_ns, file)
+        for output in estimate_again(log, config, take_filter=cycles.take_filter):
+            cycles.take(output)
+            on_cycle()
+        if len(cycles.rows) < 2:
+            raise LogError(
+                f"log {log.path} has fewer than two cycles with wheel positions: give a longer log"
+            )
+        track = _track(cycles, online=online)
+    layout, last = cycles.pose_filter.layout, cycles.steps.last
     notes = _notes(cycles.reasons)
     compass = _compass(config, cycles.pose_filter)
     if config.scomp is not None and compass is not None:
@@ -146,10 +157,15 @@ def _compass(config: Config, pose_filter: PoseFilter) -> tuple[str, HeadingRefer
     return None
 
 
-def _track(cycles: _Cycles, estimates: list[tuple[np.ndarray, np.ndarray]]) -> Track:
+def _track(cycles: _Cycles, *, online: bool) -> Track:
     layout, model, rows = cycles.pose_filter.layout, cycles.states.model, cycles.rows
-    states = np.array([estimates[row.steps][0] for row in rows])
-    variances = np.array([np.diag(estimates[row.steps][1])[:2] for row in rows])
+    states, variances = np.zeros((len(rows), layout.size)), np.zeros((len(rows), 2))
+    unread = len(rows)
+    for first, estimates in cycles.steps.estimates(layout.angles, online=online):
+        while unread and rows[unread - 1].steps >= first:
+            unread -= 1
+            state, covariance = estimates[rows[unread].steps - first]
+            states[unread], variances[unread] = state, np.diag(covariance)[:2]
     slips = [model.slip(state[layout.block], row.tilt) for state, row in zip(states, rows, strict=True)]
     drifts = [model.drift(state[layout.block], row.tilt) for state, row in zip(states, rows, strict=True)]
     return Track(

@@ -7,8 +7,13 @@ import numpy as np
 from controllers.estimation.filter.guarded_filter import FilterStep
 from rover_hil.drives.arrays import Array
 
+Estimate = tuple[Array, Array]
+"""State and covariance."""
 
-def smooth(steps: Sequence[FilterStep], angles: Sequence[int]) -> list[tuple[Array, Array]]:
+
+def smooth(
+    steps: Sequence[FilterStep], angles: Sequence[int], last: Estimate | None = None
+) -> list[Estimate]:
     """Return state and covariance of every step, given all measurements; the last one stays as it is.
 
     filterpy's smoother is linear. It smooths the sum of the filter's corrections, carried on by the
@@ -17,6 +22,7 @@ def smooth(steps: Sequence[FilterStep], angles: Sequence[int]) -> list[tuple[Arr
     Args:
         steps: In order of time.
         angles: Indices of the states that are angles in rad; the results are as continuous as the estimates.
+        last: The smoothed estimate of the last step, where the drive goes on after it.
     """
     from filterpy.kalman import rts_smoother  # pulls in scipy.stats, about a second
 
@@ -36,7 +42,11 @@ def smooth(steps: Sequence[FilterStep], angles: Sequence[int]) -> list[tuple[Arr
         step.predicted[1] * per_scale - transition @ (covariance * per_scale) @ transition.T
         for step, transition, covariance in zip(steps[1:], transitions, covariances, strict=False)
     ]
-    backwards, spreads, *_ = rts_smoother(np.array(sums), covariances * per_scale, transitions, noises)
+    forwards, scaled = np.array(sums), covariances * per_scale
+    if last is not None:
+        forwards[-1] += (last[0] - states[-1]) / scale
+        scaled[-1] = last[1] * per_scale
+    backwards, spreads, *_ = rts_smoother(forwards, scaled, transitions, noises)
     smoothed = states + (backwards - np.array(sums)) * scale
     spreads = 0.5 * (spreads + spreads.transpose(0, 2, 1)) / per_scale
     return list(zip(smoothed, spreads, strict=True))

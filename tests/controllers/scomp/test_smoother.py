@@ -1,7 +1,10 @@
+import io
+
 import numpy as np
 import pytest
 
 from controllers.estimation.filter.guarded_filter import FilterStep
+from rover_hil.scomp.kept_steps import KeptSteps
 from rover_hil.scomp.smoother import smooth
 
 
@@ -42,3 +45,26 @@ def test_smoothing_crosses_half_a_turn() -> None:
     wrapped = (readings + np.pi) % (2 * np.pi) - np.pi
     smoothed = np.unwrap([state[0] for state, _ in smooth(walk_filter(wrapped, 0.01, 0.04), angles=[0])])
     assert smoothed == pytest.approx(batch(readings, 0.01, 0.04)[0], abs=1e-9)
+
+
+@pytest.mark.parametrize("online", [True, False])
+def test_steps_in_a_file_give_the_same_estimates(monkeypatch: pytest.MonkeyPatch, online: bool) -> None:
+    monkeypatch.setattr("rover_hil.scomp.kept_steps.BLOCK", 7)
+    steps = walk_filter(np.cumsum(0.1 * np.random.default_rng(3).standard_normal(30)), 0.01, 0.04)
+    whole = [step.estimate for step in steps] if online else smooth(steps, angles=[0])
+    growing: list[FilterStep] = []
+    kept = KeptSteps(growing, io.BytesIO())
+    for step in steps:
+        growing.append(step)
+        kept.save()
+    assert len(kept) == 30
+    assert len(growing) <= 8
+    found = {
+        first + at: each
+        for first, block in kept.estimates([0], online=online)
+        for at, each in enumerate(block)
+    }
+    assert sorted(found) == list(range(30))
+    for number, (state, spread) in enumerate(whole):
+        assert found[number][0] == pytest.approx(state, abs=1e-12)
+        assert found[number][1] == pytest.approx(spread, abs=1e-12)
