@@ -6,12 +6,15 @@ rounded, and the sums have one order. For matrices of up to about twenty rows.
 """
 
 import math
+from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+Rows: TypeAlias = list[list[float]]
 
 SWEEPS = 30
 """Far more than rotations of three columns need; each sweep squares what is left."""
@@ -41,17 +44,34 @@ def solve(matrix: Array, right: Array) -> Array:
     Raises:
         ZeroDivisionError: The matrix is singular.
     """
-    size = len(matrix)
-    rows = [[*left, *values] for left, values in zip(matrix.tolist(), right.tolist(), strict=True)]
-    for column in range(size):
-        pivot = max(range(column, size), key=lambda index: abs(rows[index][column]))
+    return np.array(_solve(matrix.tolist(), right.tolist()))
+
+
+def _solve(matrix: Rows, right: Rows) -> Rows:
+    rows = [[*left, *values] for left, values in zip(matrix, right, strict=True)]
+    for column in range(len(rows)):
+        pivot = max(range(column, len(rows)), key=lambda index: abs(rows[index][0]))
         rows[column], rows[pivot] = rows[pivot], rows[column]
-        chosen = rows[column] = [value / rows[column][column] for value in rows[column]]
-        for index, row in enumerate(rows):
-            share = row[column]
-            if index != column and share != 0.0:
-                rows[index] = [value - share * less for value, less in zip(row, chosen, strict=True)]
-    return np.array(rows)[:, size:]
+        first, *others = rows[column]
+        chosen = [value / first for value in others]
+        for index, (share, *values) in enumerate(rows):
+            if index == column:
+                rows[index] = chosen
+            elif share == 0.0:
+                rows[index] = values
+            else:
+                rows[index] = [value - share * less for value, less in zip(values, chosen, strict=True)]
+    return rows
+
+
+def by_normal_equations(gram: Rows, right: Rows) -> Rows | None:
+    """Return x of `gram` x = `right`, of least squares; None where that loses more than four digits."""
+    least = WELL_CONDITIONED * float(np.trace(gram))
+    shifted = [
+        [value - least if index == column else value for column, value in enumerate(row)]
+        for index, row in enumerate(gram)
+    ]
+    return _solve(gram, right) if _has_positive_pivots(shifted) else None
 
 
 def inverse(matrix: Array) -> Array:
@@ -65,7 +85,11 @@ def inverse(matrix: Array) -> Array:
 
 def is_positive_definite(matrix: Array) -> bool:
     """Return whether all pivots of a symmetric matrix are greater than zero."""
-    rows = matrix.tolist()
+    return _has_positive_pivots(matrix.tolist())
+
+
+def _has_positive_pivots(rows: Rows) -> bool:
+    """Return whether all pivots are greater than zero; `rows` become those of the elimination."""
     for column, row in enumerate(rows):
         pivot = row[column]
         if not pivot > 0.0:
@@ -120,21 +144,22 @@ def _make_orthogonal(left: list[Array], right: list[Array], first: int, second: 
     return True
 
 
-def rank(matrix: Array, tolerance: float) -> int:
+def rank(matrix: Sequence[Sequence[float]], tolerance: float) -> int:
     """Return the number of pivots above a tolerance in elimination with full pivoting."""
-    rows = matrix.tolist()
+    rows = list(matrix)
     found = 0
     while rows:
-        size, number, column = max(
-            (abs(value), -i, -j) for i, row in enumerate(rows) for j, value in enumerate(row)
-        )
+        sizes = [max(map(abs, row)) for row in rows]
+        size = max(sizes)
         if size <= tolerance:
             break
         found += 1
-        pivot = rows.pop(-number)
+        pivot = rows.pop(sizes.index(size))
+        column = list(map(abs, pivot)).index(size)
+        shares = [row[column] / pivot[column] for row in rows]
         rows = [
-            [value - row[-column] / pivot[-column] * less for value, less in zip(row, pivot, strict=True)]
-            for row in rows
+            [value - share * less for value, less in zip(row, pivot, strict=True)]
+            for share, row in zip(shares, rows, strict=True)
         ]
     return found
 
@@ -147,9 +172,9 @@ def pseudo_inverse(matrix: Array, relative_tolerance: float) -> Array:
         relative_tolerance: Of the greatest singular value.
     """
     gram = product(matrix.T, matrix)
-    smallest = WELL_CONDITIONED * float(np.trace(gram)) * np.eye(len(gram))
-    if len(gram) and is_positive_definite(gram - smallest):
-        return solve(gram, matrix.T)
+    inverted = by_normal_equations(gram.tolist(), matrix.T.tolist()) if len(gram) else None
+    if inverted is not None:
+        return np.array(inverted)
     u, values, v = singular_values(matrix)
     kept = values > relative_tolerance * values.max(initial=0.0)
     return product(v[:, kept] / values[kept], u[:, kept].T)
