@@ -50,7 +50,8 @@ def solve(matrix: Array, right: Array) -> Array:
 def _solve(matrix: Rows, right: Rows) -> Rows:
     rows = [[*left, *values] for left, values in zip(matrix, right, strict=True)]
     for column in range(len(rows)):
-        pivot = max(range(column, len(rows)), key=lambda index: abs(rows[index][0]))
+        sizes = [abs(row[0]) for row in rows[column:]]
+        pivot = column + sizes.index(max(sizes))
         rows[column], rows[pivot] = rows[pivot], rows[column]
         first, *others = rows[column]
         chosen = [value / first for value in others]
@@ -66,7 +67,10 @@ def _solve(matrix: Rows, right: Rows) -> Rows:
 
 def by_normal_equations(gram: Rows, right: Rows) -> Rows | None:
     """Return x of `gram` x = `right`, of least squares; None where that loses more than four digits."""
-    least = WELL_CONDITIONED * float(np.trace(gram))
+    trace = 0.0
+    for index, row in enumerate(gram):
+        trace += row[index]
+    least = WELL_CONDITIONED * trace
     shifted = [
         [value - least if index == column else value for column, value in enumerate(row)]
         for index, row in enumerate(gram)

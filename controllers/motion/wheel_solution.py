@@ -7,7 +7,14 @@ import numpy as np
 
 from controllers.matrices import Rows, by_normal_equations, product, pseudo_inverse, rank
 from controllers.motion.body_motion import BodyMotion
-from controllers.motion.wheel_constraints import Matrix, is_fixed, null_space, rolling_row, side_row
+from controllers.motion.wheel_constraints import (
+    Matrix,
+    is_fixed,
+    null_space,
+    rolling_row,
+    side_row,
+    skids_in_turns,
+)
 from controllers.motion.wheel_settings import WheelSettings
 
 SMALLEST = 1e-9
@@ -16,39 +23,73 @@ NUMPY_ADDS_IN_EIGHTHS = 8
 """So many numbers numpy adds in another order; earlier logs of rovers with so many wheels replay as then."""
 
 
+class WheelEquations:
+    """What the equations of a set of wheels have in common at all steering angles.
+
+    Args:
+        wheels: The wheels.
+
+    Attributes:
+        measured: Wheels with an encoder.
+        weak: Wheels whose side slip decides only what the others leave open.
+        side_wheels: The others that may not slip sideways.
+        radius_m: Of each wheel.
+    """
+
+    def __init__(self, wheels: Sequence[WheelSettings]) -> None:
+        skids = skids_in_turns(wheels)
+        ordinary = [index for index, wheel in enumerate(wheels) if wheel.roller_deg is None]
+        self.measured = [index for index, wheel in enumerate(wheels) if wheel.measured]
+        self.weak = [index for index in ordinary if skids and is_fixed(wheels[index])]
+        self.side_wheels = [index for index in ordinary if index not in self.weak]
+        self.radius_m = [wheel.radius_m for wheel in wheels]
+        self._wheels = wheels
+        self._straight = list(map(rolling_row, wheels))
+        self._side_straight = list(map(side_row, wheels))
+
+    def rolling(self, steering_rad: Sequence[float]) -> list[BodyMotion]:
+        """Return r omega of each wheel per body motion."""
+        return [
+            rolling_row(wheel, angle) if angle else straight
+            for wheel, angle, straight in zip(self._wheels, steering_rad, self._straight, strict=True)
+        ]
+
+    def side(self, steering_rad: Sequence[float], indices: Sequence[int]) -> list[BodyMotion]:
+        """Return the side slip of some wheels per body motion."""
+        return [
+            side_row(self._wheels[index], steering_rad[index])
+            if steering_rad[index]
+            else self._side_straight[index]
+            for index in indices
+        ]
+
+
 class WheelSolution:
     """Least squares for one set of steering angles.
 
     Args:
-        wheels: The wheels.
+        equations: Of the wheels.
         steering_rad: Steering angle of each.
-        skids: Whether the fixed wheels must slip sideways in every turn.
 
     Attributes:
         effects: Body motion per wheel value, one for each wheel; zero for wheels without an encoder.
         rolling: r omega of each wheel per body motion.
-        side: Side slip per body motion of the wheels `side_wheels`.
+        side: Side slip per body motion of the wheels `side_wheels` of the equations.
     """
 
-    def __init__(
-        self, wheels: Sequence[WheelSettings], steering_rad: Sequence[float], *, skids: bool
-    ) -> None:
-        pairs = list(zip(wheels, steering_rad, strict=True))
-        self.rolling = [rolling_row(wheel, angle) for wheel, angle in pairs]
-        ordinary = [index for index, wheel in enumerate(wheels) if wheel.roller_deg is None]
-        weak = [index for index in ordinary if skids and is_fixed(wheels[index])]
-        self.side_wheels = [index for index in ordinary if index not in weak] if weak else ordinary
-        self.side = [side_row(*pairs[index]) for index in self.side_wheels]
-        measured = [index for index, wheel in enumerate(wheels) if wheel.measured]
-        self._firm = [*(self.rolling[index] for index in measured), *self.side]
+    def __init__(self, equations: WheelEquations, steering_rad: Sequence[float]) -> None:
+        measured, weak, radius_m = equations.measured, equations.weak, equations.radius_m
+        rolling = self.rolling = equations.rolling(steering_rad)
+        self.side = equations.side(steering_rad, equations.side_wheels)
+        self._firm = [rolling[index] for index in measured] + self.side
         self._inverse = _first_columns(self._firm, len(measured))
         if weak:
-            rows = np.array([side_row(*pairs[index]) for index in weak])
+            rows = np.array(equations.side(steering_rad, weak))
             self._inverse = _with_weak(np.array(self._firm), np.array(self._inverse), rows)
-        effects: list[BodyMotion] = [(0.0, 0.0, 0.0)] * len(wheels)
+        effects: list[BodyMotion] = [(0.0, 0.0, 0.0)] * len(rolling)
         for index, x, y, turn in zip(measured, *self._inverse, strict=True):
-            radius_m = wheels[index].radius_m
-            effects[index] = x * radius_m + 0.0, y * radius_m + 0.0, turn * radius_m + 0.0
+            radius = radius_m[index]
+            effects[index] = x * radius + 0.0, y * radius + 0.0, turn * radius + 0.0
         self.effects = tuple(effects)
 
     @cached_property

@@ -11,10 +11,9 @@ from controllers.motion.wheel_constraints import (
     is_fixed,
     rolling_row,
     size_m,
-    skids_in_turns,
 )
 from controllers.motion.wheel_settings import WheelSettings
-from controllers.motion.wheel_solution import WheelSolution
+from controllers.motion.wheel_solution import WheelEquations, WheelSolution
 
 # Chosen by hand.
 WAIT_RAD = 0.35
@@ -52,10 +51,9 @@ class WheelsKinematics:
     def __init__(self, settings: WheelsRoverSettings) -> None:
         wheels = settings.wheels
         self._wheels = wheels
-        self._radius_m = [wheel.radius_m for wheel in wheels]
+        self._equations = WheelEquations(wheels)
         fixed = [wheel.x_m for wheel in wheels if is_fixed(wheel)]
         self._axle_x_m = sum(fixed) / len(fixed) if fixed else None
-        self._skids = skids_in_turns(wheels)
         self._steers = any(wheel.steering is not None for wheel in wheels)
         self.wheel_count = len(wheels)
         self.unmeasured = frozenset(place for place, wheel in enumerate(wheels) if not wheel.measured)
@@ -130,7 +128,9 @@ class WheelsKinematics:
             return wheel_values
         rolling = self._solution(steering_rad).rolling
         return [
-            _rolled(rolling[wheel], motion) / self._radius_m[wheel] if wheel in self.unmeasured else value
+            _rolled(rolling[wheel], motion) / self._equations.radius_m[wheel]
+            if wheel in self.unmeasured
+            else value
             for wheel, value in enumerate(wheel_values)
         ]
 
@@ -138,20 +138,22 @@ class WheelsKinematics:
         """Return what the least squares of `body_motion` leave; of increments in m, of speeds in m/s."""
         solution = self._solution(steering_rad)
         motion = solution.body_motion(wheel_values)
-        rim_m = tuple(radius * value for radius, value in zip(self._radius_m, wheel_values, strict=True))
+        rim_m = tuple(
+            radius * value for radius, value in zip(self._equations.radius_m, wheel_values, strict=True)
+        )
         rolling_m = tuple(
             0.0 if wheel in self.unmeasured else rim - _rolled(row, motion)
             for wheel, (rim, row) in enumerate(zip(rim_m, solution.rolling, strict=True))
         )
         side_m = [0.0] * self.wheel_count
-        for wheel, row in zip(solution.side_wheels, solution.side, strict=True):
+        for wheel, row in zip(self._equations.side_wheels, solution.side, strict=True):
             side_m[wheel] = -_rolled(row, motion)
         return Residuals(rolling_m, tuple(side_m), rim_m, solution.redundant)
 
     def _solution(self, steering_rad: Sequence[float]) -> WheelSolution:
         key = tuple(steering_rad) or self._straight
         if self._solved is None or self._solved[0] != key:
-            self._solved = key, WheelSolution(self._wheels, key, skids=self._skids)
+            self._solved = key, WheelSolution(self._equations, key)
         return self._solved[1]
 
     def _possible(self, motion: BodyMotion) -> BodyMotion:
