@@ -336,6 +336,6 @@ def read_drive(path: Path, *, with_traces: bool = False) -> RecordedDrive:
     log = LogReader(path)
     with restore_config(log) as config:
         rows = LogRows(config, with_traces=with_traces)
-    for message in log.messages():
+    for message in log.stored_messages():  # neither bytes nor pictures are needed
         rows.take(message, log)
     return RecordedDrive(log, config, rows)
