@@ -206,3 +206,14 @@ def test_a_speed_that_is_not_the_change_of_the_angle_is_told(command: Command) -
     assert "wheel 1: its speed is -0.99" in command.out or "wheel 1: its speed is -1" in command.out
     assert command("replay", "d.mcap") == 0
     assert "rpm where rad/s is meant" in command.out
+
+
+def test_the_moves_of_many_rows_are_those_of_each() -> None:
+    kinematics = make_kinematics(WheelsRoverSettings.model_validate(STEERED_ROVER))
+    random = np.random.default_rng(3)
+    turned_rad = random.normal(size=(20, 3))
+    steering_rad = random.uniform(-0.6, 0.6, (20, 3)) * np.array([0.0, 0.0, 1.0])
+    each = [kinematics.body_motion(*row) for row in zip(turned_rad.tolist(), steering_rad.tolist(), strict=True)]
+    assert moves_of(turned_rad, effects_of(kinematics, steering_rad)) == pytest.approx(np.array(each), abs=1e-12)
+    straight = [kinematics.body_motion(row) for row in turned_rad.tolist()]
+    assert moves_of(turned_rad, effects_of(kinematics, None)) == pytest.approx(np.array(straight), abs=1e-12)
