@@ -7,14 +7,12 @@ rounded, and the sums have one order. For matrices of up to about twenty rows.
 
 import math
 from collections.abc import Sequence
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-Rows: TypeAlias = list[list[float]]
 
 SWEEPS = 30
 """Far more than rotations of three columns need; each sweep squares what is left."""
@@ -44,38 +42,17 @@ def solve(matrix: Array, right: Array) -> Array:
     Raises:
         ZeroDivisionError: The matrix is singular.
     """
-    return np.array(_solve(matrix.tolist(), right.tolist()))
-
-
-def _solve(matrix: Rows, right: Rows) -> Rows:
-    rows = [[*left, *values] for left, values in zip(matrix, right, strict=True)]
-    for column in range(len(rows)):
-        sizes = [abs(row[0]) for row in rows[column:]]
-        pivot = column + sizes.index(max(sizes))
+    size = len(matrix)
+    rows = [[*left, *values] for left, values in zip(matrix.tolist(), right.tolist(), strict=True)]
+    for column in range(size):
+        pivot = max(range(column, size), key=lambda index: abs(rows[index][column]))
         rows[column], rows[pivot] = rows[pivot], rows[column]
-        first, *others = rows[column]
-        chosen = [value / first for value in others]
-        for index, (share, *values) in enumerate(rows):
-            if index == column:
-                rows[index] = chosen
-            elif share == 0.0:
-                rows[index] = values
-            else:
-                rows[index] = [value - share * less for value, less in zip(values, chosen, strict=True)]
-    return rows
-
-
-def by_normal_equations(gram: Rows, right: Rows) -> Rows | None:
-    """Return x of `gram` x = `right`, of least squares; None where that loses more than four digits."""
-    trace = 0.0
-    for index, row in enumerate(gram):
-        trace += row[index]
-    least = WELL_CONDITIONED * trace
-    shifted = [
-        [value - least if index == column else value for column, value in enumerate(row)]
-        for index, row in enumerate(gram)
-    ]
-    return _solve(gram, right) if _has_positive_pivots(shifted) else None
+        chosen = rows[column] = [value / rows[column][column] for value in rows[column]]
+        for index, row in enumerate(rows):
+            share = row[column]
+            if index != column and share != 0.0:
+                rows[index] = [value - share * less for value, less in zip(row, chosen, strict=True)]
+    return np.array(rows)[:, size:]
 
 
 def inverse(matrix: Array) -> Array:
@@ -89,11 +66,7 @@ def inverse(matrix: Array) -> Array:
 
 def is_positive_definite(matrix: Array) -> bool:
     """Return whether all pivots of a symmetric matrix are greater than zero."""
-    return _has_positive_pivots(matrix.tolist())
-
-
-def _has_positive_pivots(rows: Rows) -> bool:
-    """Return whether all pivots are greater than zero; `rows` become those of the elimination."""
+    rows = matrix.tolist()
     for column, row in enumerate(rows):
         pivot = row[column]
         if not pivot > 0.0:
@@ -176,9 +149,9 @@ def pseudo_inverse(matrix: Array, relative_tolerance: float) -> Array:
         relative_tolerance: Of the greatest singular value.
     """
     gram = product(matrix.T, matrix)
-    inverted = by_normal_equations(gram.tolist(), matrix.T.tolist()) if len(gram) else None
-    if inverted is not None:
-        return np.array(inverted)
+    smallest = WELL_CONDITIONED * float(np.trace(gram)) * np.eye(len(gram))
+    if len(gram) and is_positive_definite(gram - smallest):
+        return solve(gram, matrix.T)
     u, values, v = singular_values(matrix)
     kept = values > relative_tolerance * values.max(initial=0.0)
     return product(v[:, kept] / values[kept], u[:, kept].T)

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from controllers.matrices import Rows, by_normal_equations, product, pseudo_inverse, rank
+from controllers.matrices import WELL_CONDITIONED, product, pseudo_inverse, rank
 from controllers.motion.body_motion import BodyMotion
 from controllers.motion.wheel_constraints import (
     Matrix,
@@ -85,9 +85,10 @@ class WheelSolution:
         self._inverse = _first_columns(self._firm, len(measured))
         if weak:
             rows = np.array(equations.side(steering_rad, weak))
-            self._inverse = _with_weak(np.array(self._firm), np.array(self._inverse), rows)
+            inverse = np.array(list(zip(*self._inverse, strict=True)))
+            self._inverse = _with_weak(np.array(self._firm), inverse, rows)
         effects: list[BodyMotion] = [(0.0, 0.0, 0.0)] * len(rolling)
-        for index, x, y, turn in zip(measured, *self._inverse, strict=True):
+        for index, (x, y, turn) in zip(measured, self._inverse, strict=True):
             radius = radius_m[index]
             effects[index] = x * radius + 0.0, y * radius + 0.0, turn * radius + 0.0
         self.effects = tuple(effects)
@@ -96,11 +97,10 @@ class WheelSolution:
     def redundant(self) -> int:
         """Number of constraints beyond those that determine the motion."""
         # Constraints that always agree are not redundant: they cannot contradict each other.
-        first, second, third = self._inverse
         unexplained = [
             [
                 (1.0 if row == column else 0.0) - (0.0 + a * x + b * y + c * turn)
-                for column, (x, y, turn) in enumerate(zip(first, second, third, strict=True))
+                for column, (x, y, turn) in enumerate(self._inverse)
             ]
             for row, (a, b, c) in enumerate(self._firm)
         ]
@@ -121,8 +121,11 @@ class WheelSolution:
         return x_m, y_m, turn_rad
 
 
-def _first_columns(rows: Sequence[BodyMotion], count: int) -> Rows:
-    """Return the first columns of the Moore-Penrose inverse of rows that each have three numbers."""
+def _first_columns(rows: Sequence[BodyMotion], count: int) -> list[BodyMotion]:
+    """Return the first columns of the Moore-Penrose inverse of rows that each have three numbers.
+
+    The same operations in the same order as in `pseudo_inverse`, without its arrays.
+    """
     xx = xy = xt = yy = yt = tt = 0.0
     for x, y, turn in rows:
         xx += x * x
@@ -131,18 +134,53 @@ def _first_columns(rows: Sequence[BodyMotion], count: int) -> Rows:
         yy += y * y
         yt += y * turn
         tt += turn * turn
-    gram = [[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]
-    columns = list(map(list, zip(*rows[:count], strict=True)))
-    inverse = by_normal_equations(gram, columns)
-    if inverse is None:
-        all_columns: Rows = pseudo_inverse(np.array(rows), SMALLEST)[:, :count].tolist()
-        return all_columns
-    return inverse
+    gram = (xx, xy, xt), (xy, yy, yt), (xt, yt, tt)
+    if _is_well_conditioned(*gram):
+        return _solve_three(*gram, rows[:count])
+    inverse = pseudo_inverse(np.array(rows), SMALLEST)[:, :count]
+    return [(x, y, turn) for x, y, turn in inverse.T.tolist()]
 
 
-def _with_weak(firm: Matrix, inverse: Matrix, weak: Matrix) -> Rows:
+def _is_well_conditioned(first: BodyMotion, second: BodyMotion, third: BodyMotion) -> bool:
+    """Return whether the pivots of a symmetric matrix, less the least eigenvalue, are greater than zero."""
+    (xx, xy, xt), (_, yy, yt), (_, _, tt) = first, second, third
+    least = WELL_CONDITIONED * (xx + yy + tt)
+    xx, yy, tt = xx - least, yy - least, tt - least
+    if not xx > 0.0:
+        return False
+    below = yt - xt / xx * xy
+    yy, yt, tt = yy - xy / xx * xy, yt - xy / xx * xt, tt - xt / xx * xt
+    return yy > 0.0 and tt - below / yy * yt > 0.0
+
+
+def _solve_three(
+    first: BodyMotion, second: BodyMotion, third: BodyMotion, right: Sequence[BodyMotion]
+) -> list[BodyMotion]:
+    """Return x of a system of three equations for each right-hand side, by elimination with pivoting."""
+    equations = [(first, 0), (second, 1), (third, 2)]
+    sizes = [abs(row[0]) for row, _ in equations]
+    pivot = sizes.index(max(sizes))
+    equations[0], equations[pivot] = equations[pivot], equations[0]
+    ((a, b, c), i), ((s1, d1, e1), j), ((s2, d2, e2), k) = equations
+    b, c = b / a, c / a
+    d1, e1, d2, e2 = d1 - s1 * b, e1 - s1 * c, d2 - s2 * b, e2 - s2 * c
+    if abs(d2) > abs(d1):
+        s1, d1, e1, j, s2, d2, e2, k = s2, d2, e2, k, s1, d1, e1, j
+    e1 /= d1
+    c -= b * e1
+    e2 -= d2 * e1
+    solved = []
+    for row in right:
+        x = row[i] / a
+        y = (row[j] - s1 * x) / d1
+        turn = (row[k] - s2 * x - d2 * y) / e2
+        solved.append((x - b * y - c * turn, y - e1 * turn, turn))
+    return solved
+
+
+def _with_weak(firm: Matrix, inverse: Matrix, weak: Matrix) -> list[BodyMotion]:
     """Return the inverse with what the side slip of fixed wheels decides: what the firm rows leave open."""
     free = null_space(firm)
     kept_free = product(free, pseudo_inverse(product(weak, free), SMALLEST))
-    whole: Rows = (inverse - product(kept_free, product(weak, inverse))).tolist()
-    return whole
+    whole = inverse - product(kept_free, product(weak, inverse))
+    return [(x, y, turn) for x, y, turn in whole.T.tolist()]
