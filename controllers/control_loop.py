@@ -161,6 +161,8 @@ class ControlLoop:
         self._commanded_rad_s = (0.0,) * kinematics.wheel_count
         self._travel_rad_s = self._excitation_rad_s = self._commanded_rad_s
         self._steering_rad: tuple[float, ...] = ()
+        self._held_rad: tuple[float, ...] = ()
+        self._standing_rad: tuple[float, ...] = ()
         self._is_paused = self._is_confirmed = self._is_led_out = False
         self._operator_reason = ""
         self._border = Border(settings.safety.area, settings.safety.body_m(settings.rover))
@@ -377,7 +379,10 @@ class ControlLoop:
         if guidance is None or guidance.finished or guidance.waits:
             self._limiter.stop()
             held_rad = self._estimator.steering.hold()
-            self._steering_rad = self._kinematics.set_points(0.0, 0.0, 0.0, held_rad).steering_rad
+            if held_rad != self._held_rad:
+                self._held_rad = held_rad
+                self._standing_rad = self._kinematics.set_points(0.0, 0.0, 0.0, held_rad).steering_rad
+            self._steering_rad = self._standing_rad
             return (0.0,) * self._kinematics.wheel_count, Limit.NONE
         self._estimator.steering.release()
         twist = guidance.velocity_x_m_s, guidance.velocity_y_m_s, guidance.yaw_rate_rad_s

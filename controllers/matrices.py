@@ -6,6 +6,7 @@ rounded, and the sums have one order. For matrices of up to about twenty rows.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,21 +121,22 @@ def _make_orthogonal(left: list[Array], right: list[Array], first: int, second: 
     return True
 
 
-def rank(matrix: Array, tolerance: float) -> int:
+def rank(matrix: Sequence[Sequence[float]], tolerance: float) -> int:
     """Return the number of pivots above a tolerance in elimination with full pivoting."""
-    rows = matrix.tolist()
+    rows = list(matrix)
     found = 0
     while rows:
-        size, number, column = max(
-            (abs(value), -i, -j) for i, row in enumerate(rows) for j, value in enumerate(row)
-        )
+        sizes = [max(map(abs, row)) for row in rows]
+        size = max(sizes)
         if size <= tolerance:
             break
         found += 1
-        pivot = rows.pop(-number)
+        pivot = rows.pop(sizes.index(size))
+        column = list(map(abs, pivot)).index(size)
+        shares = [row[column] / pivot[column] for row in rows]
         rows = [
-            [value - row[-column] / pivot[-column] * less for value, less in zip(row, pivot, strict=True)]
-            for row in rows
+            [value - share * less for value, less in zip(row, pivot, strict=True)]
+            for share, row in zip(shares, rows, strict=True)
         ]
     return found
 

@@ -57,6 +57,14 @@ class Kinematics(Mobility, Protocol):
         """
         ...
 
+    def wheel_effects(self, steering_rad: Sequence[float] = ()) -> tuple[BodyMotion, ...]:
+        """Return for each wheel the body motion when it alone turns by one radian.
+
+        Args:
+            steering_rad: Steering angles, one per wheel; empty for zeros.
+        """
+        ...
+
     def with_unmeasured(
         self, wheel_values: Sequence[float], motion: BodyMotion, steering_rad: Sequence[float] = ()
     ) -> Sequence[float]:
@@ -79,6 +87,11 @@ class _FixedWheels(ABC):
     steering_rates_rad_s: tuple[float, ...] = ()
     unmeasured: frozenset[int] = frozenset()
     undriven: frozenset[int] = frozenset()
+    wheel_count: int
+
+    @abstractmethod
+    def body_motion(self, wheel_values: Sequence[float], steering_rad: Sequence[float] = ()) -> BodyMotion:
+        """Return the body motion of rolling wheels."""
 
     @abstractmethod
     def wheel_speeds(
@@ -95,6 +108,13 @@ class _FixedWheels(ABC):
     ) -> SetPoints:
         """Return the wheel speeds; there are no steering angles."""
         return SetPoints(self.wheel_speeds(velocity_x_m_s, velocity_y_m_s, yaw_rate_rad_s), ())
+
+    def wheel_effects(self, steering_rad: Sequence[float] = ()) -> tuple[BodyMotion, ...]:
+        """Return for each wheel the body motion when it alone turns by one radian."""
+        wheels = range(self.wheel_count)
+        return tuple(
+            self.body_motion([1.0 if wheel == turning else 0.0 for wheel in wheels]) for turning in wheels
+        )
 
     def with_unmeasured(
         self, wheel_values: Sequence[float], motion: BodyMotion, steering_rad: Sequence[float] = ()
@@ -182,25 +202,11 @@ def make_kinematics(settings: RoverSettings) -> Kinematics:
     return WheelsKinematics(settings)
 
 
-def wheel_effects(kinematics: Kinematics, steering_rad: Sequence[float] = ()) -> tuple[BodyMotion, ...]:
-    """Return for each wheel the body motion when it alone turns by one radian.
-
-    Args:
-        kinematics: Geometry of the wheels.
-        steering_rad: Steering angles, one per wheel; empty for zeros.
-    """
-    count = kinematics.wheel_count
-    return tuple(
-        kinematics.body_motion([1.0 if wheel == turning else 0.0 for wheel in range(count)], steering_rad)
-        for turning in range(count)
-    )
-
-
 def greatest_motion(effects: Sequence[BodyMotion], wheel_rad: Sequence[float]) -> BodyMotion:
     """Return how far the body moves at most along each axis when each wheel turns by 0 to `wheel_rad`.
 
     Args:
-        effects: Of `wheel_effects`.
+        effects: Of `Kinematics.wheel_effects`.
         wheel_rad: Signed, one per wheel.
     """
     parts = [[angle * part for part in effect] for angle, effect in zip(wheel_rad, effects, strict=True)]

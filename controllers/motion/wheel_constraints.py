@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.matrices import product, singular_values
+from controllers.motion.body_motion import BodyMotion
 from controllers.motion.wheel_settings import WheelSettings
 
 Matrix = NDArray[np.float64]
@@ -40,29 +41,33 @@ TEST_MOTIONS = ((0.9, 0.31, 0.27), (-0.2, 0.8, 0.7), (0.5, -0.6, -1.1))
 """Ordinary motions (length 1) at which control is tested: no wheel is at rest in them by chance."""
 
 
-def contact_rows(wheel: WheelSettings) -> Matrix:
-    """Return the velocity of the contact point per body velocity, shape (2, 3)."""
-    return np.array([[1.0, 0.0, -wheel.y_m], [0.0, 1.0, wheel.x_m]])
+def contact_velocity(wheel: WheelSettings, motion: BodyMotion) -> tuple[float, float]:
+    """Return the velocity of the contact point along x and y of the body, in m/s."""
+    x, y, turn = motion
+    return x + 0.0 - turn * wheel.y_m, y + 0.0 + turn * wheel.x_m
 
 
-def rolling_row(wheel: WheelSettings, steering_rad: float = 0.0) -> Matrix:
-    """Return r omega per body velocity (m/s per m/s, m/s, rad/s), shape (3,)."""
+def rolling_row(wheel: WheelSettings, steering_rad: float = 0.0) -> BodyMotion:
+    """Return r omega per body velocity (m/s per m/s, m/s, rad/s)."""
     direction_rad = math.radians(wheel.angle_deg) + steering_rad
     cosine, sine = math.cos(direction_rad), math.sin(direction_rad)
     if wheel.roller_deg is not None:
         # A right angle has no cotangent in floats: 6e-17 instead of 0.
         cotangent = 0.0 if abs(wheel.roller_deg) == 90.0 else 1.0 / math.tan(math.radians(wheel.roller_deg))
         cosine, sine = cosine + cotangent * sine, sine - cotangent * cosine
-    row: Matrix = product(np.array([[cosine, sine]]), contact_rows(wheel))[0]
-    return row
+    return _contact_row(wheel, cosine, sine)
 
 
-def side_row(wheel: WheelSettings, steering_rad: float = 0.0) -> Matrix:
-    """Return the side slip velocity of an ordinary wheel per body velocity, shape (3,)."""
+def side_row(wheel: WheelSettings, steering_rad: float = 0.0) -> BodyMotion:
+    """Return the side slip velocity of an ordinary wheel per body velocity (m/s per m/s, m/s, rad/s)."""
     direction_rad = math.radians(wheel.angle_deg) + steering_rad
-    across = np.array([[-math.sin(direction_rad), math.cos(direction_rad)]])
-    row: Matrix = product(across, contact_rows(wheel))[0]
-    return row
+    return _contact_row(wheel, -math.sin(direction_rad), math.cos(direction_rad))
+
+
+def _contact_row(wheel: WheelSettings, along: float, aside: float) -> BodyMotion:
+    """Return the velocity of the contact point in a direction per body velocity."""
+    # 0.0 is added so that no zero has a sign, which numpy's sums have not either.
+    return along + 0.0, aside + 0.0, along * -wheel.y_m + aside * wheel.x_m + 0.0
 
 
 def is_fixed(wheel: WheelSettings) -> bool:
@@ -135,7 +140,8 @@ def _find_idle_wheels(wheels: Sequence[WheelSettings], motions: Matrix) -> Itera
     for index, wheel in enumerate(wheels):
         if wheel.driven or wheel.steering is not None:
             continue
-        if float(np.max(np.abs(product(rolling_row(wheel)[None, :], motions)), initial=0.0)) < SAME_DIRECTION:
+        rolled = product(np.array([rolling_row(wheel)]), motions)
+        if float(np.max(np.abs(rolled), initial=0.0)) < SAME_DIRECTION:
             yield (
                 f"wheel {index} is turned by nothing: no motor drives it, and no motion that the other "
                 "wheels allow rolls it: correct its place or angle_deg, or leave it out"
@@ -182,21 +188,22 @@ def _determined(
     counts: list[int] = []
     for ordinary in TEST_MOTIONS:
         motion = unit * product(orthonormal, product(orthonormal.T, np.array(ordinary)))
-        rows = product(_known_rows(wheels, motion, rolls), unit[:, None] * orthonormal)
+        x, y, turn = motion.tolist()
+        rows = product(_known_rows(wheels, (x, y, turn), rolls), unit[:, None] * orthonormal)
         values = singular_values(rows)[1]
         counts.append(int(np.sum(values >= LEAST_CONTROL * values[0])))
     return counts
 
 
 def _known_rows(
-    wheels: Sequence[WheelSettings], motion: Matrix, rolls: Callable[[WheelSettings], bool]
+    wheels: Sequence[WheelSettings], motion: BodyMotion, rolls: Callable[[WheelSettings], bool]
 ) -> Matrix:
     """Return constraints by steering and rolling, shape (n, 3), with the steering angles for `motion`."""
     rows = []
     for wheel in wheels:
         steering_rad = 0.0
         if wheel.steering is not None:
-            along, aside = product(contact_rows(wheel), motion)
+            along, aside = contact_velocity(wheel, motion)
             steering_rad = math.atan2(aside, along) - math.radians(wheel.angle_deg)
             rows.append(side_row(wheel, steering_rad))
         if rolls(wheel):

@@ -4,22 +4,16 @@ import math
 from collections.abc import Sequence
 from itertools import takewhile
 
-import numpy as np
-
-from controllers.matrices import product, pseudo_inverse, rank
 from controllers.motion.body_motion import BodyMotion, Residuals, SetPoints
 from controllers.motion.rover_geometry import WheelsRoverSettings
 from controllers.motion.wheel_constraints import (
-    Matrix,
-    contact_rows,
+    contact_velocity,
     is_fixed,
-    null_space,
     rolling_row,
-    side_row,
     size_m,
-    skids_in_turns,
 )
 from controllers.motion.wheel_settings import WheelSettings
+from controllers.motion.wheel_solution import WheelEquations, WheelSolution
 
 # Chosen by hand.
 WAIT_RAD = 0.35
@@ -31,9 +25,6 @@ LARGEST_CRAB_DEG = 45
 CURVATURE_STEP = 1.02
 FLATTEST = 50.0
 """Largest turn radius that is tried, over the rover's size."""
-
-SMALLEST = 1e-9
-"""A singular value below this share of the greatest is rounding."""
 
 
 class WheelsKinematics:
@@ -60,10 +51,9 @@ class WheelsKinematics:
     def __init__(self, settings: WheelsRoverSettings) -> None:
         wheels = settings.wheels
         self._wheels = wheels
-        self._radius_m = np.array([wheel.radius_m for wheel in wheels])
+        self._equations = WheelEquations(wheels)
         fixed = [wheel.x_m for wheel in wheels if is_fixed(wheel)]
         self._axle_x_m = sum(fixed) / len(fixed) if fixed else None
-        self._skids = skids_in_turns(wheels)
         self._steers = any(wheel.steering is not None for wheel in wheels)
         self.wheel_count = len(wheels)
         self.unmeasured = frozenset(place for place, wheel in enumerate(wheels) if not wheel.measured)
@@ -78,7 +68,7 @@ class WheelsKinematics:
         self.turn_radius_m = self._least_radius_m()
         self.crab_limit_rad = self._crab_limit_rad()
         self._straight = (0.0,) * self.wheel_count
-        self._solved: tuple[tuple[float, ...], _Solution] | None = None
+        self._solved: tuple[tuple[float, ...], WheelSolution] | None = None
 
     def wheel_speeds(
         self, velocity_x_m_s: float, velocity_y_m_s: float, yaw_rate_rad_s: float
@@ -124,8 +114,11 @@ class WheelsKinematics:
         Least squares: the rolling of all wheels and the absence of side slip have equal weight. The fixed
         wheels of a rover that skids in turns decide only what rolling leaves open.
         """
-        x, y, turn = product(self._solution(steering_rad).to_body, np.asarray(wheel_values))
-        return float(x), float(y), float(turn)
+        return self._solution(steering_rad).body_motion(wheel_values)
+
+    def wheel_effects(self, steering_rad: Sequence[float] = ()) -> tuple[BodyMotion, ...]:
+        """Return for each wheel the body motion when it alone turns by one radian."""
+        return self._solution(steering_rad).effects
 
     def with_unmeasured(
         self, wheel_values: Sequence[float], motion: BodyMotion, steering_rad: Sequence[float] = ()
@@ -133,30 +126,34 @@ class WheelsKinematics:
         """Return the values of all wheels: those without an encoder as they roll in a body motion."""
         if not self.unmeasured:
             return wheel_values
-        rolled = self._speeds(motion, tuple(steering_rad) or self._straight)
+        rolling = self._solution(steering_rad).rolling
         return [
-            rolled[wheel] if wheel in self.unmeasured else value for wheel, value in enumerate(wheel_values)
+            _rolled(rolling[wheel], motion) / self._equations.radius_m[wheel]
+            if wheel in self.unmeasured
+            else value
+            for wheel, value in enumerate(wheel_values)
         ]
 
     def residuals(self, wheel_values: Sequence[float], steering_rad: Sequence[float] = ()) -> Residuals:
         """Return what the least squares of `body_motion` leave; of increments in m, of speeds in m/s."""
         solution = self._solution(steering_rad)
-        values = np.asarray(wheel_values)
-        motion = product(solution.to_body, values)
-        rolling = self._radius_m * values - product(solution.rolling, motion)
-        rolling[list(self.unmeasured)] = 0.0
-        side = np.zeros(self.wheel_count)
-        if len(solution.side_wheels):
-            side[solution.side_wheels] = -product(solution.side, motion)
-        rim = self._radius_m * values
-        return Residuals(
-            tuple(rolling.tolist()), tuple(side.tolist()), tuple(rim.tolist()), solution.redundant
+        motion = solution.body_motion(wheel_values)
+        rim_m = tuple(
+            radius * value for radius, value in zip(self._equations.radius_m, wheel_values, strict=True)
         )
+        rolling_m = tuple(
+            0.0 if wheel in self.unmeasured else rim - _rolled(row, motion)
+            for wheel, (rim, row) in enumerate(zip(rim_m, solution.rolling, strict=True))
+        )
+        side_m = [0.0] * self.wheel_count
+        for wheel, row in zip(self._equations.side_wheels, solution.side, strict=True):
+            side_m[wheel] = -_rolled(row, motion)
+        return Residuals(rolling_m, tuple(side_m), rim_m, solution.redundant)
 
-    def _solution(self, steering_rad: Sequence[float]) -> "_Solution":
+    def _solution(self, steering_rad: Sequence[float]) -> WheelSolution:
         key = tuple(steering_rad) or self._straight
         if self._solved is None or self._solved[0] != key:
-            self._solved = key, _Solution(self._wheels, key, skids=self._skids)
+            self._solved = key, WheelSolution(self._equations, key)
         return self._solved[1]
 
     def _possible(self, motion: BodyMotion) -> BodyMotion:
@@ -166,7 +163,7 @@ class WheelsKinematics:
 
     def _speeds(self, motion: BodyMotion, steering_rad: Sequence[float]) -> tuple[float, ...]:
         return tuple(
-            float((rolling_row(wheel, angle) * np.array(motion)).sum()) / wheel.radius_m
+            _rolled(rolling_row(wheel, angle), motion) / wheel.radius_m
             for wheel, angle in zip(self._wheels, steering_rad, strict=True)
         )
 
@@ -178,7 +175,7 @@ class WheelsKinematics:
 
     @staticmethod
     def _steer(wheel: WheelSettings, motion: BodyMotion, present_rad: float) -> float:
-        along, aside = product(contact_rows(wheel), np.array(motion)).tolist()
+        along, aside = contact_velocity(wheel, motion)
         if math.hypot(along, aside) < SLOWEST_CONTACT_M_S:
             return _within_limits(wheel, present_rad)
         angles, beyond = _angles_along(wheel, math.atan2(aside, along))
@@ -189,7 +186,7 @@ class WheelsKinematics:
     def _reaches(self, motion: BodyMotion) -> bool:
         """Return whether the steering of every wheel reaches its angle for this motion."""
         for wheel in self._wheels:
-            along, aside = product(contact_rows(wheel), np.array(self._possible(motion))).tolist()
+            along, aside = contact_velocity(wheel, self._possible(motion))
             if wheel.steering is None or math.hypot(along, aside) < SLOWEST_CONTACT_M_S:
                 continue
             if not _angles_along(wheel, math.atan2(aside, along))[0]:
@@ -219,42 +216,10 @@ class WheelsKinematics:
         return radius_m * CURVATURE_STEP
 
 
-class _Solution:
-    """Least squares for one set of steering angles.
-
-    Attributes:
-        to_body: Body motion per wheel value, shape (3, wheels); zero for wheels without an encoder.
-        rolling: r omega per body motion, shape (wheels, 3).
-        side: Side slip per body motion of the wheels `side_wheels`.
-        redundant: Number of constraints beyond those that determine the motion.
-    """
-
-    def __init__(
-        self, wheels: Sequence[WheelSettings], steering_rad: Sequence[float], *, skids: bool
-    ) -> None:
-        pairs = list(zip(wheels, steering_rad, strict=True))
-        self.rolling: Matrix = np.array([rolling_row(wheel, angle) for wheel, angle in pairs])
-        ordinary = [index for index, wheel in enumerate(wheels) if wheel.roller_deg is None]
-        weak = [index for index in ordinary if skids and is_fixed(wheels[index])]
-        self.side_wheels = [index for index in ordinary if index not in weak]
-        self.side: Matrix = _side_rows(pairs, self.side_wheels)
-        measured = [index for index, wheel in enumerate(wheels) if wheel.measured]
-        firm = np.vstack((self.rolling[measured], self.side))
-        inverse = pseudo_inverse(firm, SMALLEST)[:, : len(measured)]
-        if weak:
-            free = null_space(firm)
-            rows = _side_rows(pairs, weak)
-            kept_free = product(free, pseudo_inverse(product(rows, free), SMALLEST))
-            inverse = inverse - product(kept_free, product(rows, inverse))
-        self.to_body: Matrix = np.zeros((3, len(wheels)))
-        self.to_body[:, measured] = inverse * np.array([wheels[index].radius_m for index in measured])
-        # Constraints that always agree are not redundant: they cannot contradict each other.
-        unexplained = np.eye(len(firm))[:, : len(measured)] - product(firm, inverse)
-        self.redundant = rank(unexplained, SMALLEST)
-
-
-def _side_rows(pairs: Sequence[tuple[WheelSettings, float]], indices: Sequence[int]) -> Matrix:
-    return np.array([side_row(*pairs[index]) for index in indices]).reshape(-1, 3)
+def _rolled(row: BodyMotion, motion: BodyMotion) -> float:
+    """Return what a row of constraints gives for a body motion."""
+    (a, b, c), (x, y, turn) = row, motion
+    return 0.0 + a * x + b * y + c * turn
 
 
 def _reaches_every_direction(wheel: WheelSettings) -> bool:

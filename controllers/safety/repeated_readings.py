@@ -81,6 +81,7 @@ class RepeatedReadings(Generic[ContextT]):
         self._ring[now % HISTORY] = Reading(value, number, context, path, change != 0.0, is_turning)
         self._count += 1
         self._newest.append(value)
+        key = hash(tuple(self._newest)) if len(self._newest) == KEY else None
         past = self._at(now - self._lag) if self._lag else None
         if past is not None and past.value == value:
             self._length += 1
@@ -88,10 +89,11 @@ class RepeatedReadings(Generic[ContextT]):
             self._turning += is_turning
             self._largest = max(self._largest, abs(number))
         else:
-            self._begin(now)
+            self._begin(now, key)
         if before is not None and self._lag <= 1:
             self._equal += ((change == 0.0) - self._equal) / min(now + 1, MEMORY)
-        self._remember(now)
+        if key is not None:
+            self._remember(now, key)
 
     @property
     def is_repetition(self) -> bool:
@@ -155,10 +157,10 @@ class RepeatedReadings(Generic[ContextT]):
         indices = range(self._count - min(count, HISTORY), self._count)
         return (reading for index in indices if (reading := self._at(index)) is not None)
 
-    def _begin(self, now: int) -> None:
+    def _begin(self, now: int, key: int | None) -> None:
         """Look for earlier readings that the newest equal."""
         self._has_distinct = False
-        past = self._last_of.get(hash(tuple(self._newest))) if len(self._newest) == KEY else None
+        past = None if key is None else self._last_of.get(key)
         if past is None or now - past > HISTORY - KEY or not self._are_equal(now, past):
             self._lag = self._length = self._changes = self._turning = 0
             return
@@ -172,8 +174,7 @@ class RepeatedReadings(Generic[ContextT]):
         pairs = ((self._at(now - back), self._at(past - back)) for back in range(KEY))
         return all(a is not None and b is not None and a.value == b.value for a, b in pairs)
 
-    def _remember(self, now: int) -> None:
-        if len(self._newest) == KEY:
-            self._last_of[hash(tuple(self._newest))] = now
+    def _remember(self, now: int, key: int) -> None:
+        self._last_of[key] = now
         if len(self._last_of) > 2 * HISTORY:
             self._last_of = {key: at for key, at in self._last_of.items() if now - at < HISTORY}

@@ -74,6 +74,7 @@ class RepetitionRule(StopRule):
 
     def __init__(self, roles: DeviceRoles) -> None:
         self._roles = roles
+        self._wraps_rad = dict(enumerate(roles.wheel_wraps_rad))
         self._sources: dict[tuple[type[Sample], str, Hashable], _Source] = {}
         self._travel = _Travel(0)
 
@@ -88,7 +89,7 @@ class RepetitionRule(StopRule):
             for axis, place_m in enumerate((sample.x_m, sample.y_m)):
                 self._add(self._source(sample, axis), place_m)
         elif isinstance(sample, WheelSample) and sample.device == self._roles.wheels:
-            wraps_rad = dict(enumerate(self._roles.wheel_wraps_rad)).get(sample.wheel)
+            wraps_rad = self._wraps_rad.get(sample.wheel)
             if sample.position_rad is not None:
                 self._add(self._source(sample, sample.wheel), sample.position_rad, wraps_rad)
 
@@ -102,7 +103,11 @@ class RepetitionRule(StopRule):
         source.readings.add(number, round(increment, DIGITS), self._travel)
 
     def _source(self, sample: Sample, part: Hashable = None) -> _Source:
-        return self._sources.setdefault((type(sample), sample.device, part), _Source())
+        key = type(sample), sample.device, part
+        source = self._sources.get(key)
+        if source is None:
+            source = self._sources[key] = _Source()
+        return source
 
     def check(self, cycle: Cycle) -> Iterator[Fault]:
         """Return a reason for each device that repeats itself."""

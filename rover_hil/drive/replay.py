@@ -1,5 +1,6 @@
 """`rover-hil replay`: run a log again and list the outputs that differ."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +10,7 @@ from rich.table import Table
 
 from controllers.slip.effort.settings import YAW_PROBE
 from drivers.clock import SystemClock, seconds
-from drivers.errors import LogError
+from drivers.errors import ConfigError, LogError
 from rover_hil.config import Config, load_config
 from rover_hil.console.error_message import readable_line
 from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
@@ -27,13 +28,14 @@ from rover_hil.console.options import (
 from rover_hil.console.steps import show_progress
 from rover_hil.drive.run_surroundings import live_mirror
 from rover_hil.drives.quality.truth_check import truth_findings
-from rover_hil.pages.atomic_write import refuse_overwrite
+from rover_hil.pages.atomic_write import check_new_file, refuse_overwrite, unfinished
 from rover_hil.recording.data_files import restore_config, with_controller_of
 from rover_hil.recording.findings import finding_line
 from rover_hil.recording.made_with import changes_since, made_with
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.watchdog_note import read_note
 from rover_hil.report.write import REPORT_NAME, SUMMARY_NAME, write_report
+from rover_hil.run.estimated_log import lacks_estimate, write_estimated
 from rover_hil.run.recorded_cycles import DRIVEN
 from rover_hil.run.replay import ReplayResult, replay
 from rover_hil.terminal import Terminal
@@ -62,7 +64,8 @@ def replay_log(
 ) -> int:
     """Run a log again and compare every output.
 
-    Exit code 1: something came out different; the fields are listed.
+    Exit code 1: something came out different; the fields are listed. For a log that was imported with
+    `--no-estimate` the estimate is made instead; the folder --out gets the log with it.
 
     Example: `rover-hil replay runs/first/run.mcap`
 
@@ -73,6 +76,7 @@ def replay_log(
         refuse_overwrite(out / SUMMARY_NAME, out / REPORT_NAME, force=force)
     path = log_at(log_path)
     log = LogReader(path)
+    estimated = _estimated_path(log, out, force=force)
     controller = None if config_name is None else load_config(config_name)
     if not as_json:
         for change in changes_since(log.made_with):
@@ -85,21 +89,53 @@ def replay_log(
         if controller is None:
             refuse_old_excitation(logged_config, path)
         config = logged_config if controller is None else with_controller_of(logged_config, controller)
-        result = replay(log, config, lambda: progress.update(task, completed=log.bytes_read))
+        result = _run_again(log, config, estimated, lambda: progress.update(task, completed=log.bytes_read))
     if result.cycles == 0:
         raise LogError(f"log {path} holds no complete cycle")
     result.findings += [] if log.origin in DRIVEN else truth_findings(path)
     if as_json:
         print_json(_record(result, log))
     else:
-        _print_words(result, log)
+        _print_words(result, log, estimated)
     if live:
-        _stream(log, live_port)
+        _stream(LogReader(estimated or path), live_port)
     if out is not None:
-        write_report(path, out)
+        write_report(estimated or path, out)
         if not as_json:
             Terminal().print(f"report of the recorded run: {out / REPORT_NAME}", soft_wrap=True)
     return EXIT_NO if result.differences else EXIT_OK
+
+
+def _estimated_path(log: LogReader, out: Path | None, *, force: bool) -> Path | None:
+    """Return where to write the log with its estimate; None where it has one.
+
+    Raises:
+        ConfigError: It has none, and there is no folder for it; or a file would be replaced.
+    """
+    if not lacks_estimate(log):
+        return None
+    if out is None:
+        raise ConfigError(
+            f"{log.path} was imported without an estimate, so there is nothing to compare: name with --out a "
+            "folder, which gets the log with the estimate, and its report"
+        )
+    estimated = out / log.path.name
+    if estimated.exists() and estimated.samefile(log.path):
+        raise ConfigError(
+            f"the log with the estimate would replace {log.path}: name another folder with --out"
+        )
+    check_new_file(estimated, force=force)
+    return estimated
+
+
+def _run_again(
+    log: LogReader, config: Config, estimated: Path | None, on_cycle: Callable[[], None]
+) -> ReplayResult:
+    """Replay a log, or write the log `estimated` with the estimate that it has not."""
+    if estimated is None:
+        return replay(log, config, on_cycle)
+    with unfinished(estimated) as part:
+        return write_estimated(log, config, part, estimated, on_cycle)
 
 
 def refuse_old_excitation(config: Config, path: Path) -> None:
@@ -140,7 +176,7 @@ def _record(result: ReplayResult, log: LogReader) -> dict[str, object]:
     }
 
 
-def _print_words(result: ReplayResult, log: LogReader) -> None:
+def _print_words(result: ReplayResult, log: LogReader, estimated: Path | None) -> None:
     console = Terminal()
     if not log.is_complete:
         console.print(f"{log.path} was cut off; everything up to the cut was replayed")
@@ -154,6 +190,9 @@ def _print_words(result: ReplayResult, log: LogReader) -> None:
         )
     for finding in (*result.findings, *result.doubts):
         console.print(finding_line(finding), soft_wrap=True)
+    if estimated is not None:
+        console.print(f"{result.cycles} cycles estimated: {estimated}", soft_wrap=True)
+        return
     if not result.differences:
         console.print(f"{result.cycles} cycles replayed, every output identical")
         return

@@ -70,7 +70,7 @@ class Drive:
         Raises:
             LogError: The log is damaged.
         """
-        for message in self.log.messages():
+        for message in self.log.stored_messages():  # neither bytes nor pictures are needed
             self.channels.take(message, self.log)
             if take_samples is not None and message.topic == schema.SAMPLES:
                 take_samples(message.t_ns, self.log.parse(message, schema.SAMPLES_SHAPE))

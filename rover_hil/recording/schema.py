@@ -393,14 +393,16 @@ class HealthRecord(TypedDict):
 class SamplesRecord(BaseModel):
     """The samples of a cycle that readers use, by kind, on `SAMPLES`."""
 
-    wheels: Annotated[list[WheelSample], FailFast()] = Field(default=[], alias="WheelSample")
-    headings: Annotated[list[HeadingSample], FailFast()] = Field(default=[], alias="HeadingSample")
-    rates: Annotated[list[RateSample], FailFast()] = Field(default=[], alias="RateSample")
+    wheels: Annotated[list[WheelSample], FailFast()] = Field(default_factory=list, alias="WheelSample")
+    headings: Annotated[list[HeadingSample], FailFast()] = Field(default_factory=list, alias="HeadingSample")
+    rates: Annotated[list[RateSample], FailFast()] = Field(default_factory=list, alias="RateSample")
     accelerations: Annotated[list[AccelerationSample], FailFast()] = Field(
-        default=[], alias="AccelerationSample"
+        default_factory=list, alias="AccelerationSample"
     )
-    attitudes: Annotated[list[AttitudeSample], FailFast()] = Field(default=[], alias="AttitudeSample")
-    fixes: Annotated[list[PoseFixSample], FailFast()] = Field(default=[], alias="PoseFixSample")
+    attitudes: Annotated[list[AttitudeSample], FailFast()] = Field(
+        default_factory=list, alias="AttitudeSample"
+    )
+    fixes: Annotated[list[PoseFixSample], FailFast()] = Field(default_factory=list, alias="PoseFixSample")
 
 
 SAMPLES_SHAPE = TypeAdapter(SamplesRecord)

@@ -136,6 +136,11 @@ class _Collector:
         """
         estimates = finite_rows(self._rows["estimate"], 10)
         odometry = finite_rows(self._rows["odometry"], 4)
+        if self._rows["cycle"] and not self._rows["estimate"]:
+            raise LogError(
+                f"log {log.path} holds no estimate: `rover-hil replay {log.path} --out FOLDER` writes a log "
+                "with it"
+            )
         if not (self._rows["cycle"] and len(estimates) and len(odometry)):
             raise LogError(f"log {log.path} holds no complete cycle: there is nothing to report")
         encoders = Track.of(odometry)

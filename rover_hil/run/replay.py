@@ -16,7 +16,7 @@ from controllers.motion.kinematics import make_kinematics
 from controllers.operator import OperatorInput
 from drivers.clock import VirtualClock, seconds
 from drivers.errors import LogError
-from drivers.link import CameraImage, LinkChange, NoTap, Received
+from drivers.link import CameraImage, LinkChange, NoTap, RawTap, Received
 from drivers.samples import PoseFixSample, Sample, WheelCommand
 from rover_hil.config import Config
 from rover_hil.recording.findings import FindingList, FoundFinding
@@ -40,6 +40,7 @@ from rover_hil.run.recorded_cycles import DRIVEN, RecordedCycles
 from rover_hil.run.replay_link import ReplayLink
 
 PayloadT = TypeVar("PayloadT", bytes, CameraImage)
+NO_TAP = NoTap()
 
 
 @dataclass(slots=True)
@@ -137,12 +138,18 @@ def estimate_again(
             yield replayer.output
 
 
-class _Replayer(ABC):
-    """Collects the messages of one cycle, then runs it."""
+class Replayer(ABC):
+    """Collects the messages of one cycle, then runs it.
 
-    def __init__(self, log: LogReader, config: Config) -> None:
+    Args:
+        log: The log.
+        config: Its devices, and the controller.
+        tap: Gets what the devices send, again.
+    """
+
+    def __init__(self, log: LogReader, config: Config, tap: RawTap = NO_TAP) -> None:
         self._log = log
-        self._rig, self._links = build_replay_rig(config, VirtualClock(log.start_ns), NoTap())
+        self._rig, self._links = build_replay_rig(config, VirtualClock(log.start_ns), tap)
         self._drive_link = self._links.bytes_links[self._rig.drive.name]
         self._expected: dict[str, LogMessage] = {}
         self._expected_sent: list[LogMessage] = []
@@ -158,7 +165,7 @@ class _Replayer(ABC):
             LogError: The log is damaged, lacks cycles, or has a device that the configuration does not have.
         """
         self._rig.connect(timeout_s=0.0)
-        for message in _in_order(self._log.messages()):
+        for message in self._messages():
             kind, _, device = message.topic[1:].partition("/")
             if device:
                 self._feed(kind, device, message)
@@ -176,6 +183,10 @@ class _Replayer(ABC):
                 self._end = message
             else:
                 self._expected[kind] = message
+
+    def _messages(self) -> Iterator[LogMessage]:
+        """Yield the messages of the log in the order in which they are run."""
+        return _in_order(self._log.messages())
 
     @abstractmethod
     def _run_cycle(self, t_ns: int) -> None:
@@ -232,7 +243,7 @@ class _Replayer(ABC):
         return [message.data for message in due]
 
 
-class _Comparer(_Replayer):
+class _Comparer(Replayer):
     """Runs each cycle as it was, and compares."""
 
     def __init__(self, log: LogReader, config: Config) -> None:
@@ -333,7 +344,7 @@ class _Comparer(_Replayer):
             self.result.note(t_ns, name, was, now)
 
 
-class _Estimates(_Replayer):
+class _Estimates(Replayer):
     """Runs each cycle with other parameters and the setpoints of the log."""
 
     def __init__(self, log: LogReader, config: Config, is_used: Callable[[Sample], bool]) -> None:

@@ -118,7 +118,7 @@ def test_the_pseudo_inverse_of_no_column_is_empty() -> None:
 )
 def test_the_rank_is_numpys(left: NDArray[np.int_], right: NDArray[np.int_]) -> None:
     matrix = (left @ right).astype(float)
-    assert rank(matrix, 1e-9) == np.linalg.matrix_rank(matrix)
+    assert rank(matrix.tolist(), 1e-9) == np.linalg.matrix_rank(matrix)
 
 
 def _linear_algebra(source: str) -> list[str]:

@@ -5,10 +5,10 @@ import pytest
 
 from controllers.estimation.wheels.turn_evidence import WheelTurn
 from controllers.estimation.wheels.unobserved_motion import UnobservedMotion
-from controllers.motion.kinematics import OmniKinematics, greatest_motion, wheel_effects
+from controllers.motion.kinematics import OmniKinematics, greatest_motion
 from tests.controllers.simulated import OMNI
 
-EFFECTS = wheel_effects(OmniKinematics(OMNI))
+EFFECTS = OmniKinematics(OMNI).wheel_effects()
 
 
 def test_the_greatest_motion_is_that_of_the_wheels_that_turn_the_same_way() -> None:

@@ -10,8 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from controllers.matrices import product, pseudo_inverse
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings, WheelsRoverSettings
+from controllers.motion.wheel_constraints import rolling_row, side_row
+from controllers.motion.wheel_settings import WheelSettings
 from controllers.motion.wheels_kinematics import WheelsKinematics
 
 # Wheels slower than 0.1 mm/s do not turn.
@@ -237,3 +240,37 @@ def test_noise_of_nearly_straight_wheels_does_not_move_the_rover_sideways() -> N
     assert x == pytest.approx(RADIUS_M, rel=0.01)
     assert abs(y) < 1e-3 * RADIUS_M * 5
     assert abs(turn) < 0.01
+
+
+EIGHT = tuple(wheel(x, y, steering=steered()) for x in (0.6, 0.2, -0.2, -0.6) for y in (0.3, -0.3))
+BICYCLE = (wheel(0.0, 0.0), wheel(0.9, 0.0, steering=steered(), driven=False, measured=False))
+
+
+@pytest.mark.parametrize(
+    "wheels", [CAR, FOUR_STEERED, EIGHT, BICYCLE], ids=["car", "four", "eight", "bicycle"]
+)
+@given(data=st.data())
+def test_the_least_squares_are_those_of_arrays_to_the_last_bit(
+    wheels: tuple[dict[str, Any], ...], data: st.DataObject
+) -> None:
+    """Logs of earlier versions, which computed with arrays, replay exactly."""
+    angles = [data.draw(st.floats(-1.5, 1.5)) if "steering" in settings else 0.0 for settings in wheels]
+    values = data.draw(st.lists(speeds, min_size=len(wheels), max_size=len(wheels)))
+    kinematics = rover(*wheels)
+    pairs = [
+        (WheelSettings.model_validate(settings), angle)
+        for settings, angle in zip(wheels, angles, strict=True)
+    ]
+    measured = [index for index, settings in enumerate(wheels) if settings.get("measured", True)]
+    rolling = np.array([rolling_row(*pair) for pair in pairs])
+    side = np.array([side_row(*pair) for pair in pairs])
+    inverse = pseudo_inverse(np.vstack((rolling[measured], side)), 1e-9)[:, : len(measured)]
+    to_body = np.zeros((3, len(wheels)))
+    to_body[:, measured] = inverse * RADIUS_M
+    motion = product(to_body, np.array(values))
+    assert kinematics.body_motion(values, angles) == tuple(motion.tolist())
+    assert kinematics.wheel_effects(angles) == tuple(map(tuple, to_body.T.tolist()))
+    residuals = kinematics.residuals(values, angles)
+    assert residuals.side_m == tuple((-product(side, motion)).tolist())
+    left = RADIUS_M * np.array(values) - product(rolling, motion)
+    assert [residuals.rolling_m[wheel] for wheel in measured] == left[measured].tolist()

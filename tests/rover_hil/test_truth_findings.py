@@ -4,8 +4,12 @@ import cmath
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from controllers.motion.kinematics import make_kinematics
+from controllers.motion.rover_geometry import WheelsRoverSettings
+from rover_hil.drives.quality.drive_paths import effects_of, moves_of
 from tests.rover_hil.command import Command
 
 DIFFERENTIAL = """[rover]
@@ -206,3 +210,20 @@ def test_a_speed_that_is_not_the_change_of_the_angle_is_told(command: Command) -
     assert "wheel 1: its speed is -0.99" in command.out or "wheel 1: its speed is -1" in command.out
     assert command("replay", "d.mcap") == 0
     assert "rpm where rad/s is meant" in command.out
+
+
+def test_the_moves_of_many_rows_are_those_of_each() -> None:
+    wheels = [{"x_m": 0.0, "y_m": y_m, "radius_m": 0.1} for y_m in (0.3, -0.3)]
+    steering = {"low_deg": -40.0, "high_deg": 40.0}
+    front = {"x_m": 0.8, "y_m": 0.0, "radius_m": 0.1, "steering": steering}
+    kinematics = make_kinematics(
+        WheelsRoverSettings.model_validate({"kinematics": "wheels", "wheels": [*wheels, front]})
+    )
+    random = np.random.default_rng(3)
+    turned_rad = random.normal(size=(20, 3))
+    steering_rad = random.uniform(-0.6, 0.6, (20, 3)) * np.array([0.0, 0.0, 1.0])
+    rows = list(zip(turned_rad.tolist(), steering_rad.tolist(), strict=True))
+    steered = np.array([kinematics.body_motion(*row) for row in rows])
+    assert moves_of(turned_rad, effects_of(kinematics, steering_rad)) == pytest.approx(steered, abs=1e-12)
+    straight = np.array([kinematics.body_motion(row) for row, _ in rows])
+    assert moves_of(turned_rad, effects_of(kinematics, None)) == pytest.approx(straight, abs=1e-12)

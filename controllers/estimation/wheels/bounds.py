@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from controllers.motion.body_motion import BodyMotion
-from controllers.motion.kinematics import Kinematics, greatest_motion, wheel_effects
+from controllers.motion.kinematics import Kinematics, greatest_motion
 
 
 class WheelBounds:
@@ -31,7 +31,7 @@ class WheelBounds:
         self._speed_limit_rad_s = speed_limit_rad_s
         self._steering_rad = steering_rad
         # The start: the wheels have their middle angles until the first report.
-        self.effects = wheel_effects(kinematics)
+        self.effects = kinematics.wheel_effects()
 
     @property
     def fastest_turn_rad_s(self) -> float:
@@ -45,7 +45,7 @@ class WheelBounds:
         if steering_rad == self._steering_rad:
             return False
         self._steering_rad = steering_rad
-        self.effects = wheel_effects(self._kinematics, steering_rad)
+        self.effects = self._kinematics.wheel_effects(steering_rad)
         return True
 
     def greatest(self, wheel_rad: Sequence[float]) -> BodyMotion:

@@ -50,13 +50,14 @@ class StuckEncoders:
 
     def note(self, turned_rad: Sequence[float]) -> None:
         """Take the angles of one increment."""
+        greatest_rad = max(map(abs, turned_rad))
         for wheel, turned in enumerate(turned_rad):
             stay = self._stays[wheel]
             if abs(stay.turned_rad + turned) > ESTIMATION.odometry.still_rad:
                 self._stays[wheel] = _Stay()
                 continue
             stay.turned_rad += turned
-            stay.others_rad += max(abs(other) for other in turned_rad)
+            stay.others_rad += greatest_rad
 
     def find(
         self,

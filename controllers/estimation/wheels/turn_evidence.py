@@ -45,8 +45,10 @@ class WheelTurn(NamedTuple):
         left_rad = right_rad = 0.0
         for effect, angle_rad in zip(effects, turned_rad, strict=True):
             part_rad = effect[2] * angle_rad
-            left_rad += max(0.0, part_rad)
-            right_rad += max(0.0, -part_rad)
+            if part_rad > 0.0:
+                left_rad += part_rad
+            elif part_rad < 0.0:
+                right_rad -= part_rad
         return WheelTurn(
             duration_s=self.duration_s + duration_s,
             left_rad=self.left_rad + left_rad,

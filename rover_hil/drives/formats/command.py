@@ -11,7 +11,8 @@ from rover_hil.config import load_config
 from rover_hil.console.exit_codes import EXIT_OK
 from rover_hil.console.options import ForceOption, out_option
 from rover_hil.console.steps import show_progress
-from rover_hil.drives.formats.limits import LimitSettings, MemoryOption, TimeOption
+from rover_hil.drives.formats.files import without_estimate
+from rover_hil.drives.formats.limits import EstimateOption, LimitSettings, MemoryOption, TimeOption
 from rover_hil.drives.formats.reading_process import Report, read_in_child
 from rover_hil.drives.formats.robotino_csv import read_run
 from rover_hil.drives.formats.to_log import observing_config, write_run_as_log
@@ -30,6 +31,7 @@ def import_run(
     force: ForceOption = False,
     most_memory_gb: MemoryOption = None,
     most_minutes: TimeOption = None,
+    no_estimate: EstimateOption = False,
 ) -> int:
     """Turn a measured Robotino run into a log, through the board's own byte frames.
 
@@ -45,11 +47,13 @@ def import_run(
 
         def work(report: Report[tuple[int, int]]) -> int:
             run = read_run(file, millimetres_per_pixel)
-            for count in write_run_as_log(run, config, part):
+            for count in write_run_as_log(run, config, part, with_estimate=not no_estimate):
                 report((count, len(run.rows)))
             return len(run.rows)
 
         rows = read_in_child(file, limits, work, _show_rows())
+    if no_estimate:
+        Terminal().print(without_estimate(out), soft_wrap=True)
     Terminal().print(f"{rows} rows at {millimetres_per_pixel:g} mm per pixel: {out}", soft_wrap=True)
     return EXIT_OK
 

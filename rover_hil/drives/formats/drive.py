@@ -61,6 +61,7 @@ class Contents:
         findings: What the rules have found wrong with the drive.
         doubts: What widened the estimate although it may happen to a healthy rover.
         end_ns: Time of the last cycle.
+        has_estimate: Whether the estimate was made; without it no rule has judged the drive.
     """
 
     used: dict[str, int] = field(default_factory=dict)
@@ -69,6 +70,7 @@ class Contents:
     findings: list[FoundFinding] = field(default_factory=list)
     doubts: list[FoundFinding] = field(default_factory=list)
     end_ns: int = START_NS
+    has_estimate: bool = True
 
     def __post_init__(self) -> None:
         self._unusable: Counter[str] = Counter()
@@ -82,8 +84,12 @@ class Contents:
             self._unusable[section] += 1
 
     def finish(self, kinematics: Kinematics, turned_rad: float) -> None:
-        """Count what was left out, and equal findings together; add what the drive cannot show."""
-        self.oddities += unseen(kinematics, self.evidence, turned_rad)
+        """Count what was left out, and equal findings together; add what the drive cannot show.
+
+        Without an estimate it is not known how far the rover turned, and thus what the drive shows.
+        """
+        if self.has_estimate:
+            self.oddities += unseen(kinematics, self.evidence, turned_rad)
         what = "no usable numbers"
         unusable = [Oddity(what=what, where=name, count=count) for name, count in self._unusable.items()]
         self.oddities = merged([*self.oddities, *unusable])
@@ -97,6 +103,7 @@ def write_drive(
     make_feed: Callable[[ReplayLinks], Callable[[MessageT], Iterable[TruthRecord | PoseFixSample]]],
     contents: Contents,
     *,
+    with_estimate: bool,
     wall_start_ns: int | None = None,
 ) -> Iterator[None]:
     """Write the log `out`, cycle by cycle; yields after each.
@@ -108,8 +115,10 @@ def write_drive(
         messages: In the order of their times.
         make_feed: Returns what feeds a message into links, and gives the true poses and fixes in it.
         contents: Gets notes of the estimate and the time of the last cycle.
+        with_estimate: Whether the loop runs; without it the log holds what the devices sent, and its samples.
         wall_start_ns: When the drive was recorded, in ns since 1970; the present where it is not known.
     """
+    contents.has_estimate = with_estimate
     clock = VirtualClock(START_NS)
     config_json = config.model_dump_json(by_alias=True).encode()
     with LogWriter(
@@ -125,14 +134,13 @@ def write_drive(
             fixes = tuple(record for record in given if isinstance(record, PoseFixSample))
             clock.sleep_until(tick_ns)
             if fixes:
-                wanted = OperatorInput(fixes=fixes)
-                rig.loop.operate(tick_ns, wanted)
-                log.write_json(OPERATOR, tick_ns, operator_record(wanted))
+                log.write_json(OPERATOR, tick_ns, operator_record(OperatorInput(fixes=fixes)))
             samples = [*rig.poll(), *fixes]
-            output = rig.loop.step(tick_ns, samples)
             log.samples(tick_ns, samples)
-            log.estimate(output)
-            doubts.take(output)
+            if with_estimate:
+                output = rig.loop.step(tick_ns, samples)
+                log.estimate(output)
+                doubts.take(output)
             for record in truths:
                 log.write_json(TRUTH, record["t_ns"], record)
             log.write_json(CYCLE, tick_ns, {"late_ns": 0, "work_ns": 0})

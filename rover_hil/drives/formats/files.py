@@ -90,7 +90,8 @@ def import_file(
         report(f"importing {file.name}")
         for contents in write(file, log):
             report(f"importing {file.name}, {seconds(contents.end_ns - START_NS):.0f} s are done")
-        contents.findings += truth_findings(log)
+        if contents.has_estimate:
+            contents.findings += truth_findings(log)
         return contents
 
     return read_in_child(file, limits.of(file), work, show_steps(f"reading {file.name}"))
@@ -120,6 +121,14 @@ def _table_of(oddities: Sequence[Oddity]) -> Iterator[str]:
         yield f"{what:<{widths[0]}}  {where:<{widths[1]}}  {count:>{widths[2]}}  {done}".rstrip()
 
 
+def without_estimate(log: Path) -> str:
+    """Return the sentence on a log without an estimate."""
+    return (
+        "no estimate was made, and the sensors were not compared with each other: "
+        f"`rover-hil replay {log} --out FOLDER` does both"
+    )
+
+
 def print_contents(contents: Contents, out: Path, *, what: str) -> None:
     """Print what was used, one line each.
 
@@ -137,4 +146,6 @@ def print_contents(contents: Contents, out: Path, *, what: str) -> None:
         console.print(note)
     for finding in (*contents.findings, *contents.doubts):
         console.print(finding_line(finding))
+    if not contents.has_estimate:
+        console.print(without_estimate(out))
     console.print(f"{seconds(contents.end_ns - START_NS):.1f} s: {out}")

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import typer
+
 from drivers.files import MEGABYTE
 from rover_hil.console.options import number_option
 
@@ -48,6 +50,14 @@ TimeOption = Annotated[
         0.01,
         100_000.0,
         "--most-minutes",
+    ),
+]
+EstimateOption = Annotated[
+    bool,
+    typer.Option(
+        "--no-estimate",
+        help="Only convert, several times as fast: the log then has no estimate, and sensors and ground "
+        "truth are not compared; `replay` with --out does that later.",
     ),
 ]
 

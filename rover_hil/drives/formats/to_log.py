@@ -31,13 +31,16 @@ def observing_config(config: Config, devices: Collection[str] = ()) -> Config:
     )
 
 
-def write_run_as_log(run: RobotinoRun, config: Config, path: Path) -> Iterator[int]:
+def write_run_as_log(
+    run: RobotinoRun, config: Config, path: Path, *, with_estimate: bool = True
+) -> Iterator[int]:
     """Write `run` to the log `path`, row by row; yields the number of rows written so far.
 
     Args:
         run: The measured run.
         config: As `observing_config` returns it.
         path: The log; must not exist.
+        with_estimate: Whether the loop runs; without it the log holds what the board sent, and its samples.
 
     Raises:
         ConfigError: The wheels of `config` are not a Robotino board.
@@ -57,9 +60,9 @@ def write_run_as_log(run: RobotinoRun, config: Config, path: Path) -> Iterator[i
             clock.sleep_until(row.t_ns)
             links.bytes_links[wheels].feed(Received(row.t_ns, row.reply_frame))
             samples = rig.poll()
-            output = rig.loop.step(row.t_ns, samples)
             log.samples(row.t_ns, samples)
-            log.estimate(output)
+            if with_estimate:
+                log.estimate(rig.loop.step(row.t_ns, samples))
             log.write_json(SET_POINT, row.t_ns, {"speed_rad_s": row.set_speed_rad_s})
             truth: TruthRecord = {
                 "t_ns": row.t_ns,

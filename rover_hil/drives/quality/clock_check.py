@@ -5,10 +5,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from controllers.motion.kinematics import Kinematics
 from rover_hil.drives.arrays import Array
 from rover_hil.drives.channels import Channels
-from rover_hil.drives.quality.drive_paths import STEP_S, DrivePath, path_of_wheels, places_of
+from rover_hil.drives.quality.drive_paths import STEP_S, DrivePath, places_of
 from rover_hil.recording.findings import FoundFinding
 
 GREATEST_OFFSET_S = 1.0
@@ -29,7 +28,7 @@ LEAST_SHARE = 0.004
 """A clock is not named that is wrong by less."""
 
 
-def clock_findings(rows: Channels, kinematics: Kinematics) -> Iterator[FoundFinding]:
+def clock_findings(rows: Channels, wheels: DrivePath | None) -> Iterator[FoundFinding]:
     """Yield true poses and fixes whose clock is wrong by a constant factor against that of the wheels.
 
     Where the speed of the rover changes, its course by the wheels and by the places fits at one factor only.
@@ -37,9 +36,8 @@ def clock_findings(rows: Channels, kinematics: Kinematics) -> Iterator[FoundFind
 
     Args:
         rows: The drive.
-        kinematics: Of its wheels.
+        wheels: Its path by the wheels; None where that is not known.
     """
-    wheels = path_of_wheels(rows, kinematics)
     if wheels is None:
         return
     for name, places in places_of(rows):

@@ -75,6 +75,24 @@ def places_of(rows: Channels) -> Iterator[tuple[str, DrivePath]]:
         yield "fixes", DrivePath(fixes.t_ns / 1e9, fixes.x_m, fixes.y_m, fixes.yaw_rad if has_yaw else None)
 
 
+def effects_of(kinematics: Kinematics, steering_rad: Array | None) -> Array:
+    """Return the motion of the body per angle of each wheel, shape (n or 1, wheels, 3).
+
+    Args:
+        kinematics: Of the wheels.
+        steering_rad: Steering angles, shape (n, wheels); None where none steers.
+    """
+    if steering_rad is None:
+        return np.array([kinematics.wheel_effects()])
+    return np.array([kinematics.wheel_effects(row) for row in map(tuple, steering_rad.tolist())])
+
+
+def moves_of(turned_rad: Array, effects: Array) -> Array:
+    """Return the motion of the body, shape (n, 3), by the angles of its wheels, shape (n, wheels)."""
+    moves: Array = (turned_rad[:, :, np.newaxis] * effects).sum(axis=1)
+    return moves
+
+
 def path_of_wheels(rows: Channels, kinematics: Kinematics) -> DrivePath | None:
     """Return the path by the wheels, in steps; None where a wheel is not measured."""
     count = kinematics.wheel_count
@@ -95,13 +113,7 @@ def path_of_wheels(rows: Channels, kinematics: Kinematics) -> DrivePath | None:
     for wheel, angles in enumerate(readings):
         if len(angles):
             steering[:, wheel] = np.interp(edges_ns[1:], angles.t_ns, angles.value)
-    is_steered = any(map(len, readings))
-    moves = np.array(
-        [
-            kinematics.body_motion(row.tolist(), tuple(steering[place]) if is_steered else ())
-            for place, row in enumerate(turned)
-        ]
-    )
+    moves = moves_of(turned, effects_of(kinematics, steering if any(map(len, readings)) else None))
     yaw_rad = np.concatenate(([0.0], np.cumsum(moves[:, 2])))
     along = (moves[:, 0] + 1j * moves[:, 1]) * np.exp(1j * 0.5 * (yaw_rad[1:] + yaw_rad[:-1]))
     place_m = np.concatenate(([0j], np.cumsum(along)))

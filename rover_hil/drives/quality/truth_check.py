@@ -16,7 +16,14 @@ from rover_hil.drives.arrays import Array
 from rover_hil.drives.channels import Channels
 from rover_hil.drives.drive import read_drive
 from rover_hil.drives.quality.clock_check import clock_findings
-from rover_hil.drives.quality.drive_paths import path_of_wheels, places_of, wheel_angles
+from rover_hil.drives.quality.drive_paths import (
+    DrivePath,
+    effects_of,
+    moves_of,
+    path_of_wheels,
+    places_of,
+    wheel_angles,
+)
 from rover_hil.recording.findings import FoundFinding
 
 Steps = NDArray[np.complex128]
@@ -121,21 +128,24 @@ def compare_with_truth(rows: Channels, rover: RoverSettings) -> list[FoundFindin
         rover: Its wheels.
     """
     kinematics = make_kinematics(rover)
-    findings = [*_speed_findings(rows), *clock_findings(rows, kinematics)]
+    path = path_of_wheels(rows, kinematics)
+    findings = [*_speed_findings(rows), *clock_findings(rows, path)]
     windows = _windows(rows, kinematics)
     if windows is None:
         return findings
     turned_rad, steering_rad, truth = windows
-    fits = [_fit("", kinematics, turned_rad, steering_rad, truth)]
+    effects = effects_of(kinematics, steering_rad)
+    fits = [_fit("", turned_rad, effects, truth)]
     for what, signs, order in _corrections(rover, kinematics):
         corrected = turned_rad[:, np.array(order, int)] * np.array(signs)
-        fits.append(_fit(what, kinematics, corrected, steering_rad, truth))
+        fits.append(_fit(what, corrected, effects, truth))
     if steering_rad is not None:
         fits += [
-            _fit(what, kinematics, turned_rad, factor * steering_rad, truth) for what, factor in STEERING
+            _fit(what, turned_rad, effects_of(kinematics, factor * steering_rad), truth)
+            for what, factor in STEERING
         ]
-    fits += _separate(kinematics, turned_rad, steering_rad, truth)
-    text, paths = _explain(fits, truth), _body_steps(rows, kinematics)
+    fits += _separate(_motion_of(turned_rad, effects), truth)
+    text, paths = _explain(fits, truth), _body_steps(rows, path)
     if not text and paths is not None:
         if opposite := _opposite_ways(*paths):
             findings.append(opposite)
@@ -146,11 +156,8 @@ def compare_with_truth(rows: Channels, rover: RoverSettings) -> list[FoundFindin
     return findings
 
 
-def _separate(
-    kinematics: Kinematics, turned_rad: Array, steering_rad: Array | None, truth: _Motion
-) -> Iterator[_Fit]:
+def _separate(said: _Motion, truth: _Motion) -> Iterator[_Fit]:
     """Yield fits with a factor of the turns, and of the distances, where that is none of slip."""
-    said = _motion_of(kinematics, turned_rad, steering_rad)
     pairs = (("turns", said.turn_rad, truth.turn_rad), ("distances", said.distance_m, truth.distance_m))
     for what, own, true in pairs:
         square = float(own @ own)
@@ -188,9 +195,9 @@ def _explain(fits: Sequence[_Fit], truth: _Motion) -> str:
     return f"wheels and truth contradict each other, {shares} {', or '.join(which)}{unsure}"
 
 
-def _body_steps(rows: Channels, kinematics: Kinematics) -> tuple[Array, Steps, Steps] | None:
+def _body_steps(rows: Channels, wheels: DrivePath | None) -> tuple[Array, Steps, Steps] | None:
     """Return the begin of each window, and how far wheels and truth go in it, left as imaginary part."""
-    wheels, truth = path_of_wheels(rows, kinematics), dict(places_of(rows)).get("truth")
+    truth = dict(places_of(rows)).get("truth")
     if wheels is None or truth is None:
         return None
     edges_s = np.arange(max(wheels.t_s[0], truth.t_s[0]), min(wheels.t_s[-1], truth.t_s[-1]), WINDOW_S)
@@ -276,19 +283,12 @@ def _mirrored(rover: WheelsRoverSettings) -> tuple[int, ...] | None:
     return tuple(order)
 
 
-def _fit(
-    what: str, kinematics: Kinematics, turned_rad: Array, steering_rad: Array | None, truth: _Motion
-) -> _Fit:
-    return _compared(what, _motion_of(kinematics, turned_rad, steering_rad), truth)
+def _fit(what: str, turned_rad: Array, effects: Array, truth: _Motion) -> _Fit:
+    return _compared(what, _motion_of(turned_rad, effects), truth)
 
 
-def _motion_of(kinematics: Kinematics, turned_rad: Array, steering_rad: Array | None) -> _Motion:
-    moves = np.array(
-        [
-            kinematics.body_motion(row.tolist(), () if steering_rad is None else tuple(steering_rad[place]))
-            for place, row in enumerate(turned_rad)
-        ]
-    )
+def _motion_of(turned_rad: Array, effects: Array) -> _Motion:
+    moves = moves_of(turned_rad, effects)
     return _Motion(moves[:, 2], np.hypot(moves[:, 0], moves[:, 1]))
 
 

@@ -9,6 +9,8 @@ import pytest
 from controllers.estimation.wheels.turn_evidence import TurnEvidence, WheelTurn
 from controllers.fault import Bound, Cause, Fault
 from controllers.roles import DeviceRoles
+from controllers.safety import repetition_rule
+from controllers.safety.repeated_readings import RepeatedReadings
 from controllers.safety.repetition_rule import RepetitionRule
 from drivers.clock import nanoseconds
 from drivers.samples import (
@@ -154,3 +156,16 @@ def test_wheels_that_repeat_themselves_without_a_jump_back_move_to_and_fro() -> 
         position_rad = 0.01 * NOISE[cycle % 100][0]
         rule.observe(WheelSample(device="board", t_ns=t_ns, wheel=0, position_rad=position_rad), t_ns)
         assert not [*rule.check(make_cycle(now_ns=t_ns))]
+
+
+def test_each_source_makes_its_history_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[RepeatedReadings[object]] = []
+
+    def make() -> RepeatedReadings[object]:
+        made.append(RepeatedReadings())
+        return made[-1]
+
+    monkeypatch.setattr(repetition_rule, "RepeatedReadings", make)
+    for device in ("imu", "compass", "board"):
+        driven(RepetitionRule(ROLES), device, list(range(20)))
+    assert len(made) == 3

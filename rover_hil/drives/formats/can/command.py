@@ -22,7 +22,7 @@ from rover_hil.drives.formats.can.rover import rover_of_log
 from rover_hil.drives.formats.can.to_log import write_can_as_log
 from rover_hil.drives.formats.drive import Contents
 from rover_hil.drives.formats.files import WriteDrive, import_files
-from rover_hil.drives.formats.limits import LimitSettings, MemoryOption, TimeOption
+from rover_hil.drives.formats.limits import EstimateOption, LimitSettings, MemoryOption, TimeOption
 from rover_hil.drives.formats.reading_process import Report, read_in_child
 from rover_hil.terminal import Terminal
 
@@ -72,6 +72,7 @@ def import_can_logs(
     as_json: JsonOption = False,
     most_memory_gb: MemoryOption = None,
     most_minutes: TimeOption = None,
+    no_estimate: EstimateOption = False,
 ) -> int:
     """Turn logs of a CAN bus into logs of a rover; the drivers decode its frames, and replay bit for bit.
 
@@ -92,7 +93,9 @@ def import_can_logs(
         config = rover_of_log(config_name, mapping)
 
         def write(file: Path, part: Path) -> Iterator[Contents]:
-            return write_can_as_log(read_can_log(file, channel=channel), config, part)
+            return write_can_as_log(
+                read_can_log(file, channel=channel), config, part, with_estimate=not no_estimate
+            )
 
         return write
 

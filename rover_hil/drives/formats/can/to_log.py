@@ -71,13 +71,16 @@ def can_config(config: Config) -> Config:
     return observing_config(config, devices)
 
 
-def write_can_as_log(frames: CanFrames, config: Config, out: Path) -> Iterator[Contents]:
+def write_can_as_log(
+    frames: CanFrames, config: Config, out: Path, *, with_estimate: bool = True
+) -> Iterator[Contents]:
     """Write the log `out` of a log of a CAN bus, cycle by cycle; yields what was used so far.
 
     Args:
         frames: The frames.
         config: As `can_config` returns it.
         out: The log; must not exist.
+        with_estimate: As for `write_drive`.
 
     Raises:
         LogError: The wheels of the rover are not in the log.
@@ -104,7 +107,9 @@ def write_can_as_log(frames: CanFrames, config: Config, out: Path) -> Iterator[C
 
     origin = f"imported from {frames.path.name}"
     wall_ns = max(0, round(start_s * 1e6) * 1000)  # times before 1970 are of a clock that was not set
-    for _ in write_drive(out, origin, config, records, make_feed, contents, wall_start_ns=wall_ns):
+    for _ in write_drive(
+        out, origin, config, records, make_feed, contents, with_estimate=with_estimate, wall_start_ns=wall_ns
+    ):
         yield contents
 
 

@@ -13,7 +13,7 @@ from rover_hil.console.json_text import print_json
 from rover_hil.console.options import ForceOption, JsonOption, out_option
 from rover_hil.drives.formats.drive import START_NS
 from rover_hil.drives.formats.files import WriteDrive, import_file, print_contents
-from rover_hil.drives.formats.limits import LimitSettings, MemoryOption, TimeOption
+from rover_hil.drives.formats.limits import EstimateOption, LimitSettings, MemoryOption, TimeOption
 from rover_hil.drives.formats.rosbag.to_log import write_bag_as_log
 from rover_hil.drives.formats.rosbag.topics import read_topics
 from rover_hil.pages.atomic_write import check_new_file, unfinished
@@ -30,6 +30,7 @@ def import_bag(
     as_json: JsonOption = False,
     most_memory_gb: MemoryOption = None,
     most_minutes: TimeOption = None,
+    no_estimate: EstimateOption = False,
 ) -> int:
     """Turn a bag of ROS 1 or ROS 2 into a log, which replays exactly.
 
@@ -45,7 +46,7 @@ def import_bag(
     def make_write() -> WriteDrive:
         topics = read_topics(topics_path)
         rover = load_config(topics.rover)
-        return lambda file, part: write_bag_as_log(file, topics, rover, part)
+        return lambda file, part: write_bag_as_log(file, topics, rover, part, with_estimate=not no_estimate)
 
     with unfinished(out) as part:
         contents = import_file(bag, part, make_write, LimitSettings(most_memory_gb, most_minutes))

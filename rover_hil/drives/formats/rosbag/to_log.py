@@ -50,7 +50,9 @@ STAMPS_AGREE = 0.004
 FRAME_RATE_HZ = 5.0
 
 
-def write_bag_as_log(path: Path, topics: Topics, rover: Config, out: Path) -> Iterator[Contents]:
+def write_bag_as_log(
+    path: Path, topics: Topics, rover: Config, out: Path, *, with_estimate: bool = True
+) -> Iterator[Contents]:
     """Write the log `out` of a bag, cycle by cycle; yields what was used so far.
 
     Args:
@@ -58,6 +60,7 @@ def write_bag_as_log(path: Path, topics: Topics, rover: Config, out: Path) -> It
         topics: What of it is used.
         rover: Configuration of the rover; its devices and its mission are not used.
         out: The log; must not exist.
+        with_estimate: As for `write_drive`.
 
     Raises:
         LogError: The bag cannot be read, or does not fit the rover.
@@ -95,7 +98,9 @@ def write_bag_as_log(path: Path, topics: Topics, rover: Config, out: Path) -> It
         def make_feed(links: ReplayLinks) -> Callable[[BagMessage], Iterator[TruthRecord | PoseFixSample]]:
             return _Feeder(topics, links, kinematics, joints, contents, lost).feed
 
-        for _ in write_drive(out, origin, config, bag.messages(), make_feed, contents):
+        for _ in write_drive(
+            out, origin, config, bag.messages(), make_feed, contents, with_estimate=with_estimate
+        ):
             yield contents
     if not contents.used.keys() & {"wheels", "odometry"}:
         raise LogError(f"{path}: no message of the wheels holds numbers: name another topic")

@@ -12,7 +12,7 @@ from rover_hil.console.json_text import print_json
 from rover_hil.console.options import ForceOption, JsonOption, out_option
 from rover_hil.console.steps import show_steps
 from rover_hil.drives.formats.files import WriteDrive, import_files
-from rover_hil.drives.formats.limits import LimitSettings, MemoryOption, TimeOption
+from rover_hil.drives.formats.limits import EstimateOption, LimitSettings, MemoryOption, TimeOption
 from rover_hil.drives.formats.reading_process import read_in_child
 from rover_hil.drives.formats.table.columns import read_columns, rover_of
 from rover_hil.drives.formats.table.propose import proposal_text, propose
@@ -44,6 +44,7 @@ def import_tables(
     as_json: JsonOption = False,
     most_memory_gb: MemoryOption = None,
     most_minutes: TimeOption = None,
+    no_estimate: EstimateOption = False,
 ) -> int:
     """Turn tables into logs, which replay exactly: all of them, or none where one is wrong.
 
@@ -66,7 +67,9 @@ def import_tables(
     def make_write() -> WriteDrive:
         columns = read_columns(columns_path)
         rover = rover_of(columns, columns_path)
-        return lambda file, part: write_table_as_log(file, columns, rover, part)
+        return lambda file, part: write_table_as_log(
+            file, columns, rover, part, with_estimate=not no_estimate
+        )
 
     import_files(files, out, make_write, limits=limits, what="rows", force=force, as_json=as_json)
     return EXIT_OK

@@ -25,7 +25,9 @@ from rover_hil.recording.schema import TruthRecord
 from rover_hil.run.composition import ReplayLinks
 
 
-def write_table_as_log(path: Path, columns: Columns, rover: Config, out: Path) -> Iterator[Contents]:
+def write_table_as_log(
+    path: Path, columns: Columns, rover: Config, out: Path, *, with_estimate: bool = True
+) -> Iterator[Contents]:
     """Write the log `out` of a table, cycle by cycle; yields what was used so far.
 
     Args:
@@ -33,6 +35,7 @@ def write_table_as_log(path: Path, columns: Columns, rover: Config, out: Path) -
         columns: What its columns hold.
         rover: Configuration of the rover; its devices and its mission are not used.
         out: The log; must not exist.
+        with_estimate: As for `write_drive`.
 
     Raises:
         LogError: The table cannot be read, or does not fit the rover.
@@ -60,7 +63,15 @@ def write_table_as_log(path: Path, columns: Columns, rover: Config, out: Path) -
             _imu_roles(columns, held),
             has_fixes="fixes" in held,
         )
-        for _ in write_drive(out, f"imported from {path.name}", config, drive.rows, make_feed, contents):
+        for _ in write_drive(
+            out,
+            f"imported from {path.name}",
+            config,
+            drive.rows,
+            make_feed,
+            contents,
+            with_estimate=with_estimate,
+        ):
             yield contents
     if not contents.used.keys() & {"wheels", "increments"}:
         raise LogError(f"{path}: no row holds a number of the wheels: name other columns")
