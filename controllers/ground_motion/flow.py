@@ -7,6 +7,7 @@ reference point, the turn, and the change of roll and pitch. Points on passing s
 What is fixed in the picture (specks, shadows of the rover) forms a group of its own, without motion.
 """
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -127,11 +128,11 @@ class GroundFlow:
     def __init__(self, ground: GroundPatch, parameters: FlowParameters) -> None:
         self._parameters = parameters
         window = parameters.window_pixels
-        step = parameters.coarse_spacing_pixels if ground.is_coarse else parameters.spacing_pixels
         self._window = (window, window)
+        margin = cv2.erode(ground.visible.astype(np.uint8), np.ones(self._window, np.uint8), borderValue=0)
+        step = _spacing_pixels(int(margin.sum()), parameters, is_coarse=ground.is_coarse)
         self._covariance_factor = parameters.covariance_factor * max(1.0, (window / step) ** 2)
         rows, columns = np.mgrid[step // 2 : ground.shape[0] : step, step // 2 : ground.shape[1] : step]
-        margin = cv2.erode(ground.visible.astype(np.uint8), np.ones(self._window, np.uint8), borderValue=0)
         keep = margin[rows, columns] > 0
         self._pixels = np.stack([columns[keep], rows[keep]], axis=1).astype(np.float64)
         self._seen = ground.visible
@@ -362,3 +363,11 @@ class GroundFlow:
         inside = (place >= 0).all(axis=1) & (place < (columns, rows)).all(axis=1)
         place = np.clip(place, 0, (columns - 1, rows - 1))
         return np.asarray(inside & self._seen[place[:, 1], place[:, 0]], np.bool_)
+
+
+def _spacing_pixels(pixels: int, numbers: FlowParameters, *, is_coarse: bool) -> int:
+    """Return the distance of points in a view with this many pixels."""
+    if is_coarse:
+        return numbers.coarse_spacing_pixels
+    spacing = math.isqrt(pixels // numbers.view_points)
+    return min(max(spacing, numbers.coarse_spacing_pixels), numbers.spacing_pixels)

@@ -39,6 +39,7 @@ class FlowParameters:
 
     spacing_pixels: int = 14  # of the points
     coarse_spacing_pixels: int = 6  # where rays are flat: few windows have corners there
+    view_points: int = 60  # three times those that must move alike: closer together where the view is small
     window_pixels: int = 15  # side of a point's window
     start_pixels: float = 6.0  # distance of two starts of the search; half of it is found from either
     most_starts: int = 6
