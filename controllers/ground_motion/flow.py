@@ -197,6 +197,42 @@ class GroundFlow:
             return Followed(moving=moving, fixed=None)
         return Followed(moving=moving, fixed=self._fit(samples, fixed))
 
+    def points_ahead(
+        self,
+        before: Image,
+        after: Image,
+        starts_m: Floats,
+        turn_rad: Angles,
+        moved_m: Floats,
+        wheel_m: Floats,
+    ) -> int:
+        """Return how many points share a motion that is farther along the wheels' than the measured one.
+
+        Args:
+            before: Fine structure of the earlier ground, in grey levels.
+            after: That of the later ground.
+            starts_m: Motions to start from, rows of forward and left.
+            turn_rad: Angles turned about x, y, z.
+            moved_m: The measured motion, forward and left.
+            wheel_m: That of the wheels.
+        """
+        numbers, length_m = self._parameters, float(np.hypot(*wheel_m))
+        if not length_m:
+            return 0
+        base, design = self._linearised(turn_rad[2])
+        turned = base + design[:, :, 3:] @ np.array(turn_rad[:2])
+        moved, tracked = self._moved(before, after, turned, np.vstack([starts_m, moved_m]))
+        shifts = turned[:, None] - moved
+        apart_m = np.hypot(shifts[..., 0] - moved_m[0], shifts[..., 1] - moved_m[1])
+        fits = tracked & (apart_m < 2.0 * numbers.group_pixels * self._pixel_m)
+        ahead, left = wheel_m / length_m
+        along_m, across_m = shifts @ (ahead, left), shifts @ (-left, ahead)
+        slack_m = numbers.ahead_pixels * self._pixel_m
+        others = tracked & ~fits.any(axis=1)[:, None] & (along_m < numbers.most_ahead * length_m + slack_m)
+        others &= along_m > max(float(moved_m @ (ahead, left)), 0.0) + slack_m
+        others &= np.abs(across_m) < numbers.ahead_aside * length_m + slack_m
+        return int(self._vote(shifts[others], np.nonzero(others)[0])[0]) if others.any() else 0
+
     def points_m(self) -> Floats:
         """Return the points of the ground that are followed, behind and left of the patch's origin."""
         return np.asarray((self._points + self._reference) * (-1.0, 1.0), np.float64)
