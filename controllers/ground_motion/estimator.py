@@ -296,13 +296,14 @@ class GroundMotionEstimator:
         wheel_m, tracks = self._travel_m, motion.tracks
         if wheel_m is None or tracks is None:
             return 0
-        if (tracks.tracked & ~tracks.follows).sum() < self._parameters.validity.points_ahead:
+        others = ~tracks.follows
+        if (tracks.tracked & others).sum() < self._parameters.validity.points_ahead:
             return 0
         turn_rad = (*self._turned[0, :2].tolist(), motion.turn_rad)
         moved_m = np.array(_moved(motion))
         starts_m = self._starts(wheel_m)[0]
         return self._flow.points_ahead(
-            self._frames.last.picture, picture, starts_m, turn_rad, moved_m, wheel_m
+            self._frames.last.picture, picture, starts_m, turn_rad, moved_m, wheel_m, others
         )
 
     def _mirrored(self, picture: Image) -> str:
