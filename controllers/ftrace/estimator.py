@@ -15,6 +15,7 @@ from controllers.ground_motion.ground_patch import Floats, GroundPatch
 from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.prior import turned
 from controllers.ground_motion.rig import RigGeometry
+from controllers.ground_motion.rig_tolerance import RigTolerance
 from drivers.clock import seconds
 from drivers.errors import ConfigError, ModelError
 from drivers.samples import FrameSample, Image
@@ -54,6 +55,7 @@ class TraceEstimator:
             `hough`: the paper's method, Hough lines and fuzzy reasoning.
         parameters: Tuned numbers.
         view: The ground in the frames of the rig, for others that look at it too; None for one of its own.
+        tolerance: What is not known about the rig; None for its defaults.
 
     Raises:
         ConfigError: The rig watches no wheel, or the camera does not see the ground behind it.
@@ -65,6 +67,7 @@ class TraceEstimator:
         method: Method = "fused",
         parameters: FTraceParameters = DEFAULTS,
         view: GroundView | None = None,
+        tolerance: RigTolerance | None = None,
     ) -> None:
         if not rig.watches_wheel:
             raise ConfigError("the rig watches no wheel, so there is no trace: describe `wheel` in the rig")
@@ -72,8 +75,11 @@ class TraceEstimator:
         self._parameters = parameters
         self._view = view or GroundView(GroundPatch(rig), parameters.ground_motion.structure)
         self._ground = self._view.ground
-        make = HoughTracker if method == "hough" else RutTracker
-        self._tracker: HoughTracker | RutTracker = make(self._view, parameters)
+        self._tracker: HoughTracker | RutTracker = (
+            HoughTracker(self._view, parameters)
+            if method == "hough"
+            else RutTracker(self._view, parameters, tolerance or RigTolerance())
+        )
         self._missed_m = self._unmeasured_m = math.inf  # travel of the wheel since
         self._confidence = 0.0
         self._t_ns: int | None = None

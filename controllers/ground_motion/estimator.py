@@ -8,6 +8,7 @@ import numpy as np
 
 from controllers.ground_motion.choice import choose
 from controllers.ground_motion.flow import GroundFlow, PatchMotion
+from controllers.ground_motion.frame_order import OUT_OF_ORDER, Order
 from controllers.ground_motion.ground_patch import Floats, Mask, Patch
 from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.motion import GroundMotion
@@ -162,7 +163,7 @@ class GroundMotionEstimator:
         picture = self._structure.picture(self._pattern.without(structure))
         found, reason = self._measure(picture)
         if found is None:
-            reason += self._wheels.miss(self._travel_m)
+            reason = self._mirrored(picture) or reason + self._wheels.miss(self._travel_m)
             self._restart(t_ns, patch, structure)
             return self._invalid(before_ns, t_ns, reason)
         motion = found.motion
@@ -173,10 +174,15 @@ class GroundMotionEstimator:
             turn_rad=float(self._turned[0, 2]),
             has_gyro=self._has_gyro,
             duration_s=seconds(t_ns - before_ns),
+            points_ahead=self._points_ahead(motion, picture),
         )
         moved_m = np.array([motion.forward_m, motion.left_m])
         reason = self._proof.why_not(structure, self._travel_m, moved_m, is_fixed=found.is_fixed)
-        reason = reason or self._wheels.contradiction(compared)
+        order = self._wheels.order(compared)
+        if order is Order.WRONG:
+            self._restart(t_ns, patch, structure)
+            return self._invalid(before_ns, t_ns, OUT_OF_ORDER)
+        reason = reason or self._wheels.contradiction(compared, order)
         if reason:
             self._leave_out(t_ns, patch, structure)
             return self._invalid(before_ns, t_ns, reason)
@@ -237,7 +243,7 @@ class GroundMotionEstimator:
         order, second = self._frames.choose(self._last_m)
         for reference in order:
             for starts_m in self._starts(wheel_m):
-                found, reason = self._compare(reference, picture, starts_m)
+                found, reason = self._compare(reference, picture, starts_m, self._turned)
                 if found is None:
                     continue
                 if second is not reference:
@@ -259,7 +265,7 @@ class GroundMotionEstimator:
         last_sd = self._frames.last.sd
         first_sd = np.hypot(first.sd, last_sd)
         alone = first._replace(motion=_with_sd(first.motion, first_sd))
-        other, _ = self._compare(second, picture, np.array([_moved(first.motion)]))
+        other, _ = self._compare(second, picture, np.array([_moved(first.motion)]), self._turned)
         if other is None or (other.is_fixed and not first.is_fixed):
             return alone
         other_sd = other.sd if second is self._frames.last else np.hypot(other.sd, last_sd)
@@ -280,6 +286,38 @@ class GroundMotionEstimator:
             pose=pose,
             sd=ratio / np.sqrt(1.0 / first.sd**2 + 1.0 / (other.sd**2 + second.sd**2)),
         )
+
+    def _points_ahead(self, motion: PatchMotion, picture: Image) -> int:
+        """Return how many points move farther with the wheels than the motion that was found.
+
+        What a wet surface mirrors lies below the ground, and moves less than the ground. Earlier frames are
+        as far apart as the found motion says, so that only the last one shows the points of another.
+        """
+        wheel_m, tracks = self._travel_m, motion.tracks
+        if wheel_m is None or tracks is None:
+            return 0
+        others = ~tracks.follows
+        if (tracks.tracked & others).sum() < self._parameters.validity.points_ahead:
+            return 0
+        turn_rad = (*self._turned[0, :2].tolist(), motion.turn_rad)
+        moved_m = np.array(_moved(motion))
+        starts_m = self._starts(wheel_m)[0]
+        return self._flow.points_ahead(
+            self._frames.last.picture, picture, starts_m, turn_rad, moved_m, wheel_m, others
+        )
+
+    def _mirrored(self, picture: Image) -> str:
+        """Take a pair that shows no motion; return whether rotations against the gyro show mirrored pictures.
+
+        In a fast rotation the points of a mirrored picture fit the measured turn nowhere.
+        """
+        turn_rad, turn_sd_rad = self._turned[:, 2].tolist()
+        if not self._has_gyro or abs(turn_rad) < CONFLICT * turn_sd_rad:
+            return ""
+        wheel_m = None if self._travel_m is None else self._travel_m * (1.0, -1.0)
+        turned = self._turned * np.array([[-1.0, 1.0, -1.0], [1.0, 1.0, 1.0]])
+        found, _ = self._compare(self._frames.last, picture, self._starts(wheel_m)[0], turned)
+        return "" if found is None else self._wheels.see_mirrored(turn_rad, found.motion)
 
     def _too_far(self, travel_m: float) -> str:
         return (
@@ -302,10 +340,10 @@ class GroundMotionEstimator:
         return [np.outer(shares, wheel_m), np.outer(-shares[:-1], wheel_m)]
 
     def _compare(
-        self, reference: Reference, picture: Image, starts_m: Floats
+        self, reference: Reference, picture: Image, starts_m: Floats, turned: Floats
     ) -> tuple[_Compared | None, str]:
         """Return the pair by comparison with an earlier frame, and why there is none."""
-        (roll, pitch, yaw), deviations = self._turned
+        (roll, pitch, yaw), deviations = turned
         last = self._frames.last.pose
         before = last - reference.pose
         angles = (float(before[3] + roll), float(before[4] + pitch), float(before[2] + yaw))
@@ -355,6 +393,7 @@ class GroundMotionEstimator:
         """Begin the next pair."""
         self._left_out = 0
         self._proof.begin_pair()
+        self._wheels.begin_pair()
         self._t_ns, self._grey = t_ns, patch
         self._travel_m, self._turned, self._has_gyro = np.zeros(2), np.zeros((2, 3)), True
 

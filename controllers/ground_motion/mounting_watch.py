@@ -130,9 +130,13 @@ class MountingWatch:
         if motion.forward_m:
             self._duration_s += motion.duration_s
         self._pitch.add(motion.forward_m, motion.pitch_rad)
-        self._turn.add(motion.turn_rad, motion.seen_turn_rad)
-        self._seen_rad2 += (motion.turn_rad * motion.seen_turn_sd_rad) ** 2
         self._add_drift(motion)
+        self.compare_turn(motion.turn_rad, motion.seen_turn_rad, motion.seen_turn_sd_rad)
+
+    def compare_turn(self, turn_rad: float, seen_turn_rad: float, seen_turn_sd_rad: float) -> None:
+        """Take a rotation by the gyro, and by the pictures with its standard deviation."""
+        self._turn.add(turn_rad, seen_turn_rad)
+        self._seen_rad2 += (turn_rad * seen_turn_sd_rad) ** 2
         self.text = self._mirrored() or self._near_and_far() or self._drifts.text or self._scale()
 
     def _add_drift(self, motion: MountedMotion) -> None:

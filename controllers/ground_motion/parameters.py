@@ -39,6 +39,7 @@ class FlowParameters:
 
     spacing_pixels: int = 14  # of the points
     coarse_spacing_pixels: int = 6  # where rays are flat: few windows have corners there
+    view_points: int = 60  # three times those that must move alike: closer together where the view is small
     window_pixels: int = 15  # side of a point's window
     start_pixels: float = 6.0  # distance of two starts of the search; half of it is found from either
     most_starts: int = 6
@@ -53,6 +54,9 @@ class FlowParameters:
     most_scale_pixels: float = 1.0  # greatest scatter of points that follow the ground
     inlier_weight: float = 0.2  # least weight of a point that moves with the ground
     covariance_factor: float = 1.75  # errors of points are alike; windows that overlap add to it
+    ahead_pixels: float = 0.9  # farther than the measured motion: another that is ahead of it, at most
+    most_ahead: float = 1.1  # times the wheels' travel ahead, and
+    ahead_aside: float = 0.15  # of it aside
     overrun: float = 1.5  # greatest motion, over the wheels': beyond, points have lost the ground
     aside: float = 0.8  # greatest motion across the wheels', over theirs: slip angles of 39 deg
 
@@ -78,6 +82,7 @@ class ValidityParameters:
     clear_still_sd_pixels: float = 0.03  # windows on specks and ground scatter more
     most_ambiguous: float = 0.6  # points that another motion explains, over those of the motion: median of
     ambiguous_pairs: int = 5  # so many
+    points_ahead: int = 9  # of another motion ahead, median of as many: 4 to 7 agree by chance
     most_shared: float = 0.5  # of the points that move, with those that do not: two motions of one body
     baseline_pixels: float = 8.0  # frames to compare with are at least this far apart, where there are any
     coarse_baseline_pixels: float = 3.0  # where rays are flat: ground looks otherwise after some metres
@@ -116,6 +121,19 @@ class PatternParameters:
 
     length_pixels: float = 40.0  # motion over which it is learned
     least_strength: float = 0.8  # of the mean structure; that of ground moving through averages to less
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameOrderParameters:
+    """Frames out of order, by the motion of the ground in them.
+
+    Chosen on draws 0 to 9 of the case `swapped` of `tests/nature/ambiguous_ground`.
+    """
+
+    deviations: float = 4.0  # of the motion, for a step back
+    least_share: float = 0.1  # of the wheels' travel, for a step back: smaller errors do not count
+    jump: float = 0.5  # travel beyond the expected, over it, that may be of a frame out of order
+    alike: float = 0.1  # difference from the expected travel, over it, after a frame out of order
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,6 +198,7 @@ class GroundMotionParameters:
     validity: ValidityParameters = ValidityParameters()
     pattern: PatternParameters = PatternParameters()
     repeats: RepeatParameters = RepeatParameters()
+    order: FrameOrderParameters = FrameOrderParameters()
     standing: StandingParameters = StandingParameters()
     moving_parts: MovingPartsParameters = MovingPartsParameters()
     rig_watch: RigWatchParameters = RigWatchParameters()

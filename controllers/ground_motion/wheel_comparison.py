@@ -8,6 +8,7 @@ import numpy as np
 
 from controllers.fault import Fault
 from controllers.ground_motion.flow import GroundFlow, PatchMotion
+from controllers.ground_motion.frame_order import OUT_OF_ORDER, FrameOrder, Order
 from controllers.ground_motion.ground_patch import Floats, GroundPatch
 from controllers.ground_motion.mounting_watch import MountedMotion, MountingWatch
 from controllers.ground_motion.parameters import GroundMotionParameters
@@ -27,6 +28,7 @@ class ComparedPair(NamedTuple):
         turn_rad: By the gyro.
         has_gyro: Whether it has measured all axes.
         duration_s: From frame to frame.
+        points_ahead: Points that share a motion farther along the wheels' than this.
     """
 
     motion: PatchMotion
@@ -35,6 +37,7 @@ class ComparedPair(NamedTuple):
     turn_rad: float
     has_gyro: bool
     duration_s: float
+    points_ahead: int
 
 
 class WheelComparison:
@@ -67,9 +70,11 @@ class WheelComparison:
             is_calibrated=tolerance.scale_sd is not None,
             yaw_sd_deg=tolerance.yaw_sd_deg,
         )
+        self._order = FrameOrder(parameters.order)
         self._contradictions = 0
         self._contradicting = ""
         self._ambiguities: deque[float] = deque(maxlen=parameters.validity.ambiguous_pairs)
+        self._points_ahead: deque[int] = deque(maxlen=parameters.validity.ambiguous_pairs)
 
     @property
     def scale_sd(self) -> float:
@@ -95,12 +100,30 @@ class WheelComparison:
         """Take a rotation by the gyro, whether or not its pair is valid."""
         self._mounting.rotate(turn_rad)
 
+    def see_mirrored(self, turn_rad: float, motion: PatchMotion) -> str:
+        """Take a pair that fits only the reverse of the gyro's turn; return what contradicts the rig."""
+        self._mounting.compare_turn(turn_rad, motion.turn_rad, motion.turn_sd_rad)
+        return self._mounting.text
+
     def miss(self, wheel_m: Floats | None) -> str:
         """Take a pair that shows no motion; return what to check where the ground was never followed."""
         self._rig_watch.miss(0.0 if wheel_m is None else float(np.hypot(*wheel_m)))
         return self._rig_watch.unfollowed
 
-    def contradiction(self, pair: ComparedPair) -> str:
+    def begin_pair(self) -> None:
+        """Take that the next frames are compared with the newest one."""
+        self._order.begin()
+
+    def order(self, pair: ComparedPair) -> Order:
+        """Return whether the frame, or the one at which the pair began, is out of order."""
+        if pair.wheel_m is None:
+            return Order.RIGHT
+        along_m, length_m = _along(pair.motion, pair.wheel_m)
+        return self._order.judge(
+            along_m, length_m, float(np.hypot(pair.motion.forward_sd_m, pair.motion.left_sd_m))
+        )
+
+    def contradiction(self, pair: ComparedPair, order: Order) -> str:
         """Return why no rover on these wheels moves so: a frame out of order; "" where one may.
 
         One that rolls back, or is pushed, contradicts its wheels in every frame, and so does a wrong rig:
@@ -109,6 +132,8 @@ class WheelComparison:
         text = "" if pair.wheel_m is None else self._against_wheels(pair.motion, pair.wheel_m)
         self._contradictions = self._contradictions + 1 if text == self._contradicting else 1
         self._contradicting = text
+        if order is Order.UNDECIDED:
+            return OUT_OF_ORDER
         if not text or self._contradictions > MOST_CONTRADICTING:
             return ""
         if not self._rig_watch.is_confirmed and self._contradictions == 1:
@@ -117,18 +142,25 @@ class WheelComparison:
 
     def doubt(self, pair: ComparedPair) -> str:
         """Take a pair that is used; return what speaks against it, "" for nothing."""
+        if pair.wheel_m is not None:
+            self._order.use(*_along(pair.motion, pair.wheel_m))
         self._update_rig(pair)
         self._update_mounting(pair)
         self._ambiguities.append(pair.motion.ambiguity)
+        self._points_ahead.append(pair.points_ahead)
         if doubt := self._rig_watch.text or self._mounting.text:
             return doubt
+        if median(self._points_ahead) >= self._parameters.validity.points_ahead:
+            return (
+                "part of the view moves farther than what was followed: a reflection, or a part of the rover"
+            )
         if median(self._ambiguities) <= self._parameters.validity.most_ambiguous:
             return ""
         return "several motions explain the ground, its pattern repeats: take more frames per second"
 
     def _against_wheels(self, motion: PatchMotion, wheel_m: Floats) -> str:
-        numbers, length_m = self._parameters.rig_watch, float(np.hypot(*wheel_m))
-        along_m = (motion.forward_m * wheel_m[0] + motion.left_m * wheel_m[1]) / max(length_m, 1e-9)
+        numbers = self._parameters.rig_watch
+        along_m, length_m = _along(motion, wheel_m)
         slack_m = numbers.slack_m + numbers.deviations * (motion.forward_sd_m + self._scale_sd * length_m)
         if along_m > (1.0 + numbers.skid) * length_m + slack_m:
             return (
@@ -176,6 +208,12 @@ class WheelComparison:
                 pitch_rad=pair.pitch_rad,
             )
         )
+
+
+def _along(motion: PatchMotion, wheel_m: Floats) -> tuple[float, float]:
+    """Return the motion along that of the wheels, and their travel."""
+    length_m = float(np.hypot(*wheel_m))
+    return float(motion.forward_m * wheel_m[0] + motion.left_m * wheel_m[1]) / max(length_m, 1e-9), length_m
 
 
 MOST_CONTRADICTING = 2

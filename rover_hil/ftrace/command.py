@@ -67,7 +67,7 @@ def trace_angles(
     check_inputs(frames)
     inputs = read_inputs(frames, rig_path, telemetry_path)
     geometry = inputs.rig.geometry()
-    estimator = TraceEstimator(geometry, chosen)
+    estimator = TraceEstimator(geometry, chosen, tolerance=inputs.tolerance)
     angles: list[FrameAngle] = []
     code = EXIT_OK
     with ExitStack() as resources:

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from controllers.ground_motion.rig import RigFile
+from controllers.ground_motion.rig_tolerance import RigTolerance
 from drivers.errors import ConfigError
 from rover_hil.config import read_rig
 from rover_hil.ftrace.frames import FrameSource
@@ -27,6 +28,12 @@ class FrameInputs(NamedTuple):
     rig: RigFile
     telemetry: dict[int, TelemetryRow] | None
     is_of_rover: bool = False
+
+    @property
+    def tolerance(self) -> RigTolerance | None:
+        """Return what is not known about the rig, by the log's configuration; None where it has another."""
+        ground = self.source.ground if isinstance(self.source, LogFrames) else None
+        return ground.tolerance if ground is not None and ground.rig == self.rig else None
 
     def row(self, number: int) -> TelemetryRow:
         """Return the telemetry of a frame; its time by the rate of the rig where there is none.

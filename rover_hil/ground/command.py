@@ -84,9 +84,8 @@ def ground_motion(
     ground = inputs.source.ground if isinstance(inputs.source, LogFrames) else None
     if ground is not None and rig_path is None:
         inputs = inputs._replace(rig=ground.rig)
-    tolerance = ground.tolerance if ground is not None and ground.rig == inputs.rig else None
     view = GroundView(GroundPatch(inputs.rig.geometry()))
-    estimator = GroundMotionEstimator(view, tolerance)
+    estimator = GroundMotionEstimator(view, inputs.tolerance)
     items: list[FrameMotion] = []
     picture: Image | None = None
     code = EXIT_OK

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.estimation.ground.travel import GroundMeter
+from controllers.ground_motion.settings import GroundMotionSettings
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import RoverSettings
 from controllers.slip.scomp.trace_reader import TraceFinder
@@ -146,16 +147,22 @@ def find_wheel_count_conflict(rover: RoverSettings, drive: str, drive_wheel_coun
     )
 
 
+def _shared_rig(config: Config) -> GroundMotionSettings | None:
+    """Return the settings of the ground motion where the trace has the same rig; None where it has not."""
+    scomp, ground = config.scomp, config.ground_motion
+    return ground if scomp is not None and ground is not None and scomp.rig == ground.rig else None
+
+
 def _shared_view(config: Config) -> "GroundView | None":
     """Return the ground in the frames where the trace and the motion over the ground look at the same."""
-    scomp, ground = config.scomp, config.ground_motion
-    if scomp is None or scomp.rig is None or ground is None or scomp.rig != ground.rig:
+    shared = _shared_rig(config)
+    if shared is None:
         return None
     # Imported here because they bring OpenCV, which a rover without a camera must not wait for.
     from controllers.ground_motion.ground_patch import GroundPatch
     from controllers.ground_motion.ground_view import GroundView
 
-    return GroundView(GroundPatch(scomp.rig.geometry()))
+    return GroundView(GroundPatch(shared.rig.geometry()))
 
 
 def make_finder(config: Config, view: "GroundView | None" = None) -> TraceFinder | None:
@@ -173,7 +180,9 @@ def make_finder(config: Config, view: "GroundView | None" = None) -> TraceFinder
     conflict = config.scomp.rig.size_conflict(camera.width, camera.height)
     if conflict:
         raise ConfigError(conflict)
-    return TraceEstimator(config.scomp.rig.geometry(), view=view)
+    shared = _shared_rig(config)
+    tolerance = None if shared is None else shared.tolerance
+    return TraceEstimator(config.scomp.rig.geometry(), view=view, tolerance=tolerance)
 
 
 def _make_meter(config: Config, view: "GroundView | None") -> GroundMeter | None:

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from controllers.ground_motion.rig_tolerance import RigTolerance
+from controllers.ground_motion.settings import GroundMotionSettings
 from controllers.slip.scomp.trace_reader import TraceFinder
 from drivers.errors import ConfigError
 from drivers.samples import FrameSample
@@ -115,6 +117,21 @@ def test_frames_that_do_not_fit_are_not_looked_at() -> None:
     assert reading is not None
     assert not reading.detected  # nothing but grey
     assert reading.theta_rad is None
+
+
+def test_the_angle_has_the_tolerance_of_the_configuration() -> None:
+    config = load_config("el-dorado")
+    assert config.scomp is not None
+    assert config.scomp.rig is not None
+    ground = GroundMotionSettings(rig=config.scomp.rig, tolerance=RigTolerance(yaw_sd_deg=1.0))
+    other = ground.model_copy(update={"rig": ground.rig.model_copy(update={"nominal_speed_mps": 1.0})})
+    expected = [(None, 3.0), (ground, 1.0), (other, 3.0)]
+    for settings, yaw_sd_deg in expected:
+        found = make_finder(config.model_copy(update={"ground_motion": settings}))
+        assert found is not None
+        reading = found.find(picture(1_000_000_000), 0.08, None)
+        assert reading is not None
+        assert reading.mounting_sd_rad == pytest.approx(math.radians(yaw_sd_deg))
 
 
 def test_a_rig_of_another_camera_is_refused() -> None:

@@ -41,9 +41,10 @@ class RutTracker:
     Args:
         view: The ground in the frames.
         parameters: Tuned numbers.
+        tolerance: What is not known about the rig.
     """
 
-    def __init__(self, view: GroundView, parameters: FTraceParameters) -> None:
+    def __init__(self, view: GroundView, parameters: FTraceParameters, tolerance: RigTolerance) -> None:
         ground = view.ground
         self._ground = ground
         self._numbers, self._search = parameters, parameters.search
@@ -52,8 +53,8 @@ class RutTracker:
         self._finder = RutFinder(ground, sections)
         self._structure = view.structure
         self._flow = GroundFlow(ground, parameters.ground_motion.flow)
-        self._ground_motion = GroundMotionEstimator(view, parameters=parameters.ground_motion)
-        self._yaw = HeadingDrifts(RigTolerance().yaw_sd_deg, parameters.ground_motion.mounting)
+        self._ground_motion = GroundMotionEstimator(view, tolerance, parameters.ground_motion)
+        self._yaw = HeadingDrifts(tolerance.yaw_sd_deg, parameters.ground_motion.mounting)
         self._match = GroundMatch(ground, parameters.matching)
         self._light = StaticShading(visible, ground.centre, shading.lit_share, shading)
         fixed = parameters.fixed

@@ -209,6 +209,18 @@ def test_smooth_ground_of_little_contrast_is_measured() -> None:
     assert drive.travelled_m == pytest.approx(9 * 0.012, rel=0.02)
 
 
+@pytest.mark.parametrize("slip", [0.0, 0.5])
+def test_frames_that_have_changed_places_are_not_used(slip: float) -> None:
+    drive, wide = Drive(), wide_ground()
+    for place in (0, 1, 2, 3, 5, 4, 6, 7, 8, 9):
+        drive.show(patch_at(wide, place * (1.0 - slip) * WHEEL_M))
+
+    reasons = [motion.invalid_because for motion in drive.motions]
+    assert [number for number, reason in enumerate(reasons) if reason] == [3, 4]
+    assert all("out of order" in reason or "farther than the wheels" in reason for reason in reasons[3:5])
+    assert drive.travelled_m == pytest.approx(9 * (1.0 - slip) * WHEEL_M, abs=0.0015)
+
+
 def test_too_much_travel_between_two_frames_is_refused() -> None:
     drive, wide = Drive(), wide_ground()
     drive.show(patch_at(wide, 0.0))
@@ -267,14 +279,32 @@ def test_ground_faster_than_the_wheels_is_reported() -> None:
     assert "1.25 times as far as the wheels" in drive.motions[-1].invalid_because
 
 
-def test_turn_on_the_spot() -> None:
-    """Turns of 3 deg a frame are followed, and the measured point stays."""
+@pytest.mark.parametrize(("mirrored_m", "is_found"), [(0.4 * WHEEL_M, True), (1.0 * WHEEL_M, False)])
+def test_ground_beside_a_reflection_is_not_taken_for_what_moves_less(
+    mirrored_m: float, is_found: bool
+) -> None:
+    """A band of 70 % of the width moves as what is mirrored by a wet surface."""
+    drive, wide, below = Drive(), wide_ground(), wide_ground(seed=5)
+    for frame in range(12):
+        patch = patch_at(wide, frame * WHEEL_M)
+        band = int(0.7 * patch.shape[1])
+        patch[:, :band] = patch_at(below, frame * mirrored_m)[:, :band]
+        drive.show(patch)
+
+    reasons = [motion.invalid_because for motion in drive.motions]
+    assert any(reasons) is is_found
+    assert all("part of the view moves farther" in reason for reason in reasons) is is_found
+
+
+def spin(gyro_deg: float) -> list[GroundMotion]:
+    """Return the motions of turns on the spot of 3 deg a frame, of which a gyro reports this."""
     drive = Drive()
     wide = wide_ground(length=800)
     wide = np.asarray(np.tile(wide, (1, 5)), np.uint8)
     rows, columns = np.indices(GROUND.shape).astype(np.float64)
     turn_sd = turned((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.2, DEFAULTS.turn)[1]
     structure = FineStructure(GROUND, DEFAULTS.structure)
+    motions = []
     for frame in range(6):
         turn = math.radians(3.0) * frame
         behind, left = rows + 0.5, columns - GROUND.centre
@@ -283,15 +313,32 @@ def test_turn_on_the_spot() -> None:
         view = cv2.remap(wide, column.astype(np.float32), row.astype(np.float32), cv2.INTER_LINEAR)
         grey = np.asarray(view, np.uint8)
         prior = MotionPrior(
-            forward_m=0.0, left_m=0.0, turn_rad=(0.0, 0.0, math.radians(3.1)), turn_sd_rad=turn_sd
+            forward_m=0.0,
+            left_m=0.0,
+            turn_rad=(0.0, 0.0, math.radians(gyro_deg)),
+            turn_sd_rad=turn_sd,
+            has_gyro=True,
         )
         motion = drive.estimator.step_patch(
             frame * STEP_NS, grey, structure.of(structure.log_grey(grey)), prior
         )
         if motion is not None:
-            assert motion.is_valid
-            assert math.degrees(motion.turn_rad) == pytest.approx(3.0, abs=0.1)
-            assert math.hypot(motion.forward_m, motion.left_m) < 0.0015
+            motions.append(motion)
+    return motions
+
+
+def test_turn_on_the_spot() -> None:
+    """Turns of 3 deg a frame are followed, and the measured point stays."""
+    for motion in spin(3.1):
+        assert motion.is_valid
+        assert math.degrees(motion.turn_rad) == pytest.approx(3.0, abs=0.1)
+        assert math.hypot(motion.forward_m, motion.left_m) < 0.0015
+
+
+def test_pictures_that_fit_only_the_reverse_of_the_turn_are_mirrored() -> None:
+    reasons = [motion.invalid_because for motion in spin(-3.0)]
+    assert all(reasons)
+    assert "not mirrored" in reasons[-1]
 
 
 def test_deviations_cover_the_errors() -> None:

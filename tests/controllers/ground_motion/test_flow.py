@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -100,3 +101,12 @@ def test_shadows_that_pass_over_the_ground_do_not_change_the_motion() -> None:
     assert motion is not None
     assert motion.forward_m == pytest.approx(0.014, abs=4e-4)
     assert motion.left_m == pytest.approx(0.003, abs=4e-4)
+
+
+def test_points_of_a_small_view_are_closer_together() -> None:
+    wide, small = (
+        GroundFlow(GroundPatch(replace(geometry(), behind_m=behind_m, lateral_m=half_m)), DEFAULTS.flow)
+        for behind_m, half_m in ((0.8, 0.4), (0.36, 0.14))
+    )
+    assert len(wide.points_m()) > DEFAULTS.flow.view_points
+    assert len(small.points_m()) > 2 * DEFAULTS.validity.least_moving
