@@ -89,10 +89,12 @@ class LogRows:
 
     Attributes:
         unsigned_wheels: Wheels, from 1, whose currents are magnitudes.
+        has_computed_wheels: The angles of the wheels are no measurement, but computed from a path.
     """
 
     def __init__(self, config: Config, *, with_traces: bool = False) -> None:
         self.unsigned_wheels: set[int] = set()
+        self.has_computed_wheels = False
         self._roles = config.roles
         self._fix_sources = config.fix_sources
         self._with_traces = with_traces
@@ -131,6 +133,9 @@ class LogRows:
                 if record.get("delivered", True):
                     self._add_wheels("set{}_rad_s", message.t_ns, record["speed_rad_s"])
                     self._add_wheels("set_steer{}_rad", message.t_ns, record.get("steering_rad") or ())
+            case schema.IMPORT:
+                imported = log.parse(message, schema.IMPORT_SHAPE)
+                self.has_computed_wheels = imported.get("computed_wheels", False)
             case schema.ESTIMATE if self._with_traces:
                 self._take_angles(message.t_ns, log.parse(message, schema.TRACES_SHAPE))
 
