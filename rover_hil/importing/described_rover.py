@@ -3,12 +3,11 @@
 from pathlib import Path
 
 from rover_hil.config import Config, Rule, load_config, read_config_table, shipped_configs
-from rover_hil.console.options import log_at
+from rover_hil.console.options import LOG_SUFFIX, log_at
 from rover_hil.importing.table.columns import Columns, read_columns, rover_of
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 
-LOG_SUFFIX = ".mcap"
 OF_COLUMNS = ("time", "wheel", "increments", "tricycle")
 """Keys of a file of columns that no configuration has."""
 
@@ -36,6 +35,15 @@ def load_rover(source: str, rules: tuple[Rule, ...] = ()) -> Config:
 def is_log(source: str) -> bool:
     """Return whether a source is a log, or a folder, in which logs are."""
     return source not in shipped_configs() and (source.endswith(LOG_SUFFIX) or Path(source).is_dir())
+
+
+def is_configuration(source: str) -> bool:
+    """Return whether a source is a configuration, with the devices of a rover.
+
+    Raises:
+        ConfigError: The file cannot be read.
+    """
+    return not is_log(source) and columns_at(source) is None
 
 
 def columns_at(source: str) -> Columns | None:

@@ -8,13 +8,12 @@ from tempfile import TemporaryDirectory
 
 from drivers.errors import ConfigError
 from rover_hil.config import Config
+from rover_hil.console.options import LOG_SUFFIX
 from rover_hil.importing.files import WriteDrive, import_file
 from rover_hil.importing.limits import LimitSettings
 from rover_hil.importing.table.columns import Columns
 from rover_hil.importing.table.to_log import write_table_as_log
 from rover_hil.recording.findings import finding_line
-
-LOG_SUFFIX = ".mcap"
 
 
 def check_wheels_measured(columns: Columns, source: str) -> None:
