@@ -19,8 +19,8 @@ from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogMessage, LogReader
 
 DEGREES = {
-    "heading_rad": "compass_deg",
-    "gyro_z_rad_s": "gyro_z_deg_s",
+    "heading_rad": "heading_deg",
+    "gyro_z_rad_s": "yaw_rate_deg_s",
     "pitch_rad": "pitch_deg",
     "roll_rad": "roll_deg",
     "trace_rad": "beta_ftrace_deg",
@@ -32,7 +32,7 @@ SINGLE = ("heading_rad", "trace_rad")
 SET_POINT = "set"
 HEADING = "heading_rad "
 """Followed by device and reference."""
-POSE = ("x_m", "y_m", "psi_rad")
+POSE = ("x_m", "y_m", "yaw_rad")
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,12 +75,12 @@ class TruePoses:
 class LogRows:
     """Collects the readings of a drive, message by message.
 
-    Names carry the unit; wheels count from 1. Wheels: `enc1_rad`, `speed1_rad_s`, `current1_a`,
+    Names carry the unit; wheels count from 1. Wheels: `position1_rad`, `speed1_rad_s`, `current1_a`,
     `voltage1_v`, `steer1_rad`, `set1_rad_s` and `set_steer1_rad` (delivered setpoints only). Body:
     `gyro_z_rad_s` (and x, y), `pitch_rad` (nose up), `roll_rad` (left side up), `heading_rad` of the
     first heading device, `heading_rad DEVICE REFERENCE` of each, and on request `trace_rad`, the angles
     of the rear left wheel's trace that the run itself found, and `steering_rad`, the mean steering angle
-    of the wheels. Truth: `x_m`, `y_m`, `psi_rad`, `true_slip1`, `true_speed1_rad_s`,
+    of the wheels. Truth: `x_m`, `y_m`, `yaw_rad`, `true_slip1`, `true_speed1_rad_s`,
     `true_steering1_rad`, `true_forward_m_s`, `true_left_m_s`.
 
     Args:
@@ -211,7 +211,7 @@ class LogRows:
             if not wheel.current_is_signed:
                 self.unsigned_wheels.add(number)
             for name, value in (
-                (f"enc{number}_rad", wheel.position_rad),
+                (f"position{number}_rad", wheel.position_rad),
                 (f"speed{number}_rad_s", wheel.speed_rad_s),
                 (f"current{number}_a", wheel.current_a),
                 (f"voltage{number}_v", wheel.voltage_v),
@@ -286,7 +286,7 @@ class RecordedDrive:
     @property
     def clock(self) -> str:
         """Name of the readings of the first wheel that make the rows of a table."""
-        return "enc1_rad" if "enc1_rad" in self.rows else "speed1_rad_s"
+        return "position1_rad" if "position1_rad" in self.rows else "speed1_rad_s"
 
     def seconds(self, t_ns: Times) -> Array:
         """Return times since the start of the log."""
@@ -326,7 +326,7 @@ class RecordedDrive:
                 place = np.searchsorted(times, t_ns, side="right") - 1
                 column = np.where(place >= 0, values[np.maximum(place, 0)], 0.0)
             else:
-                values = np.unwrap(values) if name == "psi_rad" else values
+                values = np.unwrap(values) if name == "yaw_rad" else values
                 column = np.interp(t_ns, times, values, left=outside, right=outside)
             columns[DEGREES.get(name, name)] = column
         return columns

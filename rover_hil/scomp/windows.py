@@ -104,9 +104,9 @@ def true_velocity(truth: TruePath, t_s: Array) -> TrueVelocity:
     points = min(POINTS, len(grid_s) - 1 + len(grid_s) % 2)
     rates = [
         np.interp(t_s, grid_s, savgol_filter(np.interp(grid_s, truth.t_s, values), points, 2, 1, GRID_S))
-        for values in (truth.x_m, truth.y_m, truth.psi_rad)
+        for values in (truth.x_m, truth.y_m, truth.yaw_rad)
     ]
-    psi = np.interp(t_s, truth.t_s, truth.psi_rad)
+    psi = np.interp(t_s, truth.t_s, truth.yaw_rad)
     ahead, aside = in_body_frame(rates[0], rates[1], psi)
     return TrueVelocity(
         slip_angle_rad=np.arctan2(aside, ahead), speed_m_s=np.hypot(ahead, aside), yaw_rate_rad_s=rates[2]
@@ -116,7 +116,7 @@ def true_velocity(truth: TruePath, t_s: Array) -> TrueVelocity:
 def _body_travel(truth: TruePath, edges: Array) -> tuple[Array, Array]:
     """Return the travel ahead and to the left in each window, by the heading in its middle."""
     dx, dy = (np.diff(np.interp(edges, truth.t_s, place)) for place in (truth.x_m, truth.y_m))
-    psi = np.interp(0.5 * (edges[1:] + edges[:-1]), truth.t_s, truth.psi_rad)
+    psi = np.interp(0.5 * (edges[1:] + edges[:-1]), truth.t_s, truth.yaw_rad)
     return in_body_frame(dx, dy, psi)
 
 

@@ -95,7 +95,7 @@ def _run(model: WheelsModel, drive: RecordedDrive, name: str, rng: np.random.Gen
     true_s = drive.seconds(poses.t_ns)
     width_s = _window_s(poses, true_s, name)
     numbers = range(1, model.wheel_count + 1)
-    wheels = {number: drive.rows[f"enc{number}_rad"] for number in numbers}
+    wheels = {number: drive.rows[f"position{number}_rad"] for number in numbers}
     # A wheel without a motor need not have a sensor: it rolls as the ground does.
     wheels = {number: one for number, one in wheels.items() if number in model.driven or len(one)}
     if any(len(one) < DATA.runs.least_rows for one in wheels.values()):
