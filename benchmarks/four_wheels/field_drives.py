@@ -254,7 +254,7 @@ def _truth(truths: list[Truth]) -> dict[str, Floats]:
         "t_s": np.arange(len(rows)) * LOG_STEPS / RATE_HZ,
         "x_m": np.array([truth.x_m for truth in rows]),
         "y_m": np.array([truth.y_m for truth in rows]),
-        "psi_rad": np.array([truth.yaw_rad for truth in rows]),
+        "yaw_rad": np.array([truth.yaw_rad for truth in rows]),
         "slip": 1.0 - forward / np.maximum(rim, 1e-9),
         "slip_angle_rad": np.arctan2(left, np.maximum(forward, 1e-9)),
     }
@@ -269,9 +269,9 @@ def _log(truths: list[Truth], motion: Motion, rover: Rover, rng: np.random.Gener
     gyro = np.degrees(motion.body_rate_rad_s[rows, 2])
     return {
         "t_s": np.arange(count) * LOG_STEPS / RATE_HZ,
-        **{f"enc{i + 1}_rad": np.round(turned[:, i] / 1e-3) * 1e-3 for i in range(4)},
-        "compass_deg": _compass_deg(motion.yaw_rad, rover, rng)[rows],
-        "gyro_z_deg_s": gyro + float(rng.normal(0, 0.15)) + 0.12 * rng.standard_normal(count),
+        **{f"position{i + 1}_rad": np.round(turned[:, i] / 1e-3) * 1e-3 for i in range(4)},
+        "heading_deg": _compass_deg(motion.yaw_rad, rover, rng)[rows],
+        "yaw_rate_deg_s": gyro + float(rng.normal(0, 0.15)) + 0.12 * rng.standard_normal(count),
         "pitch_deg": rover.tilt_bias_deg[0] - np.degrees(body_pitch)[rows] + 0.3 * rng.standard_normal(count),
         "roll_deg": rover.tilt_bias_deg[1] + np.degrees(body_roll)[rows] + 0.3 * rng.standard_normal(count),
     }

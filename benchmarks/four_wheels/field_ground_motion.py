@@ -61,11 +61,13 @@ def observe(recorded: FieldDrive, tolerance: RigTolerance) -> dict[str, float]:
     for row, t_s in enumerate(log["t_s"].tolist()):
         t_ns = nanoseconds(1.0 + t_s)
         samples: list[Sample] = [
-            WheelSample(device="wheels", t_ns=t_ns, wheel=wheel, position_rad=log[f"enc{wheel + 1}_rad"][row])
+            WheelSample(
+                device="wheels", t_ns=t_ns, wheel=wheel, position_rad=log[f"position{wheel + 1}_rad"][row]
+            )
             for wheel in range(4)
         ]
-        if log["compass_deg"][row] != compass_deg:
-            compass_deg = log["compass_deg"][row]
+        if log["heading_deg"][row] != compass_deg:
+            compass_deg = log["heading_deg"][row]
             heading_rad = math.remainder(math.radians(compass_deg), math.tau)
             samples.append(
                 HeadingSample(
@@ -87,7 +89,7 @@ def observe(recorded: FieldDrive, tolerance: RigTolerance) -> dict[str, float]:
             RateSample(
                 device="imu",
                 t_ns=t_ns,
-                rate_z_rad_s=math.radians(log["gyro_z_deg_s"][row]),
+                rate_z_rad_s=math.radians(log["yaw_rate_deg_s"][row]),
                 rate_x_rad_s=tilt_rates_rad_s[0],
                 rate_y_rad_s=tilt_rates_rad_s[1],
             )
@@ -99,12 +101,12 @@ def observe(recorded: FieldDrive, tolerance: RigTolerance) -> dict[str, float]:
             if output.ground.slip is not None:
                 slips.append(output.ground.slip - truth["slip"][row])
     assert output is not None
-    estimate, start_rad = output.estimate, float(truth["psi_rad"][0])
+    estimate, start_rad = output.estimate, float(truth["yaw_rad"][0])
     moved_m = complex(truth["x_m"][-1] - truth["x_m"][0], truth["y_m"][-1] - truth["y_m"][0])
     moved_m *= complex(math.cos(start_rad), -math.sin(start_rad))
     xx, _, _, yy, _, _ = estimate.covariance
     measured_m = complex(estimate.x_m, estimate.y_m)
-    turned_rad = float(truth["psi_rad"][-1]) - start_rad
+    turned_rad = float(truth["yaw_rad"][-1]) - start_rad
     off_m = (measured_m - moved_m) * moved_m.conjugate() / abs(moved_m)
     return {
         "end_m": abs(off_m),

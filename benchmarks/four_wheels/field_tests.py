@@ -112,7 +112,7 @@ def with_traces(log: Mapping[str, Floats], traces: Traces) -> dict[str, Floats]:
 def path_of(recorded: FieldDrive) -> TruePath:
     """Return the true path of a drive."""
     truth = recorded.truth
-    return TruePath(t_s=truth["t_s"], x_m=truth["x_m"], y_m=truth["y_m"], psi_rad=truth["psi_rad"])
+    return TruePath(t_s=truth["t_s"], x_m=truth["x_m"], y_m=truth["y_m"], yaw_rad=truth["yaw_rad"])
 
 
 def parameters_of(recorded: FieldDrive, traces: Traces) -> ScompParameters:
@@ -132,7 +132,7 @@ def score(track: Track, truth: Mapping[str, Floats], path: TruePath) -> dict[str
         "final_m": final_error_m(track, path),
         "slip_angle_deg": math.degrees(rms(track.slip_angle_rad, "slip_angle_rad")),
         "slip": rms(track.slip, "slip"),
-        "heading_deg": math.degrees(rms(track.heading_rad, "psi_rad")),
+        "heading_deg": math.degrees(rms(track.heading_rad, "yaw_rad")),
     }
 
 

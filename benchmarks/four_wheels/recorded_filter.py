@@ -58,14 +58,14 @@ class Recorded:
     def path(self) -> TruePath:
         """The true path."""
         truth = self.truth
-        return TruePath(t_s=truth["t_s"], x_m=truth["x_m"], y_m=truth["y_m"], psi_rad=truth["psi_rad"])
+        return TruePath(t_s=truth["t_s"], x_m=truth["x_m"], y_m=truth["y_m"], yaw_rad=truth["yaw_rad"])
 
     def poses(self) -> Array:
         """Return the true poses in the frame of the start, shape (n, 3)."""
         truth = self.truth
         way = (truth["x_m"] - truth["x_m"][0]) + 1j * (truth["y_m"] - truth["y_m"][0])
-        way = way * np.exp(-1j * truth["psi_rad"][0])
-        return np.column_stack([way.real, way.imag, truth["psi_rad"] - truth["psi_rad"][0]])
+        way = way * np.exp(-1j * truth["yaw_rad"][0])
+        return np.column_stack([way.real, way.imag, truth["yaw_rad"] - truth["yaw_rad"][0]])
 
 
 def drives_of(plant: str, seed: int) -> dict[str, Recorded]:

@@ -71,7 +71,7 @@ METHODS: dict[str, Method] = {
 
 def read(recorded: Recorded) -> tuple[DriveRows, TruePath]:
     truth = recorded.truth
-    path = TruePath(t_s=truth["t_s"], x_m=truth["x_m"], y_m=truth["y_m"], psi_rad=truth["psi_rad"])
+    path = TruePath(t_s=truth["t_s"], x_m=truth["x_m"], y_m=truth["y_m"], yaw_rad=truth["yaw_rad"])
     return drive_of(recorded.log, "simulated")[0], path
 
 
@@ -86,7 +86,7 @@ def score(track: Track, recorded: Recorded, path: TruePath) -> Scores:
         final_m=final_error_m(track, path),
         slip_angle_deg=float(np.degrees(rms(track.slip_angle_rad, "slip_angle_rad"))),
         slip=rms(track.slip, "slip"),
-        heading_deg=float(np.degrees(rms(track.heading_rad, "psi_rad"))),
+        heading_deg=float(np.degrees(rms(track.heading_rad, "yaw_rad"))),
     )
 
 

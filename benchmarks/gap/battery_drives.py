@@ -233,10 +233,10 @@ def make_four(folder: Path, knobs: Mapping[str, float], kind: str, rng: np.rando
         site = replace(four_wheel_drive.random_site(rng), way_m=3.0)
         drive = four_wheel_drive.drive(site, soil, true, rng, psi_rad=math.tau * index / 8)
         truth = dict(drive.truth)
-        for name, size in (("x_m", 1e-3), ("y_m", 1e-3), ("psi_rad", 1e-3)):
+        for name, size in (("x_m", 1e-3), ("y_m", 1e-3), ("yaw_rad", 1e-3)):
             truth[name] = disturbed(truth[name], kind, size, rng)
         log = dict(drive.log)
-        for name, size in (("compass_deg", 0.3), ("gyro_z_deg_s", 0.1)):
+        for name, size in (("heading_deg", 0.3), ("yaw_rate_deg_s", 0.1)):
             log[name] = disturbed(log[name], kind, size, rng)
         _write(folder / f"drive{index}.csv", log)
         _write(folder / f"drive{index}_truth.csv", truth)

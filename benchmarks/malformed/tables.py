@@ -35,13 +35,13 @@ def honest_tables() -> list[Table]:
     """Return the formats."""
     times = [0.05 * row for row in range(ROWS)]
     scomp = [
-        "t_s,enc1_rad,enc2_rad,enc3_rad,enc4_rad,compass_deg,gyro_z_deg_s,pitch_deg,roll_deg,beta_ftrace_deg",
+        "t_s,position1_rad,position2_rad,position3_rad,position4_rad,heading_deg,yaw_rate_deg_s,pitch_deg,roll_deg,beta_ftrace_deg",
         *(
             f"{t:.3f},{2 * t:.4f},{2 * t:.4f},{2 * t:.4f},{2 * t:.4f},{90 + t:.2f},1.0,2.0,5.0,1.5"
             for t in times
         ),
     ]
-    truth = ["t_s,x_m,y_m,psi_rad", *(f"{t:.3f},{0.2 * t:.4f},{0.01 * t:.4f},{0.01 * t:.5f}" for t in times)]
+    truth = ["t_s,x_m,y_m,yaw_rad", *(f"{t:.3f},{0.2 * t:.4f},{0.01 * t:.4f},{0.01 * t:.5f}" for t in times)]
     record = [
         "time;;;;;;;;;;;;;;;;",
         "ms;m/s;rad/s;rad/s;rad/s;ticks;ticks;ticks;rad/s;rad/s;rad/s;A;A;A;pix;pix;deg",

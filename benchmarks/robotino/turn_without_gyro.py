@@ -43,7 +43,7 @@ def errors(config: Config, path: Path) -> Iterator[float]:
     drive = read_drive(path)
     truth = drive.true_poses()
     true_rad = np.unwrap(truth.yaw_rad)
-    wheels = [drive.channels[f"enc{wheel}_rad"] for wheel in (1, 2, 3)]
+    wheels = [drive.channels[f"position{wheel}_rad"] for wheel in (1, 2, 3)]
     window_ns, step_ns = nanoseconds(WINDOW_S), nanoseconds(STEP_S)
     for start_ns in range(int(truth.t_ns[0]), int(truth.t_ns[-1]) - window_ns, step_ns):
         ends_ns = np.array([start_ns, start_ns + window_ns])

@@ -20,9 +20,9 @@ never named. "Sets ... free" means that the effect is an error of a base paramet
 ROVER = """
 ## Rover of a configuration
 
-`rover-hil gap rover my_rover.toml runs/*.mcap --out gap`. `uneven_wheel` needs two driven wheels,
-`steering_offset` and `steering_ratio` need steered wheels, `rotation_centre` needs fixed wheels on several
-axles.
+`rover-hil gap rover my_rover.toml runs/*.mcap --out gap`, or `gap rover runs/*.mcap`: logs know their rover.
+`uneven_wheel` needs two driven wheels, `steering_offset` and `steering_ratio` need steered wheels,
+`rotation_centre` needs fixed wheels on several axles.
 """
 
 UNIT = """# File of a functional mock-up unit

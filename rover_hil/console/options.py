@@ -62,7 +62,8 @@ LiveOption = Annotated[
 LIVE_PORT = 8765
 """The port that viewers propose."""
 LONGEST_S = 1e6
-LOG_NAME = "run.mcap"
+LOG_SUFFIX = ".mcap"
+LOG_NAME = f"run{LOG_SUFFIX}"
 """In the folder of a run."""
 
 

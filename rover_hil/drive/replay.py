@@ -11,7 +11,7 @@ from rich.table import Table
 from controllers.slip.effort.settings import YAW_PROBE
 from drivers.clock import SystemClock, seconds
 from drivers.errors import ConfigError, LogError
-from rover_hil.config import Config, load_config
+from rover_hil.config import Config
 from rover_hil.console.error_message import readable_line
 from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.console.json_text import print_json
@@ -27,6 +27,7 @@ from rover_hil.console.options import (
 )
 from rover_hil.console.steps import show_progress
 from rover_hil.drive.run_surroundings import live_mirror
+from rover_hil.drives.formats.described_rover import load_rover
 from rover_hil.drives.quality.truth_check import truth_findings
 from rover_hil.pages.atomic_write import check_new_file, refuse_overwrite, unfinished
 from rover_hil.recording.data_files import restore_config, with_controller_of
@@ -51,7 +52,8 @@ def replay_log(
         str | None,
         typer.Option(
             "--config",
-            help="Replay with rover, filter, limits, safety, slip and mission of this configuration.",
+            help="Replay with rover, filter, limits, safety, slip and mission of this configuration, or of "
+            "another log, or with rover and limits of a file of columns.",
         ),
     ] = None,
     out: Annotated[
@@ -77,7 +79,7 @@ def replay_log(
     path = log_at(log_path)
     log = LogReader(path)
     estimated = _estimated_path(log, out, force=force)
-    controller = None if config_name is None else load_config(config_name)
+    controller = None if config_name is None else load_rover(config_name)
     if not as_json:
         for change in changes_since(log.made_with):
             Terminal(soft_wrap=True).print(readable_line(change))

@@ -17,7 +17,7 @@ from rover_hil.recording.reader import LogMessage, LogReader
 
 HEADING = "heading_rad "
 """Followed by device and reference."""
-POSE = ("x_m", "y_m", "psi_rad")
+POSE = ("x_m", "y_m", "yaw_rad")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +38,12 @@ def _no_readings() -> tuple["array[int]", "array[float]"]:
 class Channels:
     """Collects the readings of a drive, message by message.
 
-    Names carry the unit; wheels count from 1. Wheels: `enc1_rad`, `speed1_rad_s`, `current1_a`,
+    Names carry the unit; wheels count from 1. Wheels: `position1_rad`, `speed1_rad_s`, `current1_a`,
     `voltage1_v`, `steer1_rad`, `set1_rad_s` and `set_steer1_rad` (delivered setpoints only). Body:
     `gyro_z_rad_s` (and x, y), `pitch_rad` (nose up), `roll_rad` (left side up), `heading_rad` of the
     first heading device, `heading_rad DEVICE REFERENCE` of each, and on request `trace_rad`, the angles
     of the rear left wheel's trace that the run itself found, and `steering_rad`, the mean steering angle
-    of the wheels. Truth: `x_m`, `y_m`, `psi_rad`, `true_slip1`, `true_speed1_rad_s`,
+    of the wheels. Truth: `x_m`, `y_m`, `yaw_rad`, `true_slip1`, `true_speed1_rad_s`,
     `true_steering1_rad`, `true_forward_m_s`, `true_left_m_s`.
 
     Args:
@@ -52,11 +52,13 @@ class Channels:
 
     Attributes:
         unsigned_wheels: Wheels, from 1, whose currents are magnitudes.
+        has_computed_wheels: The angles of the wheels are no measurement, but computed from a path.
         fixes: Pose measurements of each device in `roles.fixes`, in the order of the log.
     """
 
     def __init__(self, config: Config, *, with_traces: bool = False) -> None:
         self.unsigned_wheels: set[int] = set()
+        self.has_computed_wheels = False
         self._roles = config.roles
         self._fix_sources = config.fix_sources
         self._with_traces = with_traces
@@ -96,6 +98,9 @@ class Channels:
                 if record.get("delivered", True):
                     self._add_wheels("set{}_rad_s", message.t_ns, record["speed_rad_s"])
                     self._add_wheels("set_steer{}_rad", message.t_ns, record.get("steering_rad") or ())
+            case schema.IMPORT:
+                imported = log.parse(message, schema.IMPORT_SHAPE)
+                self.has_computed_wheels = imported.get("computed_wheels", False)
             case schema.ESTIMATE if self._with_traces:
                 self._take_angles(message.t_ns, log.parse(message, schema.TRACES_SHAPE))
 
@@ -124,7 +129,7 @@ class Channels:
             if not wheel.current_is_signed:
                 self.unsigned_wheels.add(number)
             for name, value in (
-                (f"enc{number}_rad", wheel.position_rad),
+                (f"position{number}_rad", wheel.position_rad),
                 (f"speed{number}_rad_s", wheel.speed_rad_s),
                 (f"current{number}_a", wheel.current_a),
                 (f"voltage{number}_v", wheel.voltage_v),

@@ -16,8 +16,8 @@ from rover_hil.recording.images import capture_time_ns, decode_image
 from rover_hil.recording.reader import LogMessage, LogReader
 
 DEGREES = {
-    "heading_rad": "compass_deg",
-    "gyro_z_rad_s": "gyro_z_deg_s",
+    "heading_rad": "heading_deg",
+    "gyro_z_rad_s": "yaw_rate_deg_s",
     "pitch_rad": "pitch_deg",
     "roll_rad": "roll_deg",
     "trace_rad": "beta_ftrace_deg",
@@ -91,7 +91,7 @@ class Drive:
     @property
     def clock(self) -> str:
         """Name of the readings of the first wheel that make the rows of a table."""
-        return "enc1_rad" if "enc1_rad" in self.channels else "speed1_rad_s"
+        return "position1_rad" if "position1_rad" in self.channels else "speed1_rad_s"
 
     def seconds(self, t_ns: Times) -> Array:
         """Return times since the start of the log."""
@@ -135,7 +135,7 @@ class Drive:
                 place = np.searchsorted(times, t_ns, side="right") - 1
                 column = np.where(place >= 0, values[np.maximum(place, 0)], 0.0)
             else:
-                values = np.unwrap(values) if name == "psi_rad" else values
+                values = np.unwrap(values) if name == "yaw_rad" else values
                 column = np.interp(t_ns, times, values, left=outside, right=outside)
             columns[DEGREES.get(name, name)] = column
         return columns

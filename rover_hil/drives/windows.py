@@ -45,17 +45,17 @@ class Windows:
         return mean
 
 
-def body_steps(windows: Windows, t_s: Array, x_m: Array, y_m: Array, psi_rad: Array) -> tuple[Array, Array]:
+def body_steps(windows: Windows, t_s: Array, x_m: Array, y_m: Array, yaw_rad: Array) -> tuple[Array, Array]:
     """Return a pose's travel forward and to the left in each window, by the heading in its middle."""
-    middle = np.interp(windows.middle_s, t_s, psi_rad)
+    middle = np.interp(windows.middle_s, t_s, yaw_rad)
     return in_body_frame(windows.step(t_s, x_m), windows.step(t_s, y_m), middle)
 
 
 def body_rates(
-    windows: Windows, t_s: Array, x_m: Array, y_m: Array, psi_rad: Array
+    windows: Windows, t_s: Array, x_m: Array, y_m: Array, yaw_rad: Array
 ) -> tuple[Array, Array, Array]:
     """Return a pose's velocity forward and to the left (m/s) and its turn (rad/s), in the body frame."""
-    heading = np.unwrap(psi_rad)
+    heading = np.unwrap(yaw_rad)
     middle = np.interp(windows.middle_s, t_s, heading)
     east, north = windows.rate(t_s, x_m), windows.rate(t_s, y_m)
     return *in_body_frame(east, north, middle), windows.rate(t_s, heading)

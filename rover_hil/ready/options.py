@@ -24,6 +24,17 @@ OptionalOutOption = Annotated[
 ]
 OPTIONS: dict[str, tuple[Any, Any]] = {
     "config": (ConfigArgument, Parameter.empty),
+    "config_unless_logs": (
+        Annotated[
+            str,
+            typer.Argument(
+                help="Configuration whose rover is to move; none for logs, which know their rover.",
+                metavar="CONFIG",
+                show_default=False,
+            ),
+        ],
+        "",
+    ),
     "source": (
         Annotated[str, typer.Argument(help="Configuration whose rover is to move, or a log (.mcap).")],
         Parameter.empty,
@@ -55,6 +66,8 @@ OPTIONS: dict[str, tuple[Any, Any]] = {
     "force": (ForceOption, False),
 }
 """Annotation and default of each, in the order of the help."""
+CONFIGS = ("config", "config_unless_logs")
+"""Options that name the source of a procedure by a configuration."""
 
 
 def command(*shared: str) -> Callable[[Callable[..., Procedure[Any, Any]]], Callable[..., int]]:
@@ -72,8 +85,9 @@ def command(*shared: str) -> Callable[[Callable[..., Procedure[Any, Any]]], Call
         names = [name for name in OPTIONS if name in (*shared, "as_json", "force") and name not in own]
 
         def run_command(**options: Any) -> int:
-            if "config" in options:
-                options["source"] = options.pop("config")
+            for name in CONFIGS:
+                if name in options:
+                    options["source"] = options.pop(name)
             wanted = (*names, "source", "out")
             request = {name: value for name, value in options.items() if name in wanted}
             procedure = function(**{name: options[name] for name in own})
@@ -87,7 +101,7 @@ def command(*shared: str) -> Callable[[Callable[..., Procedure[Any, Any]]], Call
                 if name in names
             },
         }
-        first = [name for name in ("config", "source") if name in parameters]
+        first = [name for name in (*CONFIGS, "source") if name in parameters]
         order = dict.fromkeys((*first, *parameters))
         run_command.__signature__ = Signature([parameters[name] for name in order])  # type: ignore[attr-defined]
         run_command.__annotations__ = {name: parameters[name].annotation for name in order}

@@ -7,19 +7,21 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
 from controllers.control_loop import StepOutput
 from drivers.driver import Health
 from drivers.errors import ConfigError
-from rover_hil.config import Config, Rule, load_config, read_config_text, shipped_configs
+from rover_hil.config import Config, Rule, read_config_text, shipped_configs
 from rover_hil.config.entry import with_entry
 from rover_hil.connect.connections import connected
 from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.console.json_text import print_json
+from rover_hil.console.options import LOG_SUFFIX
 from rover_hil.console.steps import show_steps
+from rover_hil.drives.formats.described_rover import is_configuration, is_log, load_rover
 from rover_hil.pages.add_page import add_page
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.pages.picture import Drawing, draw_pictures
@@ -34,7 +36,6 @@ from rover_hil.run.executive import End, Operator
 from rover_hil.terminal import Terminal
 from sim_backends.settings import SimulationSettings
 
-LOG_SUFFIX = ".mcap"
 LONGEST_STOP_S = 10.0
 """A drive ends when the rover has been stopped for this long: longer than a device takes to come back."""
 Facts = Sequence[tuple[str, str]]
@@ -59,7 +60,8 @@ class Request:
     """What a user asks of every calibration.
 
     Attributes:
-        source: A configuration, or a log.
+        source: A configuration, or a log or a file of columns, which know their rover; empty for the rover of
+            the logs that an option names.
         log: Log of an earlier drive, used instead of driving.
         virtual: Drive the simulated rover.
         drive: Drive the real one without a question.
@@ -245,13 +247,16 @@ def run(procedure: Procedure[Record, Result], request: Request) -> int:
         ConfigError: The configuration or an option cannot be used, or a file exists.
         LogError: A log is damaged, or does not hold what is needed.
     """
-    source, logs = request.source, list(procedure.logs)
+    logs = list(procedure.logs)
     if request.log is not None:
         logs = [request.log]
+    if not request.source:
+        request = replace(request, source=_source_of(logs))
+    source = request.source
     if not logs and _is_data(procedure, source):
         logs = [Path(source)]
     _check_options(request, logs)
-    config = _load(procedure, request)
+    config = _load(procedure, request, logs)
     out = procedure.configure(request, config)
     is_recorded = config is not None and not logs
     drives = procedure.drives(config) if config is not None and is_recorded and not request.by_hand else ()
@@ -291,13 +296,33 @@ def _is_data(procedure: Procedure[Record, Result], source: str) -> bool:
     return not procedure.takes_config or (procedure.takes_log and source.endswith(LOG_SUFFIX))
 
 
-def _load(procedure: Procedure[Record, Result], request: Request) -> Config | None:
-    """Return the configuration; None where the source is a log or other data."""
+def _source_of(logs: Sequence[Path]) -> str:
+    """Return what describes the rover where no configuration is named: the first of the logs.
+
+    Raises:
+        ConfigError: There are none.
+    """
+    if not logs:
+        raise ConfigError("name the configuration of the rover that is to drive, or logs of its drives")
+    return str(logs[0])
+
+
+def _load(procedure: Procedure[Record, Result], request: Request, logs: Sequence[Path]) -> Config | None:
+    """Return the configuration; None where the source is a log or other data, which is read.
+
+    Raises:
+        ConfigError: It cannot be read, or describes a rover, but not its devices, and the rover is to drive.
+    """
     source, config = request.source, None
     if not _is_data(procedure, source):
         simulated = VIRTUAL_RUN_CHECKS[-1:] if request.virtual else ()
-        config = load_config(source, (*procedure.checks, *simulated))
-    if request.enter and (config is None or source in shipped_configs()):
+        config = load_rover(source, (*procedure.checks, *simulated))
+        if not logs and not is_configuration(source):
+            raise ConfigError(
+                f"{source} describes the rover, but not the devices to drive it with: name a configuration, "
+                "or logs of its drives by their option"
+            )
+    if request.enter and (config is None or source in shipped_configs() or is_log(source)):
         raise ConfigError(f"--enter: {source} cannot be edited: name a TOML file of yours")
     return config
 

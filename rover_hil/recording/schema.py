@@ -338,9 +338,13 @@ class OddityRecord(TypedDict):
 
 
 class ImportRecord(TypedDict):
-    """Data-quality findings of a recorded drive, on `IMPORT`, once at the end."""
+    """Data-quality findings of a recorded drive, on `IMPORT`, once at the end.
+
+    `computed_wheels`: the angles of the wheels are no measurement, but computed from a path.
+    """
 
     oddities: Annotated[list[OddityRecord], FailFast()]
+    computed_wheels: NotRequired[bool]
 
 
 class PayloadRecord(TypedDict):

@@ -370,7 +370,7 @@ class _Collector:
         for wheel in range(make_kinematics(rover).wheel_count):
             place = f" ({FOUR_WHEEL_PLACES[wheel]})" if has_four_wheels(rover) else ""
             number = wheel + 1
-            position = self._readings_of(f"enc{number}_rad")
+            position = self._readings_of(f"position{number}_rad")
             # A device's own speeds are often coarse, so positions come first.
             speed = self._readings_of(f"speed{number}_rad_s")
             wheels.append(

@@ -28,7 +28,7 @@ ROBOTINO_S = 16.0
 MM_PER_PX = 1.84
 CAMERA_ORIGIN_PX = 400.0
 CAMERA_TO_ROBOT_DEG = 90.0
-ROBOTINO_NAMES = ("set_rad_s", "enc_rad", "speed_rad_s", "current_a", "x_m", "y_m", "psi_rad")
+ROBOTINO_NAMES = ("set_rad_s", "position_rad", "speed_rad_s", "current_a", "x_m", "y_m", "yaw_rad")
 BAG_S = 15.0
 BAG_TOPICS = """rover = "robotino"
 
@@ -67,9 +67,9 @@ yaw = { column = "yaw", unit = "deg" }
 """
 DRIVE_S = 100.0
 DRIVE_POINTS_M = ((2.0, 0.0), (4.0, 1.5), (6.0, 0.5))
-DRIVE_NAMES = ("enc_rad", "heading_rad", "gyro_z_rad_s", "pitch_rad", "roll_rad")
-DRIVE_COLUMNS = (*WHEELS, "compass_deg", "gyro_z_deg_s", "pitch_deg", "roll_deg")
-TRUTH_COLUMNS = ("t_s", "x_m", "y_m", "psi_rad")
+DRIVE_NAMES = ("position_rad", "heading_rad", "gyro_z_rad_s", "pitch_rad", "roll_rad")
+DRIVE_COLUMNS = (*WHEELS, "heading_deg", "yaw_rate_deg_s", "pitch_deg", "roll_deg")
+TRUTH_COLUMNS = ("t_s", "x_m", "y_m", "yaw_rad")
 FRAMES_S = 14.0
 
 
@@ -82,12 +82,12 @@ def write_robotino(folder: Path) -> None:
     columns = {"t": np.round(1e3 * (table["t_s"] - table["t_s"][0]), 3)}
     for motor in MOTORS:
         columns[f"m{motor}setvel"] = gear * table[f"set{motor}_rad_s"]
-        columns[f"m{motor}pos"] = np.round(table[f"enc{motor}_rad"] / ROBOTINO_SCALES.position_rad)
+        columns[f"m{motor}pos"] = np.round(table[f"position{motor}_rad"] / ROBOTINO_SCALES.position_rad)
         columns[f"m{motor}vel"] = gear * table[f"speed{motor}_rad_s"]
         columns[f"m{motor}cur"] = np.abs(table[f"current{motor}_a"])
     columns["xpos"] = CAMERA_ORIGIN_PX + 1e3 * table["x_m"] / MM_PER_PX
     columns["ypos"] = CAMERA_ORIGIN_PX - 1e3 * table["y_m"] / MM_PER_PX
-    columns["ang"] = np.degrees(table["psi_rad"]) - CAMERA_TO_ROBOT_DEG
+    columns["ang"] = np.degrees(table["yaw_rad"]) - CAMERA_TO_ROBOT_DEG
     units = {**RECORD_UNITS, **CAMERA_UNITS}
     header = [[f"{name} of the sample" for name in columns], [units[name] for name in columns], list(columns)]
     rows = np.column_stack(list(columns.values())).tolist()
@@ -119,9 +119,9 @@ def write_table(folder: Path) -> None:
     table = _recorded(load_config("robotino"), BAG_S).table(ROBOTINO_NAMES)
     columns = {"t": 1e3 * table["t_s"]}
     for motor in MOTORS:
-        columns[f"wheel{motor}"] = np.degrees(table[f"enc{motor}_rad"])
+        columns[f"wheel{motor}"] = np.degrees(table[f"position{motor}_rad"])
         columns[f"current{motor}"] = 1e3 * table[f"current{motor}_a"]
-    columns |= {"x": 1e3 * table["x_m"], "y": 1e3 * table["y_m"], "yaw": np.degrees(table["psi_rad"])}
+    columns |= {"x": 1e3 * table["x_m"], "y": 1e3 * table["y_m"], "yaw": np.degrees(table["yaw_rad"])}
     _write(folder / "table.csv", columns)
     (folder / "columns.toml").write_text(TABLE_COLUMNS, "utf-8")
 

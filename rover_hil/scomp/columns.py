@@ -8,12 +8,12 @@ from drivers.errors import LogError
 from rover_hil.drives.arrays import Array
 from rover_hil.scomp.drive import DriveRows
 
-WHEELS = ("enc1_rad", "enc2_rad", "enc3_rad", "enc4_rad")
+WHEELS = ("position1_rad", "position2_rad", "position3_rad", "position4_rad")
 """Front left, front right, rear left, rear right; the order matters without a gyro only."""
-LEFT = ("enc1_rad", "enc3_rad")
+LEFT = ("position1_rad", "position3_rad")
 SENSORS = (
-    "compass_deg",
-    "gyro_z_deg_s",
+    "heading_deg",
+    "yaw_rate_deg_s",
     "pitch_deg",
     "roll_deg",
     "beta_ftrace_deg",
@@ -54,7 +54,7 @@ def drive_of(columns: Mapping[str, Array], where: str) -> tuple[DriveRows, list[
         wheel_rad=_mean(list(turned.values())),
         wheel_yaw_rad=difference,
         compass_rad=_compass(columns, t_s),
-        gyro_rad_s=_filled(columns, "gyro_z_deg_s", t_s, notes),
+        gyro_rad_s=_filled(columns, "yaw_rate_deg_s", t_s, notes),
         pitch_rad=_filled(columns, "pitch_deg", t_s, notes),
         roll_rad=_filled(columns, "roll_deg", t_s, notes),
         trace_rad=_trace(columns),
@@ -107,7 +107,7 @@ def _wheels(columns: Mapping[str, Array], t_s: Array, where: str, notes: list[st
 
 def _compass(columns: Mapping[str, Array], t_s: Array) -> Array | None:
     """Return the compass' readings; a reading equal to the last is a repetition and NaN."""
-    values = _numbers(columns, "compass_deg")
+    values = _numbers(columns, "heading_deg")
     if values is None:
         return None
     fresh = values.copy()

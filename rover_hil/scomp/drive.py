@@ -67,7 +67,7 @@ class TruePath:
     t_s: Array
     x_m: Array
     y_m: Array
-    psi_rad: Array
+    yaw_rad: Array
 
 
 def final_error_m(track: Track, truth: TruePath) -> float:

@@ -7,10 +7,11 @@ import numpy as np
 
 from drivers.errors import LogError
 from rover_hil.drives.arrays import Array
+from rover_hil.drives.column_names import with_present_names
 from rover_hil.drives.files.csv_table import CsvTable, read_csv
 from rover_hil.scomp.drive import TruePath
 
-TRUTH = ("t_s", "x_m", "y_m", "psi_rad")
+TRUTH = ("t_s", "x_m", "y_m", "yaw_rad")
 
 
 def read_columns(path: Path, wanted: Sequence[str]) -> tuple[dict[str, Array], list[str]]:
@@ -25,7 +26,7 @@ def read_columns(path: Path, wanted: Sequence[str]) -> tuple[dict[str, Array], l
 
 
 def read_truth(path: Path) -> TruePath:
-    """Return a true path; columns beyond t_s, x_m, y_m, psi_rad have no effect.
+    """Return a true path; columns beyond t_s, x_m, y_m, yaw_rad have no effect.
 
     Raises:
         LogError: The file cannot be read, a column or a cell is missing, or its time does not increase.
@@ -39,10 +40,10 @@ def read_truth(path: Path) -> TruePath:
             raise LogError(
                 f"{table.where(int(empty[0]))}, column '{name}' holds no finite number: leave the row out"
             )
-    t_s, x_m, y_m, psi_rad = columns
+    t_s, x_m, y_m, yaw_rad = columns
     if not (np.diff(t_s) > 0.0).all():
         raise LogError(f"{path}: the time does not increase: sort the rows")
-    return TruePath(t_s=t_s, x_m=x_m, y_m=y_m, psi_rad=np.unwrap(psi_rad))
+    return TruePath(t_s=t_s, x_m=x_m, y_m=y_m, yaw_rad=np.unwrap(yaw_rad))
 
 
 def _read(path: Path) -> CsvTable:
@@ -50,7 +51,7 @@ def _read(path: Path) -> CsvTable:
     if not table.rows:
         raise LogError(f"{path} has no data: give a CSV file with a header line and rows below")
     table.check_shape("mend the row")
-    return table
+    return with_present_names(table)
 
 
 def _numbers(table: CsvTable, name: str) -> Array:

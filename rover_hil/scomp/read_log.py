@@ -11,7 +11,7 @@ from rover_hil.drives.drive import Drive
 from rover_hil.drives.ground_truth import TruePoses
 from rover_hil.scomp.drive import TruePath
 
-NAMES = ("enc_rad", "heading_rad", "gyro_z_rad_s", "pitch_rad", "roll_rad", "trace_rad", "steering_rad")
+NAMES = ("position_rad", "heading_rad", "gyro_z_rad_s", "pitch_rad", "roll_rad", "trace_rad", "steering_rad")
 STANDSTILL_RAD = 0.02
 
 
@@ -31,7 +31,7 @@ def log_columns(drive: Drive) -> tuple[dict[str, Array], RoverGeometry]:
             f"{path} is of a rover of the kind {rover.kinematics}: sComp needs four wheels: front left, "
             "front right, rear left, rear right"
         )
-    if len(drive.channels["enc1_rad"]) < 2:
+    if len(drive.channels["position1_rad"]) < 2:
         raise LogError(f"log {path} holds no positions of the first wheel: give the log of a drive")
     return drive.table(NAMES), RoverGeometry(wheel_radius_m=rover.wheel_radius_m, track_m=track_of(rover))
 
@@ -46,16 +46,16 @@ def log_truth(drive: Drive) -> tuple[TruePath, str]:
         LogError: There is no true path, or its times do not rise.
     """
     true = drive.true_poses()
-    t_s, x_m, y_m, psi_rad = drive.seconds(true.t_ns), true.x_m, true.y_m, true.yaw_rad
+    t_s, x_m, y_m, yaw_rad = drive.seconds(true.t_ns), true.x_m, true.y_m, true.yaw_rad
     if len(t_s) < 2 or not (np.diff(t_s) > 0.0).all():
         raise LogError(
             f"log {drive.log.path}: the times of its {true.source} do not rise, or there are too few"
         )
     if true.is_exact:
-        return TruePath(t_s=t_s, x_m=x_m, y_m=y_m, psi_rad=psi_rad), true.source
+        return TruePath(t_s=t_s, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad), true.source
     at_start = _at_start(drive, true)
     moved_m, start_rad = _from_start_m(true, at_start)
-    path = TruePath(t_s=t_s, x_m=moved_m.real, y_m=moved_m.imag, psi_rad=psi_rad - start_rad)
+    path = TruePath(t_s=t_s, x_m=moved_m.real, y_m=moved_m.imag, yaw_rad=yaw_rad - start_rad)
     return path, true.source
 
 
@@ -84,7 +84,7 @@ def log_fixes(drive: Drive) -> tuple[dict[str, Array], float]:
 
 def _at_start(drive: Drive, poses: TruePoses) -> Flags:
     """Return which poses are from before the first wheel turns; the first one in any case."""
-    wheel = drive.channels["enc1_rad"]
+    wheel = drive.channels["position1_rad"]
     turned = np.abs(wheel.value - wheel.value[0]) > STANDSTILL_RAD
     at_start: Flags = poses.t_ns < (wheel.t_ns[np.argmax(turned)] if turned.any() else wheel.t_ns[-1])
     at_start[0] = True

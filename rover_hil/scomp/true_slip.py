@@ -77,7 +77,7 @@ def cut(drive: DriveRows, truth: TruePath, wheel_radius_m: float) -> SlipWindows
 
     steering_rad = means(drive.steering_rad)
     steering_rad = np.zeros(len(edges) - 1) if steering_rad is None else steering_rad
-    travel_m = body_steps(windows, truth.t_s, truth.x_m, truth.y_m, truth.psi_rad)
+    travel_m = body_steps(windows, truth.t_s, truth.x_m, truth.y_m, truth.yaw_rad)
     ahead_m, aside_m = in_body_frame(*travel_m, steering_rad)
     pitch_rad, roll_rad = means(drive.pitch_rad), means(drive.roll_rad)
     return SlipWindows(
@@ -109,9 +109,9 @@ def true_velocity(truth: TruePath, t_s: Array) -> TrueVelocity:
     points = min(POINTS, len(grid_s) - 1 + len(grid_s) % 2)
     rates = [
         np.interp(t_s, grid_s, savgol_filter(np.interp(grid_s, truth.t_s, values), points, 2, 1, GRID_S))
-        for values in (truth.x_m, truth.y_m, truth.psi_rad)
+        for values in (truth.x_m, truth.y_m, truth.yaw_rad)
     ]
-    psi = np.interp(t_s, truth.t_s, truth.psi_rad)
+    psi = np.interp(t_s, truth.t_s, truth.yaw_rad)
     ahead, aside = in_body_frame(rates[0], rates[1], psi)
     return TrueVelocity(
         slip_angle_rad=np.arctan2(aside, ahead), speed_m_s=np.hypot(ahead, aside), yaw_rate_rad_s=rates[2]

@@ -32,7 +32,7 @@ TRUTH = (
     "t_s",
     "x_m",
     "y_m",
-    "psi_rad",
+    "yaw_rad",
     "slip",
     "slip_angle_rad",
     "pitch_rad",
@@ -272,7 +272,7 @@ def drive(
 def _measure(truth: Columns, rover: Rover, rng: np.random.Generator) -> Columns:
     count = len(truth["t_s"])
     enc = {
-        f"enc{i}_rad": np.round(
+        f"position{i}_rad": np.round(
             (truth["turned"] * (1.0 + 0.002 * rng.standard_normal()) / (1.0 + rover.radius_share)) / 1e-3
         )
         * 1e-3
@@ -289,8 +289,8 @@ def _measure(truth: Columns, rover: Rover, rng: np.random.Generator) -> Columns:
     log = {
         "t_s": truth["t_s"],
         **enc,
-        "compass_deg": _compass_deg(truth["psi_rad"], rover, rng),
-        "gyro_z_deg_s": (1.0 + rover.gyro_scale) * np.degrees(truth["rate"])
+        "heading_deg": _compass_deg(truth["yaw_rad"], rover, rng),
+        "yaw_rate_deg_s": (1.0 + rover.gyro_scale) * np.degrees(truth["rate"])
         + bias_deg_s
         + rover.gyro_noise_s * rng.standard_normal(count),
         "pitch_deg": np.degrees(truth["pitch_rad"]) + rover.tilt_noise * rng.standard_normal(count),

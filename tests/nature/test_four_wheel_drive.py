@@ -61,7 +61,7 @@ def test_the_field_tests_are_like_the_papers() -> None:
         for seed in range(6):
             recorded = field_test(site, seed)
             truth = recorded.truth
-            rim_m = 0.092 * recorded.log["enc1_rad"][-1]
+            rim_m = 0.092 * recorded.log["position1_rad"][-1]
             errors[name].append(float(np.hypot(rim_m - truth["x_m"][-1], truth["y_m"][-1])))
             lost = 1.0 - recorded.log["beta_valid"][truth["turned"] > 2.2].mean()
             assert lost < 0.07
@@ -70,6 +70,6 @@ def test_the_field_tests_are_like_the_papers() -> None:
 
 
 def test_the_same_seed_gives_the_same_drive() -> None:
-    first, again, other = (field_test(SIDEWAYS, seed).log["compass_deg"] for seed in (3, 3, 4))
+    first, again, other = (field_test(SIDEWAYS, seed).log["heading_deg"] for seed in (3, 3, 4))
     assert first.tolist() == again.tolist()
     assert first.tolist() != other.tolist()

@@ -48,7 +48,7 @@ def test_the_log_tells_what_the_sensors_make_of_the_drive(rover: Rover, recorded
     assert set(map(len, log.values())) == set(map(len, truth.values()))
     way_m = float(np.hypot(np.diff(truth["x_m"]), np.diff(truth["y_m"])).sum())
     assert way_m == pytest.approx(SHORT.way_m, abs=0.01)
-    turned_m = 0.092 * float(np.mean([log[f"enc{wheel}_rad"][-1] for wheel in (1, 2, 3, 4)]))
+    turned_m = 0.092 * float(np.mean([log[f"position{wheel}_rad"][-1] for wheel in (1, 2, 3, 4)]))
     drives = truth["t_s"] > 4.0
     # Rising 5 deg, the wheels turn further than the rover moves, and the sensors are off by their biases.
     assert 1.05 < turned_m / way_m < 1.4
@@ -56,7 +56,7 @@ def test_the_log_tells_what_the_sensors_make_of_the_drive(rover: Rover, recorded
     tilt_deg = SHORT.inclination_deg + rover.tilt_bias_deg[0]
     assert float(np.mean(log["pitch_deg"])) == pytest.approx(tilt_deg, abs=0.7)
     compass_deg = compass_error_deg(0.0, rover)
-    assert float(np.mean(log["compass_deg"])) == pytest.approx(compass_deg, abs=0.3)
+    assert float(np.mean(log["heading_deg"])) == pytest.approx(compass_deg, abs=0.3)
     assert abs(compass_deg) > 0.01
 
 

@@ -166,7 +166,7 @@ def test_a_drive_is_imported_and_replays(command: Command, log: Path) -> None:
     assert ("dropouts of the logger" in command.out) == (log.suffix == ".ulg")
     rows = read_drive(Path("drive.mcap")).channels
     for wheel, rim_m_s in enumerate(RIMS_M_S, start=1):
-        angles = rows[f"enc{wheel}_rad"].value
+        angles = rows[f"position{wheel}_rad"].value
         assert angles[-1] - angles[0] == pytest.approx(rim_m_s / RADIUS_M * END_S, rel=1e-6)
     assert rows["gyro_z_rad_s"].value.mean() == pytest.approx(TURN_RAD_S, rel=1e-5)
     assert len(rows["gyro_z_rad_s"]) == 1201

@@ -70,7 +70,9 @@ def oddities(command: Command) -> dict[str, dict[str, object]]:
 
 def turned_rad() -> list[float]:
     rows = read_drive(Path("drive.mcap")).channels
-    return [rows[f"enc{wheel}_rad"].value[-1] - rows[f"enc{wheel}_rad"].value[0] for wheel in (1, 2)]
+    return [
+        rows[f"position{wheel}_rad"].value[-1] - rows[f"position{wheel}_rad"].value[0] for wheel in (1, 2)
+    ]
 
 
 def test_a_sound_drive_has_no_oddity_and_no_finding(command: Command) -> None:

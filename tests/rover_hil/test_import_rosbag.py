@@ -208,7 +208,7 @@ def test_every_kind_of_bag_becomes_a_log_that_replays(command: Command, any_bag:
     drive = read_drive(Path("drive.mcap"))
     rows = drive.channels
     for wheel, speed_rad_s in enumerate(SPEEDS_RAD_S, start=1):
-        assert rows[f"enc{wheel}_rad"].value[-1] == pytest.approx(speed_rad_s * END_S, abs=1e-8)
+        assert rows[f"position{wheel}_rad"].value[-1] == pytest.approx(speed_rad_s * END_S, abs=1e-8)
         assert rows[f"speed{wheel}_rad_s"].value == pytest.approx(speed_rad_s, abs=1e-8)
         assert rows[f"current{wheel}_a"].value == pytest.approx(0.4 + 0.1 * wheel)
     assert rows["gyro_z_rad_s"].value == pytest.approx(TURN_RAD_S)
@@ -239,7 +239,7 @@ def test_odometry_becomes_the_angles_that_give_it(command: Command, bag1: Path) 
     rows = read_drive(Path("drive.mcap")).channels
     for wheel, speed_rad_s in enumerate(SPEEDS_RAD_S, start=1):
         # Chords of 0.57 degrees are shorter than their arcs by 4e-6.
-        assert rows[f"enc{wheel}_rad"].value[-1] == pytest.approx(speed_rad_s * END_S, rel=1e-4)
+        assert rows[f"position{wheel}_rad"].value[-1] == pytest.approx(speed_rad_s * END_S, rel=1e-4)
 
 
 def test_effort_may_be_a_current_and_a_joint_may_count_backwards(command: Command, bag1: Path) -> None:
@@ -262,7 +262,7 @@ def test_a_run_survives_export_and_import(command: Command) -> None:
     assert command("export", "run.mcap", "--rosbag2") == 0
     assert import_it(command, Path("run_rosbag2"), OF_AN_EXPORT) == 0
     before, after = read_drive(Path("run.mcap")), read_drive(Path("drive.mcap"))
-    for name in ("enc1_rad", "enc3_rad", "speed2_rad_s", "gyro_z_rad_s"):
+    for name in ("position1_rad", "position3_rad", "speed2_rad_s", "gyro_z_rad_s"):
         assert after.channels[name].value == pytest.approx(before.channels[name].value, abs=1e-9)
     was, now = before.true_poses(), after.true_poses()
     assert now.x_m == pytest.approx(was.x_m)

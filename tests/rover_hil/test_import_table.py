@@ -63,7 +63,7 @@ def import_it(command: Command, columns: str, *files: str, out: str = "drive.mca
 
 def assert_circle(command: Command, tolerance_rad: float = 1e-9) -> None:
     rows = read_drive(Path("drive.mcap")).channels
-    turned = [rows[f"enc{wheel}_rad"].value for wheel in (1, 2)]
+    turned = [rows[f"position{wheel}_rad"].value for wheel in (1, 2)]
     for values, speed_rad_s in zip(turned, (LEFT_RAD_S, RIGHT_RAD_S), strict=True):
         assert values[-1] - values[0] == pytest.approx(speed_rad_s * T_S[-1], abs=tolerance_rad)
     assert command("replay", "drive.mcap") == 0

@@ -92,5 +92,5 @@ def test_the_robotino_file_is_the_drive_it_was_made_from(command: Command, tmp_p
     assert first.truth_yaw_rad == pytest.approx(0.0, abs=0.02)
     assert command("import", "robotino", "exp00.csv", "-o", "exp00.mcap") == 0
     drive = read_drive(tmp_path / "exp00.mcap")
-    turned = [drive.channels[f"enc{wheel}_rad"].value for wheel in (1, 2, 3)]
+    turned = [drive.channels[f"position{wheel}_rad"].value for wheel in (1, 2, 3)]
     assert max(np.ptp(angles) for angles in turned) > 5.0

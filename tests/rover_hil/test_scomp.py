@@ -133,7 +133,10 @@ def some(columns: Columns, rows: int = 200) -> Columns:
 
 def test_wheels_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = some(mounds().log)
-    log = {name: log[name] for name in ("t_s", "enc1_rad", "enc2_rad", "enc3_rad", "enc4_rad")}
+    log = {
+        name: log[name]
+        for name in ("t_s", "position1_rad", "position2_rad", "position3_rad", "position4_rad")
+    }
     summary = scomp_json(capsys, write_csv(tmp_path / "few.csv", log), tmp_path / "path.csv")
     words = " ".join(summary["notes"])
     for missing in ("no gyro and no compass", "no pitch", "no roll", "no trace", "no --params"):
@@ -143,7 +146,7 @@ def test_wheels_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
 
 
 def test_empty_cells_stand_for_nothing_new(tmp_path: Path) -> None:
-    text = "t_s,enc1_rad,compass_deg,pitch_deg,beta_ftrace_deg,beta_valid,mood\n"
+    text = "t_s,position1_rad,heading_deg,pitch_deg,beta_ftrace_deg,beta_valid,mood\n"
     text += "0,0,,,,,good\n1,1,350,,5,True,good\n2,2,,2,6,False,good\n3,3,10,,7,true,bad\n"
     path = tmp_path / "holes.csv"
     path.write_text(text)
@@ -160,7 +163,11 @@ def test_empty_cells_stand_for_nothing_new(tmp_path: Path) -> None:
 
 
 def test_a_repeated_compass_reading_is_no_new_one() -> None:
-    columns = {"t_s": 0.1 * np.arange(30.0), "enc1_rad": np.arange(30.0), "compass_deg": np.full(30, 3.0)}
+    columns = {
+        "t_s": 0.1 * np.arange(30.0),
+        "position1_rad": np.arange(30.0),
+        "heading_deg": np.full(30, 3.0),
+    }
     drive, _ = drive_of(columns, "held")
     assert drive.compass_rad is not None
     assert np.flatnonzero(np.isfinite(drive.compass_rad)).tolist() == [0, 10, 20]
@@ -170,7 +177,7 @@ def test_a_repeated_compass_reading_is_no_new_one() -> None:
 def test_a_long_gap_of_a_sensor_is_reported(first: int, last: int) -> None:
     pitch_deg = np.full(30, 3.0)
     pitch_deg[first:last] = np.nan
-    columns = {"t_s": 0.1 * np.arange(30.0), "enc1_rad": np.arange(30.0), "pitch_deg": pitch_deg}
+    columns = {"t_s": 0.1 * np.arange(30.0), "position1_rad": np.arange(30.0), "pitch_deg": pitch_deg}
     drive, notes = drive_of(columns, "gappy")
     assert drive.pitch_rad == pytest.approx(np.full(30, math.radians(3.0)))
     assert [note for note in notes if note.startswith("pitch_deg has no data for 1.")]
@@ -180,7 +187,7 @@ def test_a_long_gap_of_a_sensor_is_reported(first: int, last: int) -> None:
 
 def wheels(*ends: float) -> tuple[DriveRows, list[str]]:
     columns = {"t_s": np.arange(3.0)}
-    columns |= {f"enc{i + 1}_rad": np.linspace(5.0, 5.0 + end, 3) for i, end in enumerate(ends)}
+    columns |= {f"position{i + 1}_rad": np.linspace(5.0, 5.0 + end, 3) for i, end in enumerate(ends)}
     return drive_of(columns, "wheels")
 
 
@@ -193,25 +200,25 @@ def test_wheels_that_disagree_are_told() -> None:
     assert drive.wheel_rad[-1] == pytest.approx(0.0)
     drive, notes = wheels(4.0, -4.0, 4.0, 4.0)
     assert drive.wheel_rad[-1] == pytest.approx(4.0)
-    assert "enc2_rad turned against" in notes[0]
+    assert "position2_rad turned against" in notes[0]
     drive, notes = wheels(4.0, 4.0, 0.1, 4.0)
     assert drive.wheel_rad[-1] == pytest.approx(4.0)
-    assert "enc3_rad turned by another angle" in notes[0]
+    assert "position3_rad turned by another angle" in notes[0]
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "has no data"),
-        ("t_s,enc1_rad\n", "has no data"),
-        ("t_s,enc1_rad\n0,0\n0,1\n", "time does not increase"),
-        ("t_s,enc1_rad\n0,0\n,1\n", "time does not increase"),
-        ("t_s,enc1_rad\n0,0\n1,fast\n", "line 3, column 'enc1_rad': 'fast' is not a number"),
-        ("t_s,enc1_rad\n0,0\n1\n", "line 3 has 1 cells, its header 2"),
-        ("t_s,enc1_rad,enc1_rad\n0,0,0\n1,1,1\n", "twice"),
-        ("enc1_rad\n0\n1\n", "no column 't_s'"),
-        ("t_s,gyro_z_deg_s\n0,0\n1,1\n", "no wheel encoder"),
-        ("t_s,enc1_rad\n0,0\n", "needs two"),
+        ("t_s,position1_rad\n", "has no data"),
+        ("t_s,position1_rad\n0,0\n0,1\n", "time does not increase"),
+        ("t_s,position1_rad\n0,0\n,1\n", "time does not increase"),
+        ("t_s,position1_rad\n0,0\n1,fast\n", "line 3, column 'position1_rad': 'fast' is not a number"),
+        ("t_s,position1_rad\n0,0\n1\n", "line 3 has 1 cells, its header 2"),
+        ("t_s,position1_rad,position1_rad\n0,0,0\n1,1,1\n", "twice"),
+        ("position1_rad\n0\n1\n", "no column 't_s'"),
+        ("t_s,yaw_rate_deg_s\n0,0\n1,1\n", "no wheel encoder"),
+        ("t_s,position1_rad\n0,0\n", "needs two"),
     ],
 )
 def test_bad_logs(tmp_path: Path, text: str, message: str) -> None:
@@ -237,9 +244,9 @@ def test_missing_files(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("t_s,x_m,y_m\n0,0,0\n1,1,1\n", "no column 'psi_rad'"),
-        ("t_s,x_m,y_m,psi_rad\n0,0,0,0\n1,,1,0\n", "line 3, column 'x_m' holds no finite"),
-        ("t_s,x_m,y_m,psi_rad\n1,0,0,0\n0,1,1,0\n", "time does not increase"),
+        ("t_s,x_m,y_m\n0,0,0\n1,1,1\n", "no column 'yaw_rad'"),
+        ("t_s,x_m,y_m,yaw_rad\n0,0,0,0\n1,,1,0\n", "line 3, column 'x_m' holds no finite"),
+        ("t_s,x_m,y_m,yaw_rad\n1,0,0,0\n0,1,1,0\n", "time does not increase"),
     ],
 )
 def test_bad_truths(tmp_path: Path, text: str, message: str) -> None:
@@ -251,8 +258,8 @@ def test_bad_truths(tmp_path: Path, text: str, message: str) -> None:
 
 def test_a_truth_that_crosses_half_a_turn(tmp_path: Path) -> None:
     path = tmp_path / "truth.csv"
-    path.write_text("t_s,x_m,y_m,psi_rad,slip\n0,0,0,3.1,0\n1,1,1,-3.1,0\n")
-    assert read_truth(path).psi_rad[1] == pytest.approx(2.0 * np.pi - 3.1)
+    path.write_text("t_s,x_m,y_m,yaw_rad,slip\n0,0,0,3.1,0\n1,1,1,-3.1,0\n")
+    assert read_truth(path).yaw_rad[1] == pytest.approx(2.0 * np.pi - 3.1)
 
 
 @pytest.mark.parametrize(

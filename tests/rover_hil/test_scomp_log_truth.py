@@ -108,7 +108,7 @@ def test_fixes_are_turned_into_the_frame_of_the_start(tmp_path: Path) -> None:
     assert recorded is not None
     truth, source = log_truth(recorded)
     assert source == "pose fixes of 'overhead'"
-    assert (truth.x_m[0], truth.y_m[0], truth.psi_rad[0]) == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
+    assert (truth.x_m[0], truth.y_m[0], truth.yaw_rad[0]) == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
     assert truth.x_m[-1] > 2.5
     assert abs(truth.y_m[-1]) < 0.02
     assert truth.t_s[0] == 0.0
@@ -127,7 +127,7 @@ def test_a_log_without_truth_and_a_table_without_one_are_refused(tmp_path: Path)
     with pytest.raises(LogError, match="holds no true pose, neither on /truth nor as pose fixes"):
         identify_scomp(log, truth=None, out=None, pictures=None, as_json=True)
     table = tmp_path / "drive.csv"
-    table.write_text("t_s,enc1_rad\n0,0\n1,1\n", encoding="utf-8")
+    table.write_text("t_s,position1_rad\n0,0\n1,1\n", encoding="utf-8")
     with pytest.raises(ConfigError, match="is a CSV file: give its true path with --truth"):
         identify_scomp(table, truth=None, out=None, pictures=None, as_json=True)
 

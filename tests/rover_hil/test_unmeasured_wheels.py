@@ -195,6 +195,24 @@ def test_a_path_in_place_of_the_wheels_needs_a_rover_that_does_not_steer(
     assert_one_sentence(command.error, "wheels of the rover steer")
 
 
+@pytest.mark.parametrize("name", ["tricycle", "car with an encoder on one rear wheel"])
+def test_wheels_of_which_nothing_is_measured_may_be_left_out(
+    command: Command, tmp_path: Path, name: str
+) -> None:
+    sections = write_drive(tmp_path, ROVERS[name], "position")
+    shorter = re.sub(r"\[\[wheel\]\]\n(?=\[|$)", "", sections)
+    assert shorter.count("[[wheel]]") < sections.count("[[wheel]]")
+    estimates = []
+    for text in (sections, shorter):
+        columns = f'rate_hz = 20\ntime = {{ column = "t" }}\n{text}{rover_of(ROVERS[name])}{LIMITS}'
+        Path("columns.toml").write_text(columns, "utf-8")
+        table = (str(tmp_path / "drive.csv"), "--columns", "columns.toml", "--out", "drive.mcap", "--force")
+        assert command("import", "table", *table) == 0, command.error
+        assert command("export", "drive.mcap", "--csv", "--force") == 0
+        estimates.append(Path("drive_csv/estimate.csv").read_bytes())
+    assert estimates[0] == estimates[1]
+
+
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 
 

@@ -225,7 +225,7 @@ def test_lost_ticks_hide_motion() -> None:
 
 
 def test_logs_without_truth_and_of_other_rovers_are_refused(tmp_path: Path) -> None:
-    wheels = {f"enc{wheel}_rad": np.arange(50.0) for wheel in (1, 2, 3, 4)}
+    wheels = {f"position{wheel}_rad": np.arange(50.0) for wheel in (1, 2, 3, 4)}
     write_table(tmp_path / "drive.csv", {"t_s": np.arange(50.0), **wheels})
     with pytest.raises(ConfigError, match="no truth in its folder"):
         read_four_wheel_runs(tmp_path)
@@ -272,10 +272,10 @@ def test_ends_at_which_a_wheel_says_nothing_are_left_out() -> None:
     steps = np.arange(count, dtype=np.float64)
     columns: dict[str, NDArray[np.float64]] = {
         "t_s": np.multiply(0.05, steps),
-        **{f"enc{wheel}_rad": np.multiply(0.1, steps) for wheel in WHEELS},
+        **{f"position{wheel}_rad": np.multiply(0.1, steps) for wheel in WHEELS},
     }
-    columns |= {"x_m": np.multiply(0.01, steps), "y_m": np.zeros(count), "psi_rad": np.zeros(count)}
-    columns["enc4_rad"][-3:] = np.nan
+    columns |= {"x_m": np.multiply(0.01, steps), "y_m": np.zeros(count), "yaw_rad": np.zeros(count)}
+    columns["position4_rad"][-3:] = np.nan
     (run,) = four_wheel_runs_of_log(DriveLog(name="drive", columns=columns, kind="skid_steer_4"))
     assert np.isfinite(run.inputs["wheel_4_rad_s"]).all()
     assert run.inputs["t_s"][-1] < columns["t_s"][-4]
@@ -289,15 +289,15 @@ def test_gaps_that_are_bridged_are_counted_and_an_empty_column_is_refused(
     steps = np.arange(count, dtype=np.float64)
     columns: dict[str, NDArray[np.float64]] = {
         "t_s": np.multiply(0.05, steps),
-        **{f"enc{wheel}_rad": np.multiply(0.1, steps) for wheel in WHEELS},
+        **{f"position{wheel}_rad": np.multiply(0.1, steps) for wheel in WHEELS},
     }
-    columns |= {"x_m": np.multiply(0.01, steps), "y_m": np.zeros(count), "psi_rad": np.zeros(count)}
-    columns["gyro_z_deg_s"] = np.zeros(count)
-    columns["gyro_z_deg_s"][20:26] = np.nan
+    columns |= {"x_m": np.multiply(0.01, steps), "y_m": np.zeros(count), "yaw_rad": np.zeros(count)}
+    columns["yaw_rate_deg_s"] = np.zeros(count)
+    columns["yaw_rate_deg_s"][20:26] = np.nan
     write_table(tmp_path / "drive.csv", columns)
     (run,) = read(tmp_path)
-    assert run.missing == {"gyro_z_deg_s": (6, count)}
-    columns["gyro_z_deg_s"][:] = np.nan
+    assert run.missing == {"yaw_rate_deg_s": (6, count)}
+    columns["yaw_rate_deg_s"][:] = np.nan
     write_table(tmp_path / "drive.csv", columns)
-    with pytest.raises(ConfigError, match="drive: column 'gyro_z_deg_s' holds no value"):
+    with pytest.raises(ConfigError, match="drive: column 'yaw_rate_deg_s' holds no value"):
         read(tmp_path)

@@ -34,6 +34,8 @@ SILENT_S = 2.0
 LONGEST_GAP_NS = NANOSECONDS_PER_SECOND
 """In a longer gap of the drive no cycles run."""
 MOST_NOTES = 20
+PATHS = ("increments", "odometry")
+"""Sections from which the angles of the wheels are computed."""
 
 
 class Message(Protocol):
@@ -148,7 +150,8 @@ def write_drive(
             yield
         contents.finish(make_kinematics(config.rover), doubts.turned_rad)
         oddities = [asdict(oddity) for oddity in contents.oddities]
-        log.write_json(IMPORT, contents.end_ns, {"oddities": oddities})
+        is_path = not contents.used.keys().isdisjoint(PATHS)
+        log.write_json(IMPORT, contents.end_ns, {"oddities": oddities, "computed_wheels": is_path})
 
 
 def check_straight(kinematics: Kinematics, source: object) -> None:

@@ -54,7 +54,7 @@ class DrivePath:
 
 def wheel_angles(rows: Channels, wheel: int) -> tuple[Times, Array] | None:
     """Return how far a wheel, from 1, has turned; by its speeds where it has no angle; None without both."""
-    readings = rows[f"enc{wheel}_rad"]
+    readings = rows[f"position{wheel}_rad"]
     if len(readings) > 1:
         return readings.t_ns, readings.value
     readings = rows[f"speed{wheel}_rad_s"]
@@ -66,7 +66,7 @@ def wheel_angles(rows: Channels, wheel: int) -> tuple[Times, Array] | None:
 
 def places_of(rows: Channels) -> Iterator[tuple[str, DrivePath]]:
     """Yield "truth" and "fixes", where there are such, and their places."""
-    x, y, yaw = (rows[name] for name in ("x_m", "y_m", "psi_rad"))
+    x, y, yaw = (rows[name] for name in ("x_m", "y_m", "yaw_rad"))
     if min(map(len, (x, y, yaw))) > 1:
         yield "truth", DrivePath(x.t_ns / 1e9, x.value, y.value, np.unwrap(yaw.value))
     fixes = measured_poses(rows)

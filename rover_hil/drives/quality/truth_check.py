@@ -311,7 +311,7 @@ def _windows(rows: Channels, kinematics: Kinematics) -> tuple[Array, Array | Non
     count = kinematics.wheel_count
     measured = [wheel for wheel in range(count) if wheel not in kinematics.unmeasured]
     wheels = [wheel_angles(rows, wheel + 1) for wheel in measured]
-    poses = [rows[name] for name in ("x_m", "y_m", "psi_rad")]
+    poses = [rows[name] for name in ("x_m", "y_m", "yaw_rad")]
     if any(wheel is None for wheel in wheels) or min(map(len, poses)) < 2:
         return None
     known = [wheel for wheel in wheels if wheel is not None]
@@ -396,7 +396,7 @@ def _speed_fits(rows: Channels) -> Iterator[_SpeedFit]:
     """Yield the fit of each wheel with speeds and angles that moves enough."""
     wheel = 0
     while f"speed{(wheel := wheel + 1)}_rad_s" in rows:
-        speed, angle = rows[f"speed{wheel}_rad_s"], rows[f"enc{wheel}_rad"]
+        speed, angle = rows[f"speed{wheel}_rad_s"], rows[f"position{wheel}_rad"]
         if len(angle) < LEAST_WINDOWS or len(speed) < LEAST_WINDOWS:
             continue
         edges_ns = np.arange(angle.t_ns[0], angle.t_ns[-1], WINDOW_S * 1e9)

@@ -15,7 +15,8 @@ from rover_hil.console.options import (
     out_option,
 )
 from rover_hil.console.output import tell
-from rover_hil.gap.command.find import Shortening, check_effects, find_gap, named_model, rover_of
+from rover_hil.gap.command.find import Shortening, check_effects, find_gap, named_model
+from rover_hil.gap.command.rover import rover_subject
 
 ModelArgument = Annotated[
     str,
@@ -97,7 +98,7 @@ def gap_find(
     if out is None:
         raise ConfigError("--out is missing: give a folder for verdict, model, plan and report")
     if config is not None:
-        subject = rover_of(config, [Path(model), *(data or ())], cluster)
+        subject = rover_subject(config, [Path(model), *(data or ())], cluster)
         tell("Note: this version still knows --config; write `rover-hil gap rover CONFIG LOGS`.")
     else:
         subject = named_model(model, (data or [])[0])
@@ -115,10 +116,17 @@ def gap_find(
 
 
 def gap_rover(
-    config: Annotated[
-        str, typer.Argument(help="Configuration of a rover with [[rover.wheels]]: its wheels are the model.")
+    rover: Annotated[
+        str,
+        typer.Argument(
+            help="Whose wheels are the model: a configuration, a file of columns, or the first log itself."
+        ),
     ],
-    logs: Annotated[list[Path], typer.Argument(help="Logs of its drives, and folders of them.")],
+    drives: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Logs of its drives, and folders of them; tables for a file of columns."),
+    ] = None,
+    *,
     out: Annotated[Path, out_option("Folder for verdict, model, plan and report.")],
     extended: ExtendedOption = None,
     confirm: ConfirmOption = "",
@@ -129,13 +137,14 @@ def gap_rover(
 ) -> int:
     """Compare the wheels of a rover with its drives: radii, track, steering, marker, gyro, slip.
 
-    Exit code 1: the logs cannot be used; the verdict gives the reason, and nothing is written.
+    A log knows its rover: `rover-hil gap rover drives --out gap`. Tables are converted as by `import table`.
+    Exit code 1: the drives cannot be used; the verdict gives the reason, and nothing is written.
 
     Example: `rover-hil gap rover my_wheels.toml drives --out gap`
 
     Data: `rover-hil sample wheels` writes the configuration and its drives.
     """
-    subject = rover_of(config, logs, cluster)
+    subject = rover_subject(rover, drives or (), cluster)
     return find_gap(
         subject, out=out, extended=extended, confirm=confirm, seed=seed, force=force, as_json=as_json
     )

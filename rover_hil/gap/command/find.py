@@ -1,14 +1,12 @@
 """`rover-hil gap`: where model and measurement disagree, what is missing, and the proof."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from controllers.motion.rover_geometry import RoverSettings, WheelsRoverSettings
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError, LogError
-from rover_hil.config import load_config
 from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.console.json_text import print_json_text
 from rover_hil.console.options import check_inputs
@@ -16,7 +14,6 @@ from rover_hil.console.steps import show_steps
 from rover_hil.gap.checks import object_to, slower_channels
 from rover_hil.gap.data.cut import cut_runs, without_warm_up
 from rover_hil.gap.data.load import check_model, load_model, name_model_errors, read_runs
-from rover_hil.gap.data.rover_logs import read_rover_runs
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.machines.model_checks.linter import LintReport, lint, require_changes
 from rover_hil.gap.machines.model_checks.model_trial import try_model
@@ -36,11 +33,8 @@ from rover_hil.gap.plan import Plan, TooFewRunsError, require_runs
 from rover_hil.gap.verdict import Answer, refuse
 from rover_hil.gap.workflow import analyse
 from rover_hil.pages.atomic_write import refuse_overwrite, unfinished
-from rover_hil.parallel.calls import open_calls
 from rover_hil.terminal import Terminal
 from sim_backends.models.interface import Machine, Model, Run
-from sim_backends.plants.wheels.settings import WheelsPlantSettings
-from sim_backends.wheels_model.model import WheelsModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,12 +69,14 @@ class Subject:
         data: Files and folders of measured runs.
         make: Returns the model.
         read: Returns its measured runs.
+        warnings: What the verdict must state about the model.
     """
 
     name: str
     data: Sequence[Path]
     make: Callable[[], Model]
     read: Callable[[Model], list[Run]]
+    warnings: tuple[str, ...] = ()
 
 
 def named_model(name: str, data: Path) -> Subject:
@@ -88,39 +84,6 @@ def named_model(name: str, data: Path) -> Subject:
     return Subject(
         name=name, data=[data], make=partial(load_model, name), read=lambda model: read_runs(model, data)
     )
-
-
-def rover_of(config: str, logs: Sequence[Path], cluster: str | None = None) -> Subject:
-    """Return the rover of a configuration with a list of wheels.
-
-    Raises:
-        ConfigError: The configuration has no such rover.
-    """
-    loaded = load_config(config)
-    plant = None if loaded.simulation is None else loaded.simulation.plant
-    if not isinstance(plant, WheelsPlantSettings):
-        raise ConfigError(
-            f"gap rover {config}: the model needs [simulation.plant] with type = 'wheels': masses, castors "
-            "and site of the rover; for a Robotino use robotino-drive, for four wheels that do not steer "
-            "four-wheel-drive"
-        )
-    _require_encoders(config, loaded.rover)
-    model = WheelsModel(plant)
-
-    def read(_: Model) -> list[Run]:
-        with open_calls(cluster) as calls:
-            return read_rover_runs(model, logs, calls)
-
-    return Subject(name=config, data=logs, make=lambda: model, read=read)
-
-
-def _require_encoders(config: str, rover: RoverSettings) -> None:
-    for number, wheel in enumerate(rover.wheels if isinstance(rover, WheelsRoverSettings) else ()):
-        if wheel.driven and not wheel.measured:
-            raise ConfigError(
-                f"gap rover {config}: rover.wheels.{number}.measured is false, but the model needs the speed "
-                "of each driven wheel: this rover can only be analysed with an encoder there"
-            )
 
 
 def find_gap(
@@ -192,7 +155,7 @@ def _lint(model: Machine, data: Path, shortening: Shortening) -> LintReport:
     with show_steps("trying the model") as step:
         notes = (*slower_channels(model, runs), *try_model(model, runs))
         for note in notes:
-            _say(f"Note: {note}")
+            say(f"Note: {note}")
         step("checking the effects")
         return lint(model.refined(runs), runs)
 
@@ -218,7 +181,8 @@ def _print(analysis: Analysis, out: Path) -> None:
         console.print(str(out / REPORT_NAME))
 
 
-def _say(words: str) -> None:
+def say(words: str) -> None:
+    """Print a sentence beside the results."""
     Terminal(stderr=True, soft_wrap=True).print(f"{words}.")
 
 
@@ -264,7 +228,7 @@ def _analyse(
 
     with show_steps("checking the model") as advance:
         _check(model, runs)
-        return analyse(
+        analysis = analyse(
             model,
             runs,
             seed=seed,
@@ -272,8 +236,10 @@ def _analyse(
             allowed=allowed,
             on_plan=on_plan,
             advance=advance,
-            announce=_say,
+            announce=say,
         )
+    warnings = (*subject.warnings, *analysis.verdict.warnings)
+    return replace(analysis, verdict=replace(analysis.verdict, warnings=warnings))
 
 
 def _check(model: Model, runs: Sequence[Run]) -> None:
@@ -287,6 +253,6 @@ def _check(model: Model, runs: Sequence[Run]) -> None:
     # The verdict names what is wrong with runs; a model cannot be tried on them.
     elif not _objection(model, runs):
         for note in (*slower_channels(model, runs), *try_model(model, runs)):
-            _say(f"Note: {note}")
+            say(f"Note: {note}")
         check_model(model, runs)
         require_changes(model, runs)

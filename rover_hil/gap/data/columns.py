@@ -8,6 +8,7 @@ from typing import Protocol, TypeAlias, runtime_checkable
 import numpy as np
 
 from drivers.errors import ConfigError
+from rover_hil.drives.column_names import with_present_names
 from rover_hil.drives.files.csv_table import CsvTable, read_csv
 from sim_backends.models.interface import Array, Run
 
@@ -22,10 +23,10 @@ class DriveLog:
 
     Attributes:
         name: Its own among all.
-        columns: All of one length; NaN where there is no value. `t_s`; by wheel from 1 `enc1_rad`,
+        columns: All of one length; NaN where there is no value. `t_s`; by wheel from 1 `position1_rad`,
             `speed1_rad_s`, `set1_rad_s`, `current1_a`, `voltage1_v` (all at the wheel, current a magnitude
-            where its sign is unknown); `compass_deg`, `gyro_z_deg_s`, `pitch_deg` (nose up), `roll_deg`
-            (left side up); the true pose `x_m`, `y_m`, `psi_rad`.
+            where its sign is unknown); `heading_deg`, `yaw_rate_deg_s`, `pitch_deg` (nose up), `roll_deg`
+            (left side up); the true pose `x_m`, `y_m`, `yaw_rad`.
         facts: Constants of the rover: `wheel_radius_m`, `track_m`, `base_radius_m`, `gear_ratio`,
             `speed_step_rad_s`, `current_step_a`, where known.
         kind: Kinematics: "omni3", "skid_steer_4", ...
@@ -115,7 +116,7 @@ def _read(path: Path) -> CsvTable:
     if not table.names or not table.rows:
         raise ConfigError(f"{path} is not a table of measurements: it needs a header and rows of numbers")
     table.check_shape("repair the line")
-    return table
+    return with_present_names(table)
 
 
 def _columns(table: CsvTable) -> dict[str, Array]:

@@ -15,7 +15,7 @@ from rover_hil.gap.data.columns import DriveLog
 from rover_hil.gap.data.parameters import DATA
 from sim_backends.models.interface import Run
 
-WHEELS = ("enc_rad", "speed_rad_s", "current_a", "voltage_v", "set_rad_s")
+WHEELS = ("position_rad", "speed_rad_s", "current_a", "voltage_v", "set_rad_s")
 BODY = ("heading_rad", "gyro_z_rad_s", "pitch_rad", "roll_rad", *POSE)
 
 

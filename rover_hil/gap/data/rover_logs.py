@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from controllers.motion.rover_geometry import WheelsRoverSettings
+from controllers.motion.rover_geometry import RoverSettings
 from drivers.errors import ConfigError, LogError
 from rover_hil.drives.drive import Drive, read_drive
 from rover_hil.drives.ground_truth import TruePoses
 from rover_hil.drives.marks import mark_files
 from rover_hil.drives.windows import Windows, body_rates
+from rover_hil.gap.data.described_wheels import wheels_of
 from rover_hil.gap.data.logs import find_logs
 from rover_hil.gap.data.parameters import DATA
 from rover_hil.gap.data.stretches import stretches, windows_over
@@ -22,8 +23,17 @@ from sim_backends.wheels_model.model import GYRO, HEADING, STRETCHES, WheelsMode
 from sim_backends.wheels_model.stretches import STRETCH_S, over_stretches, windows_of_stretch
 
 
-def read_rover_runs(model: WheelsModel, paths: Sequence[Path], calls: Calls = HERE) -> list[Run]:
+def read_rover_runs(
+    model: WheelsModel, paths: Sequence[Path], calls: Calls = HERE, rover: RoverSettings | None = None
+) -> list[Run]:
     """Return one run per log, or their stretches where there are too few logs to split.
+
+    Args:
+        model: Of the rover.
+        paths: Logs, and folders of them.
+        calls: Where the logs are read.
+        rover: Geometry that all logs must have; without it the number of their wheels must be that of the
+            model.
 
     Raises:
         ConfigError: There is no log, or a log is of another rover, or of too short a drive.
@@ -39,6 +49,11 @@ def read_rover_runs(model: WheelsModel, paths: Sequence[Path], calls: Calls = HE
     for file, drive in zip(logs, calls.map_files(read_drive, logs, mark_files), strict=True):
         drive.log.path = file  # marks are beside it, wherever it was read
         name = file.resolve().relative_to(folder).with_suffix("").as_posix()
+        if rover is not None and drive.config.rover != rover:
+            raise ConfigError(
+                f"log {name} has another [rover] than {logs[0].name}: give logs of one rover, or name its "
+                "configuration first"
+            )
         runs.append(_run(model, drive, name, rng))
     if len(runs) < DATA.runs.least_series:
         runs = [part for run in runs for part in stretches(run)]
@@ -67,16 +82,22 @@ def _with_stretches(run: Run, rng: np.random.Generator) -> Run:
 
 def _run(model: WheelsModel, drive: Drive, name: str, rng: np.random.Generator) -> Run:
     rover = drive.config.rover
-    if not isinstance(rover, WheelsRoverSettings) or len(rover.wheels) != model.wheel_count:
+    wheels_of_rover = wheels_of(rover)
+    if wheels_of_rover is None or len(wheels_of_rover) != model.wheel_count:
         raise ConfigError(
             f"log {name} is of a rover with other wheels ({rover.kinematics}) than the {model.wheel_count} "
             "of the configuration: give logs of this rover"
+        )
+    if drive.channels.has_computed_wheels:
+        raise LogError(
+            f"log {name} was imported from a path: the angles of its wheels are computed with the radii of "
+            "[rover], so they cannot show an error of these: import the wheels themselves"
         )
     poses = drive.true_poses()
     true_s = drive.seconds(poses.t_ns)
     width_s = _window_s(poses, true_s, name)
     numbers = range(1, model.wheel_count + 1)
-    wheels = {number: drive.channels[f"enc{number}_rad"] for number in numbers}
+    wheels = {number: drive.channels[f"position{number}_rad"] for number in numbers}
     # A wheel without a motor need not have a sensor: it rolls as the ground does.
     wheels = {number: one for number, one in wheels.items() if number in model.driven or len(one)}
     if any(len(one) < DATA.runs.least_rows for one in wheels.values()):

@@ -17,7 +17,7 @@ from rover_hil.identify.motor.record import (
     cut_set_point,
 )
 
-FIELDS = ("enc{}_rad", "speed{}_rad_s", "current{}_a", "voltage{}_v")
+FIELDS = ("position{}_rad", "speed{}_rad_s", "current{}_a", "voltage{}_v")
 
 
 def read_log(path: Path) -> list[MotorRecord]:
@@ -45,7 +45,7 @@ def _record(path: Path, drive: Drive, motor: int) -> MotorRecord:
     gear, scale = 1.0, Scale()
     if isinstance(device, RobotinoBoardSettings):
         gear, scale = device.gear_ratio, Scale.of_board(device)
-    position = _series(drive, f"enc{motor}_rad", where, gear)
+    position = _series(drive, f"position{motor}_rad", where, gear)
     speed = _series(drive, f"speed{motor}_rad_s", where, gear)
     current = _series(drive, f"current{motor}_a", where)
     if current is None:

@@ -31,7 +31,7 @@ def identify_scomp(
     *,
     truth: Annotated[
         Path | None,
-        typer.Option(help="CSV file with the true path: t_s, x_m, y_m, psi_rad. Default: that in the log."),
+        typer.Option(help="CSV file with the true path: t_s, x_m, y_m, yaw_rad. Default: that in the log."),
     ] = None,
     out: Annotated[
         Path | None, out_option("Write the parameters to this TOML file, not to standard output.")

@@ -62,7 +62,7 @@ def identify(drive: DriveRows, truth: TruePath, rover: RoverGeometry | None = No
     pitch, slip_rms = fit_pitch(windows, notes)
     trace, rear_axle_m = fit_trace(drive, truth, rover, notes)
     parameters = ScompParameters(
-        starts_along_x=abs(float(truth.psi_rad[0])) < SCOMP_FIT.check.along_x_rad,
+        starts_along_x=abs(float(truth.yaw_rad[0])) < SCOMP_FIT.check.along_x_rad,
         rover=rover.model_copy(update={"rear_axle_m": rear_axle_m}),
         two_segment_slip=fit_two_segments(
             windows.slip_angle_rad, windows.slip, SCOMP_FIT.pitch.two_segment_range_rad
@@ -87,7 +87,7 @@ def _check_windows(windows: SlipWindows) -> None:
     if astray > SCOMP_FIT.check.astray_share * count:
         raise ModelError(
             f"in the truth the rover moves backwards or sideways in {astray} of {count} windows although its "
-            "wheels turn forwards: check that psi_rad is in rad, counter-clockwise from x, and the axes"
+            "wheels turn forwards: check that yaw_rad is in rad, counter-clockwise from x, and the axes"
         )
     if float(np.median(windows.slip)) > SCOMP_FIT.check.stuck_slip:
         raise ModelError(
@@ -227,7 +227,7 @@ def fit_compass(drive: DriveRows, truth: TruePath, notes: list[str]) -> CompassM
     reading = drive.compass_rad[new]
     if len(reading) < 3:
         return model
-    heading = np.interp(drive.t_s, truth.t_s, truth.psi_rad)
+    heading = np.interp(drive.t_s, truth.t_s, truth.yaw_rad)
     lagged = smoothed(drive.t_s, heading, model.lag_s)[new]
     errors = {sign: sign * reading - lagged for sign in (1, -1)}
     sign = -1 if float(np.std(errors[-1])) < SCOMP_FIT.check.inverted_share * float(np.std(errors[1])) else 1
@@ -259,7 +259,7 @@ def fit_gyro(drive: DriveRows, truth: TruePath) -> GyroModel:
         return model
     t_s, rate_rad_s = drive.t_s[new], drive.gyro_rad_s[new]
     step_s = np.diff(t_s)
-    true_rad_s = np.diff(np.interp(t_s, truth.t_s, truth.psi_rad)) / step_s
+    true_rad_s = np.diff(np.interp(t_s, truth.t_s, truth.yaw_rad)) / step_s
     against_truth = np.diff(rate_rad_s[1:] - true_rad_s) / math.sqrt(2.0)
     alone = np.diff(rate_rad_s, 2) / math.sqrt(6.0)
     noise_rad_s = min(float(np.std(against_truth)), float(np.std(alone)))

@@ -33,12 +33,12 @@ def read_log_run(path: Path, surface: str) -> MeasuredRun:
             "slip maps need three omnidirectional wheels"
         )
     for wheel in range(WHEELS):
-        for name, word in ((f"enc{wheel + 1}_rad", "positions"), (f"current{wheel + 1}_a", "currents")):
+        for name, word in ((f"position{wheel + 1}_rad", "positions"), (f"current{wheel + 1}_a", "currents")):
             if name not in rows:
                 raise LogError(
                     f"log {path} holds no {word} of wheel {wheel}: slip cannot be measured with it"
                 )
-    position = [_series(rows, f"enc{wheel}_rad") for wheel in range(1, WHEELS + 1)]
+    position = [_series(rows, f"position{wheel}_rad") for wheel in range(1, WHEELS + 1)]
     current = [_series(rows, f"current{wheel}_a") for wheel in range(1, WHEELS + 1)]
     gyro = _series(rows, "gyro_z_rad_s")
     by_hand = marks_beside(path)

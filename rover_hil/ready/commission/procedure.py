@@ -19,6 +19,7 @@ from rover_hil.config import Config
 from rover_hil.console.ask import ask, ask_number
 from rover_hil.console.key_presses import enter_was_pressed
 from rover_hil.console.options import (
+    LOG_SUFFIX,
     ConfigArgument,
     DriveOption,
     ForceOption,
@@ -36,7 +37,7 @@ from rover_hil.ready.commission.drive import Poses, read_poses
 from rover_hil.ready.commission.figures import draw_drives, draw_errors
 from rover_hil.ready.commission.learning import LearnedReading, learn_reading
 from rover_hil.ready.commission.worth import Worth, find_worth
-from rover_hil.ready.procedure import LOG_SUFFIX, Drive, Entry, Facts, Procedure, Request, Results, run
+from rover_hil.ready.procedure import Drive, Entry, Facts, Procedure, Request, Results, run
 from rover_hil.ready.turns import DEFAULT_SPEED_M_S, with_gains
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader

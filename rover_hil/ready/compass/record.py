@@ -170,7 +170,7 @@ def _yaw_rate(rates: list[RateSample], attitudes: list[AttitudeSample], start_ns
 
 def _wheel_rate(config: Config, rows: Channels, log: LogReader) -> tuple[Array, Array]:
     kinematics = make_kinematics(config.rover)
-    positions = [rows[f"enc{wheel + 1}_rad"] for wheel in range(kinematics.wheel_count)]
+    positions = [rows[f"position{wheel + 1}_rad"] for wheel in range(kinematics.wheel_count)]
     if any(len(each) < LEAST_READINGS for each in positions):
         return np.zeros(0), np.zeros(0)
     t_ns = np.unique(positions[0].t_ns)

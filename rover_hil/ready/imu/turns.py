@@ -57,7 +57,7 @@ def read_turns(path: Path) -> Turns:
             "the gyro is identified with three omnidirectional wheels"
         )
     kinematics = make_kinematics(config.rover)
-    positions = [rows[f"enc{wheel + 1}_rad"] for wheel in range(kinematics.wheel_count)]
+    positions = [rows[f"position{wheel + 1}_rad"] for wheel in range(kinematics.wheel_count)]
     gyro = rows["gyro_z_rad_s"]
     if len(gyro) < TURNS.least_readings or any(len(each) < TURNS.least_readings for each in positions):
         raise LogError(f"log {path} holds no yaw rates of roles.gyro, or no positions of all wheels")

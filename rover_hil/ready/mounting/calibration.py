@@ -14,7 +14,7 @@ from drivers.errors import ConfigError
 from drivers.samples import Sample
 from rover_hil.config import Config
 from rover_hil.console.ask import ask_number
-from rover_hil.console.options import number_option
+from rover_hil.console.options import LOG_SUFFIX, number_option
 from rover_hil.console.steps import show_steps
 from rover_hil.drives.arrays import Array
 from rover_hil.drives.toml_text import toml_text
@@ -25,7 +25,6 @@ from rover_hil.ready.mounting.fit import COUNTED, MountingFit, Turn, find_turns,
 from rover_hil.ready.mounting.record import InertialRecord, read_inertial, sensor_of
 from rover_hil.ready.options import DeviceOption, command
 from rover_hil.ready.procedure import (
-    LOG_SUFFIX,
     Drive,
     Entry,
     Facts,

@@ -31,7 +31,7 @@ FIRM_RUT_M = 0.001
 """Sinkage of the simulated camera on firm ground: the least of its settings."""
 
 
-@command("config", "virtual", "drive", "out", "enter")
+@command("config_unless_logs", "virtual", "drive", "out", "enter")
 def calibrate(
     log: Annotated[
         list[Path] | None,

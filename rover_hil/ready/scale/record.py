@@ -210,7 +210,7 @@ class _Wheels:
 
     def __init__(self, config: Config, rows: Channels, path: Path) -> None:
         self._kinematics = make_kinematics(config.rover)
-        positions = [rows[f"enc{wheel + 1}_rad"] for wheel in range(self._kinematics.wheel_count)]
+        positions = [rows[f"position{wheel + 1}_rad"] for wheel in range(self._kinematics.wheel_count)]
         if not all(len(each) > 1 for each in positions):
             raise NothingToCompareError(
                 f"log {path} holds no positions of the wheels: record a drive with `rover-hil run`"

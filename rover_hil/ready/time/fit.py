@@ -102,7 +102,7 @@ def read_tracks(path: Path) -> list[YawTrack]:
         for device, readings in sorted(rates.items(), key=lambda each: each[0] != config.roles.gyro)
     ]
     kinematics = make_kinematics(config.rover)
-    positions = [rows[f"enc{wheel + 1}_rad"] for wheel in range(kinematics.wheel_count)]
+    positions = [rows[f"position{wheel + 1}_rad"] for wheel in range(kinematics.wheel_count)]
     if all(len(each) > TIMING.least_readings for each in positions):
         t_ns = np.unique(positions[0].t_ns)
         angles = np.column_stack([np.interp(t_ns, each.t_ns, each.value) for each in positions])

@@ -45,7 +45,7 @@ class Known(NamedTuple):
     value: float
 
 
-@command("config", "virtual", "drive", "out", "enter")
+@command("config_unless_logs", "virtual", "drive", "out", "enter")
 def calibrate(
     line: Annotated[
         list[str] | None,

@@ -7,11 +7,10 @@ import typer
 
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
-from rover_hil.config import load_config, read_config_text
-from rover_hil.console.options import ClusterOption, ConfigArgument, ForceOption, JsonOption, log_at
+from rover_hil.console.options import ClusterOption, ForceOption, JsonOption, log_at
 from rover_hil.console.steps import show_steps
+from rover_hil.drives.formats.described_rover import is_log
 from rover_hil.parallel.executor import open_executor
-from rover_hil.run.checks import ROVER_CHECKS
 from rover_hil.terminal import Terminal
 from rover_hil.tune.command import (
     STUDY_NAME,
@@ -25,6 +24,7 @@ from rover_hil.tune.command import (
     tell_result,
 )
 from rover_hil.tune.comparison import compare_by
+from rover_hil.tune.logs.described_rover import tuned_rover
 from rover_hil.tune.logs.judged_log import read_judged_logs, split
 from rover_hil.tune.logs.objective import evaluate_logs
 from rover_hil.tune.logs.results import log_sentence, summarise_logs, write_log_results
@@ -34,8 +34,16 @@ from rover_hil.tune.tuned_config import tuned_text
 
 
 def tune_by_logs(
-    config_name: ConfigArgument,
-    logs: Annotated[list[Path], typer.Argument(help="Logs of this rover, or folders of its runs.")],
+    config_name: Annotated[
+        str,
+        typer.Argument(
+            help="Configuration of the rover, or a file of columns; or the first log, which knows its rover.",
+            metavar="CONFIG",
+        ),
+    ],
+    logs: Annotated[
+        list[Path] | None, typer.Argument(help="Logs of this rover, or folders of its runs.")
+    ] = None,
     *,
     held_out: Annotated[
         list[Path] | None,
@@ -55,11 +63,14 @@ def tune_by_logs(
 
     Example: `rover-hil tune logs noisy.toml noise/*.mcap --study noise`
 
-    Data: `rover-hil sample noise` writes configuration and logs; yours needs `[tune.logs]`;
-    docs/how-to/tune_from_logs.md.
+    Data: `rover-hil sample noise` writes configuration and logs; yours needs `[tune.logs]`. Logs alone
+    have the noise of their sensors tuned; docs/how-to/tune_from_logs.md.
     """
     held_out = held_out or []
-    config, text = load_config(config_name, ROVER_CHECKS), read_config_text(config_name)
+    logs = [*([Path(config_name)] if is_log(config_name) else []), *(logs or [])]
+    if not logs:
+        raise ConfigError(f"tune logs {config_name}: name logs of this rover")
+    config, text = tuned_rover(config_name)
     settings = check_log_parameters(config)
     by_logs = settings.logs
     if by_logs is None:

@@ -194,7 +194,7 @@ def _check_start(path: Path, drive: Drive, poses: TruePoses) -> None:
 
 def _turn_rad(drive: Drive, wheel: int, until_ns: int) -> float:
     """Return by how much a wheel, counted from 1, has turned back and forth until a time."""
-    position, speed = drive.channels[f"enc{wheel}_rad"], drive.channels[f"speed{wheel}_rad_s"]
+    position, speed = drive.channels[f"position{wheel}_rad"], drive.channels[f"speed{wheel}_rad_s"]
     if len(position):
         angle_rad = position.value[position.t_ns <= until_ns]
     else:

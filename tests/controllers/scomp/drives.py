@@ -24,7 +24,7 @@ def mounds() -> Recorded:
 
 def read(recorded: Recorded) -> tuple[DriveRows, TruePath]:
     truth = recorded.truth
-    path = TruePath(t_s=truth["t_s"], x_m=truth["x_m"], y_m=truth["y_m"], psi_rad=truth["psi_rad"])
+    path = TruePath(t_s=truth["t_s"], x_m=truth["x_m"], y_m=truth["y_m"], yaw_rad=truth["yaw_rad"])
     return drive_of(recorded.log, "simulated")[0], path
 
 

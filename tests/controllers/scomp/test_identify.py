@@ -90,7 +90,7 @@ def test_a_noisy_tracker_does_not_blame_the_gyro() -> None:
     assert drive.gyro_rad_s is not None
     walk = math.degrees(fit_gyro(drive, path).walk_rad_sqrt_s)
     noisy = replace(
-        path, psi_rad=path.psi_rad + 0.005 * np.random.default_rng(1).standard_normal(len(path.psi_rad))
+        path, yaw_rad=path.yaw_rad + 0.005 * np.random.default_rng(1).standard_normal(len(path.yaw_rad))
     )
     assert math.degrees(fit_gyro(drive, noisy).walk_rad_sqrt_s) == pytest.approx(walk, rel=0.3)
     # The same gyro, at half the rate: each reading stands for twice as long.
@@ -104,7 +104,7 @@ def test_a_noisy_tracker_does_not_blame_the_gyro() -> None:
     ("change", "words"),
     [
         (lambda path: replace(path, x_m=-path.x_m), "backwards or sideways in"),
-        (lambda path: replace(path, psi_rad=path.psi_rad + 1.6), "backwards or sideways in"),
+        (lambda path: replace(path, yaw_rad=path.yaw_rad + 1.6), "backwards or sideways in"),
         (lambda path: replace(path, x_m=0.0 * path.x_m, y_m=0.0 * path.y_m), "does not move in the truth"),
     ],
 )
@@ -135,7 +135,7 @@ def replace_psi(path: TruePath, turn_rad: float) -> TruePath:
     """Return the path in a frame turned the other way."""
     x_m = path.x_m * math.cos(turn_rad) - path.y_m * math.sin(turn_rad)
     y_m = path.x_m * math.sin(turn_rad) + path.y_m * math.cos(turn_rad)
-    return TruePath(t_s=path.t_s, x_m=x_m, y_m=y_m, psi_rad=path.psi_rad + turn_rad)
+    return TruePath(t_s=path.t_s, x_m=x_m, y_m=y_m, yaw_rad=path.yaw_rad + turn_rad)
 
 
 def test_bare_wheels_give_the_two_segment_law() -> None:
@@ -171,7 +171,7 @@ def test_true_velocity_of_a_noisy_tracker() -> None:
         t_s=path.t_s,
         x_m=path.x_m + 0.003 * rng.standard_normal(len(path.t_s)),
         y_m=path.y_m + 0.003 * rng.standard_normal(len(path.t_s)),
-        psi_rad=path.psi_rad,
+        yaw_rad=path.yaw_rad,
     )
     at_s = np.arange(10.0, 70.0, 0.2)
     angle = true_velocity(noisy, at_s).slip_angle_rad

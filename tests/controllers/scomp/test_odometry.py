@@ -41,7 +41,7 @@ def test_final_error_counts_from_each_start() -> None:
         sigma_x_m=still,
         sigma_y_m=still,
     )
-    truth = TruePath(t_s=t_s, x_m=np.array([7.0, 11.0]), y_m=np.array([-1.0, 2.0]), psi_rad=np.zeros(2))
+    truth = TruePath(t_s=t_s, x_m=np.array([7.0, 11.0]), y_m=np.array([-1.0, 2.0]), yaw_rad=np.zeros(2))
     assert final_error_m(track, truth) == pytest.approx(math.hypot(1.0, 3.0))
 
 
@@ -83,7 +83,7 @@ def test_field_tests_with_parameters_of_the_first(which: str, bar_m: float) -> N
     off = np.degrees(ours.track.slip_angle_rad - recorded.truth["slip_angle_rad"])[drives]
     assert rms(off) < 1.0
     assert rms((ours.track.slip - recorded.truth["slip"])[drives]) < 0.05
-    assert np.degrees(rms((ours.track.heading_rad - path.psi_rad)[drives])) < 0.3
+    assert np.degrees(rms((ours.track.heading_rad - path.yaw_rad)[drives])) < 0.3
     sigmas = (ours.track.sigma_x_m[-1], ours.track.sigma_y_m[-1])
     assert all(0.005 < sigma < 0.6 for sigma in sigmas)
     for axis, sigma in (("x_m", sigmas[0]), ("y_m", sigmas[1])):

@@ -161,11 +161,11 @@ def test_series_that_lack_too_much_are_refused(name: str, gap: slice, words: str
 
 def test_a_bridged_column_is_counted_as_missing() -> None:
     runs = axis_runs(9)
-    runs[0] = dataclasses.replace(runs[0], missing={"enc1_rad": (4, 300)})
+    runs[0] = dataclasses.replace(runs[0], missing={"position1_rad": (4, 300)})
     verdict = analyse(make_axis(), runs).verdict
-    assert verdict.missing == [{"run": "run1", "series": "enc1_rad", "count": 4, "total": 300}]
-    runs[0] = dataclasses.replace(runs[0], missing={"enc1_rad": (40, 300)})
-    assert "40 of 300 values of enc1_rad" in judged(runs, make_axis()).sentence
+    assert verdict.missing == [{"run": "run1", "series": "position1_rad", "count": 4, "total": 300}]
+    runs[0] = dataclasses.replace(runs[0], missing={"position1_rad": (40, 300)})
+    assert "40 of 300 values of position1_rad" in judged(runs, make_axis()).sentence
 
 
 def test_overlaps_of_neighbouring_runs_are_not_missing() -> None:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controllers.motion.kinematics import make_kinematics
+from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.motion.rover_geometry import RoverSettings, WheelsRoverSettings
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.errors import LogError
@@ -36,12 +36,14 @@ def take_wheels(source: DriveTable, wheels: Sequence[WheelColumns]) -> None:
         LogError: The columns do not fit the rover, or a wheel is faster than it can be.
     """
     radii_m = _radii_m(source.rover.rover)
+    kinematics = make_kinematics(source.rover.rover)
+    wheels = _with_unmeasured(wheels, kinematics)
     if len(wheels) != len(radii_m):
         raise LogError(
             f"the file of columns has {len(wheels)} [[wheel]], but the rover {len(radii_m)} wheels: give "
-            "one for each, in the rover's order"
+            "one for each, in the rover's order; only wheels with measured = false that do not steer may be "
+            "left out"
         )
-    kinematics = make_kinematics(source.rover.rover)
     for place, wheel in enumerate(wheels):
         is_given = not (wheel.position is None and wheel.step is None and wheel.speed is None)
         if is_given == (place in kinematics.unmeasured):
@@ -68,6 +70,16 @@ def take_wheels(source: DriveTable, wheels: Sequence[WheelColumns]) -> None:
     stacks = {name: np.column_stack(rows) for name, rows in given.items()}
     held = np.any([np.isfinite(stack).any(axis=1) for stack in stacks.values()], axis=0)
     source.add("wheels", {name: stack.tolist() for name, stack in stacks.items()}, held)
+
+
+def _with_unmeasured(wheels: Sequence[WheelColumns], kinematics: Kinematics) -> Sequence[WheelColumns]:
+    """Return a [[wheel]] for each wheel, where those of which nothing is measured were left out."""
+    rates = kinematics.steering_rates_rad_s or (0.0,) * kinematics.wheel_count
+    named = [place for place, rate in enumerate(rates) if rate > 0.0 or place not in kinematics.unmeasured]
+    if len(wheels) != len(named):
+        return wheels
+    given = dict(zip(named, wheels, strict=True))
+    return [given.get(place, WheelColumns()) for place in range(kinematics.wheel_count)]
 
 
 def _angles_rad(source: DriveTable, place: int, wheel: WheelColumns, radius_m: float) -> Array | None:

@@ -1,9 +1,10 @@
 """Recorded drives of a four-wheel rover with their true path, as runs of windows.
 
-A log is a table `t_s,enc1_rad..enc4_rad,compass_deg,gyro_z_deg_s,pitch_deg,roll_deg,...`; encoders at the
-wheels in the order front left, front right, rear left, rear right; pitch nose up, roll left side up. The
-truth is a second table `t_s,x_m,y_m,psi_rad,...` in the same folder, with the name of the log and `truth` in
-it, or the only one of the folder. The truth may also be in the same table; logs of this software contain it.
+A log is a table `t_s,position1_rad..position4_rad,heading_deg,yaw_rate_deg_s,pitch_deg,roll_deg,...`;
+encoders at the wheels in the order front left, front right, rear left, rear right; pitch nose up, roll left
+side up. The truth is a second table `t_s,x_m,y_m,yaw_rad,...` in the same folder, with the name of the log
+and `truth` in it, or the only one of the folder. The truth may also be in the same table; logs of this
+software contain it.
 """
 
 import math
@@ -32,7 +33,7 @@ from rover_hil.gap.data.stretches import stretches, windows_between
 from sim_backends.models.four_wheel_drive.model import WHEELS
 from sim_backends.models.interface import Array, Run
 
-POSE = ("x_m", "y_m", "psi_rad")
+POSE = ("x_m", "y_m", "yaw_rad")
 LABELS = ("wheel_radius_m", "track_m")
 
 
@@ -44,11 +45,13 @@ def read_four_wheel_runs(path: Path) -> list[Run]:
     """
     among = table_files(path if path.is_dir() else path.parent)
     tables = {file: read_columns(file) for file in among}
-    logs = [file for file in table_files(path) if "enc1_rad" in tables[file]]
+    logs = [file for file in table_files(path) if "position1_rad" in tables[file]]
     if not logs:
-        raise ConfigError(f"{path} holds no log: a table with t_s and enc1_rad is needed")
+        raise ConfigError(f"{path} holds no log: a table with t_s and position1_rad is needed")
     truths = [
-        file for file, columns in tables.items() if "enc1_rad" not in columns and set(POSE) <= set(columns)
+        file
+        for file, columns in tables.items()
+        if "position1_rad" not in columns and set(POSE) <= set(columns)
     ]
     runs = []
     for file in logs:
@@ -80,7 +83,7 @@ def four_wheel_run(name: str, columns: Columns, truth: Columns, facts: Mapping[s
     Raises:
         ConfigError: A column is missing, or times do not rise.
     """
-    turned = [f"enc{wheel}_rad" for wheel in WHEELS]
+    turned = [f"position{wheel}_rad" for wheel in WHEELS]
     need(columns, ("t_s", *turned), name, "odometry needs the wheels")
     need(truth, ("t_s", *POSE), f"truth of {name}", "odometry is compared with the true pose")
     t_s, true_s = columns["t_s"], truth["t_s"]
@@ -93,12 +96,12 @@ def four_wheel_run(name: str, columns: Columns, truth: Columns, facts: Mapping[s
         )
     rows = whole_rows(columns, turned)
     recorded = {one: values[rows] for one, values in columns.items()}
-    gaps = missing_values(recorded, (*turned, "gyro_z_deg_s", "pitch_deg", "roll_deg"), name)
+    gaps = missing_values(recorded, (*turned, "yaw_rate_deg_s", "pitch_deg", "roll_deg"), name)
     windows = windows_between(t_s[rows], true_s[has_pose], name)
-    x_m, y_m, psi_rad = (truth[one][has_pose] for one in POSE)
-    heading = np.unwrap(psi_rad)
+    x_m, y_m, yaw_rad = (truth[one][has_pose] for one in POSE)
+    heading = np.unwrap(yaw_rad)
     forward, left, turn = body_rates(windows, true_s[has_pose], x_m, y_m, heading)
-    inputs = {f"wheel_{wheel}_rad_s": windows.rate(t_s, columns[f"enc{wheel}_rad"]) for wheel in WHEELS}
+    inputs = {f"wheel_{wheel}_rad_s": windows.rate(t_s, columns[f"position{wheel}_rad"]) for wheel in WHEELS}
     inputs |= {f"{one}_rad": _tilt(windows, columns, one) for one in ("pitch", "roll")}
     inputs["heading_rad"] = np.interp(windows.middle_s, true_s[has_pose], heading)
     inputs["true_turn_rad_s"] = turn
@@ -131,7 +134,7 @@ def _truth_of(log: Path, truths: Sequence[Path], logs: Sequence[Path]) -> Path:
     if len(in_folder) == 1 and sum(1 for one in logs if one.parent == log.parent) == 1:
         return in_folder[0]
     raise ConfigError(
-        f"{log} has no truth in its folder: add a table with t_s, x_m, y_m, psi_rad, named "
+        f"{log} has no truth in its folder: add a table with t_s, x_m, y_m, yaw_rad, named "
         f"{log.name.split('.csv')[0]}_truth.csv"
     )
 
@@ -163,10 +166,10 @@ def _conditions(inputs: Mapping[str, Array], forward: Array) -> dict[str, float]
 def _sensors(windows: Windows, columns: Columns, true_s: Array, heading: Array) -> dict[str, Array]:
     """Return the readings of the gyro, and the error of the compass."""
     t_s, found = columns["t_s"], {}
-    gyro = columns.get("gyro_z_deg_s")
+    gyro = columns.get("yaw_rate_deg_s")
     if gyro is not None and np.isfinite(gyro).any():
         found["gyro_deg_s"] = windows.mean(t_s, gyro)
-    compass = columns.get("compass_deg")
+    compass = columns.get("heading_deg")
     if compass is not None and np.isfinite(compass).any():
         error = compass - np.degrees(np.interp(t_s, true_s, heading))
         wrapped = (error + 180.0) % 360.0 - 180.0

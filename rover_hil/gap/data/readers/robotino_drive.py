@@ -4,8 +4,8 @@
   The camera repeats some poses; such rows are left out.
 - Averages of the paper (BrOleg5/Slippage-compensation): one row per half second, motor speeds in rpm, steps
   of the camera in mm; rows of one direction of drive, joined, are a run.
-- Tables: `t_s`, `enc1_rad..enc3_rad` at the wheels, `x_m`, `y_m`, `psi_rad`, perhaps `current1_a..`,
-  `gyro_z_deg_s`, `surface` and `run`. Logs of drives have the same columns.
+- Tables: `t_s`, `position1_rad..position3_rad` at the wheels, `x_m`, `y_m`, `yaw_rad`, perhaps
+  `current1_a..`, `yaw_rate_deg_s`, `surface` and `run`. Logs of drives have the same columns.
 """
 
 import math
@@ -103,13 +103,13 @@ def _pixels(path: Path, prefix: str, surface: float, columns: Columns) -> Run:
     gaps = missing_values(columns, (*CAMERA_UNITS, *names), str(path))
     t_s = columns["t"] / 1000.0
     check_times(t_s, str(path))
-    x_px, y_px, psi_rad, has_pose = camera_poses(columns)
+    x_px, y_px, yaw_rad, has_pose = camera_poses(columns)
     x_m, y_m = NOMINAL_M_PER_PX * x_px, NOMINAL_M_PER_PX * y_px
     windows = windows_over(float(t_s[0]), float(t_s[has_pose][-1]), str(path))
     turned = [columns[f"m{wheel}pos"] / TICKS_PER_RAD for wheel in WHEELS]
     current = [columns[f"m{wheel}cur"] for wheel in WHEELS]
     name = prefix + path.name.split(".csv")[0]
-    pose = body_rates(windows, t_s[has_pose], x_m[has_pose], y_m[has_pose], psi_rad[has_pose])
+    pose = body_rates(windows, t_s[has_pose], x_m[has_pose], y_m[has_pose], yaw_rad[has_pose])
     inputs = _wheels(windows, t_s, turned, current)
     inputs["image_x_m"] = windows.mean(t_s, x_m) - MIDDLE_M[0]
     inputs["image_y_m"] = windows.mean(t_s, y_m) - MIDDLE_M[1]
@@ -117,27 +117,27 @@ def _pixels(path: Path, prefix: str, surface: float, columns: Columns) -> Run:
 
 
 def _posed(name: str, surface: float, columns: Columns, facts: Mapping[str, float]) -> Run:
-    turned_names = [f"enc{wheel}_rad" for wheel in WHEELS]
+    turned_names = [f"position{wheel}_rad" for wheel in WHEELS]
     need(columns, ("t_s", *turned_names), name, "odometry needs the wheels")
-    need(columns, ("x_m", "y_m", "psi_rad"), name, "odometry is compared with the true pose")
+    need(columns, ("x_m", "y_m", "yaw_rad"), name, "odometry is compared with the true pose")
     t_s = columns["t_s"]
     check_times(t_s, name)
-    has_pose = np.isfinite(columns["x_m"]) & np.isfinite(columns["y_m"]) & np.isfinite(columns["psi_rad"])
+    has_pose = np.isfinite(columns["x_m"]) & np.isfinite(columns["y_m"]) & np.isfinite(columns["yaw_rad"])
     if has_pose.sum() < DATA.windows.least:
         raise ConfigError(
             f"{name} has {int(has_pose.sum())} true poses: record one with a camera above the rover"
         )
     rows = whole_rows(columns, turned_names)
-    optional = (*(f"current{wheel}_a" for wheel in WHEELS), "gyro_z_deg_s")
+    optional = (*(f"current{wheel}_a" for wheel in WHEELS), "yaw_rate_deg_s")
     recorded = {one: values[rows] for one, values in columns.items()}
     gaps = missing_values(recorded, (*turned_names, *optional), name)
     windows = windows_between(t_s[rows], t_s[has_pose], name)
     currents = [np.abs(columns.get(f"current{wheel}_a", np.zeros(t_s.size))) for wheel in WHEELS]
     wheels = _wheels(windows, t_s, [columns[one] for one in turned_names], currents)
-    pose = body_rates(windows, t_s[has_pose], *(columns[one][has_pose] for one in ("x_m", "y_m", "psi_rad")))
+    pose = body_rates(windows, t_s[has_pose], *(columns[one][has_pose] for one in ("x_m", "y_m", "yaw_rad")))
     measured = _named(pose)
-    if "gyro_z_deg_s" in columns:
-        measured["gyro_rad_s"] = windows.mean(t_s, np.radians(columns["gyro_z_deg_s"]))
+    if "yaw_rate_deg_s" in columns:
+        measured["gyro_rad_s"] = windows.mean(t_s, np.radians(columns["yaw_rate_deg_s"]))
     if "surface" in columns:
         surface = float(columns["surface"][0])
     return replace(_run(name, surface, windows, wheels, measured, facts), missing=gaps)

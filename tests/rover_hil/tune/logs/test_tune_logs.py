@@ -204,7 +204,7 @@ def test_a_truth_that_begins_after_the_first_motion_is_no_judge(
         return lambda self, name: readings(self, "none" if name in hidden else name)
 
     monkeypatch.setattr(Drive, "true_poses", late)
-    for hidden in ((), ("enc1_rad", "enc2_rad"), ("enc1_rad", "speed1_rad_s")):
+    for hidden in ((), ("position1_rad", "position2_rad"), ("position1_rad", "speed1_rad_s")):
         monkeypatch.setattr(Channels, "__getitem__", without(hidden))
         begin_s = 2.0  # the rover stands for three seconds
         read_judged_logs([tmp_path / logs[0]], config, 5.0)
