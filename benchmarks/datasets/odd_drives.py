@@ -3,12 +3,12 @@
     python -m tests.nature.odd_drives FOLDER --first SEED
     python -m benchmarks.datasets.odd_drives FOLDER --record record.json
 
-Each folder holds an input and `answer.json`, written before any import. The import runs as a user runs it, one
-at a time. A refusal, a data-quality finding that changed something, and a contradiction are statements. What
-a drive cannot show, and empty cells, are none. The cause is reported if a statement matches one of `words`. It
-is first if the first data-quality finding or the first contradiction does. `--judge record.json` prints the
-table of an earlier run again. Exit code 1: a drive is silently wrong, fewer than 85 % of the causes are
-reported first, or a sound drive has a finding.
+Each folder holds an input and `answer.json`, written before any import. The import runs as a user runs
+it, one at a time. A refusal, a data-quality finding that changed something, and a contradiction are
+statements. What a drive cannot show, and empty cells, are none. The cause is reported if a statement
+matches one of `words`. It is first if the first data-quality finding or the first contradiction does.
+`--judge record.json` prints the table of an earlier run again. Exit code 1: a drive is silently wrong,
+fewer than 85 % of the causes are reported first, or a sound drive has a finding.
 """
 
 import argparse
