@@ -222,9 +222,9 @@ class Table:
             return
         result = verdict(imported, answer)
         self.counts.setdefault(answer["class"], Counter())[result] += 1
-        said = " | ".join(imported.statements()) or "nothing"
+        reported = " | ".join(imported.statements()) or "nothing"
         if result not in RIGHT:
-            self.misses.append(f"[{result}] {name}: {answer['cause']} -> {said}")
+            self.misses.append(f"[{result}] {name}: {answer['cause']} -> {reported}")
         blames = [text for text in imported.statements() if _is_blame(text, answer)]
         if blames:
             self.blames.append(f"{name}: {' | '.join(blames)}")
