@@ -35,6 +35,14 @@ MOST_SIGMA = 3.0
 MOST_SHARE = 0.1
 UNDETECTABLE = "cannot be seen"
 NO_READING = "no measurement"
+# Rows without a position, and ground truth beside the drive, are no fault of a drive.
+INFORMATIVE = ("no usable numbers", "true poses before the first or behind the last row")
+# A text that leaves open which of several unlike causes it is does not report one that the drive decides.
+UNDECIDED = (
+    "no signal, wrong axis",
+    "or left and right exchanged",
+    "more than one wheel reversed or exchanged",
+)
 PROGRESS = re.compile(r"^\s*\d+\.\d s  .*$", re.MULTILINE)
 FIRST, LATER, SILENT, REGION = "first", "later", "silent, right", "in the region"
 UNREPORTED, OTHER, BLAME, WRONG = "not reported", "other finding", "wrong blame", "silently wrong"
@@ -50,7 +58,8 @@ class Imported:
     oddities: list[str] = field(default_factory=list)
     undetectable: list[str] = field(default_factory=list)
     findings: list[str] = field(default_factory=list)
-    later: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     start: list[float] = field(default_factory=list)
     end: list[float] = field(default_factory=list)
     covariance: list[float] = field(default_factory=list)
@@ -61,7 +70,7 @@ class Imported:
 
     def statements(self) -> list[str]:
         """Return all statements in the order in which they are printed."""
-        return [text for text in (self.refusal, *self.oddities, *self.findings, *self.later) if text]
+        return [text for text in (self.refusal, *self.oddities, *self.findings, *self.doubts) if text]
 
 
 def _command(folder: Path, arguments: list[str], log: Path) -> list[str]:
@@ -91,13 +100,18 @@ def run_import(folder: Path, arguments: list[str]) -> Imported:
 def _reported(result: Any) -> Imported:
     """Return the statements in the result of an import."""
     drive = result[0] if isinstance(result, list) else result
-    imported = Imported(later=[_text(entry) for key in ("doubts", "notes") for entry in drive.get(key, [])])
-    imported.findings = [_text(entry) for entry in drive.get("findings", [])]
+    imported = Imported(
+        findings=[_text(entry) for entry in drive.get("findings", [])],
+        doubts=[_text(entry) for entry in drive.get("doubts", [])],
+        notes=[_text(entry) for entry in drive.get("notes", [])],
+    )
     for oddity in drive.get("oddities", []):
         text = f"{oddity['what']} ({oddity['where']}; {oddity['count']}; {oddity['done']})"
         if oddity["done"].startswith(UNDETECTABLE):
             imported.undetectable.append(text)
-        elif oddity["done"] != NO_READING:
+        elif oddity["done"] == NO_READING or text.startswith(INFORMATIVE):
+            imported.notes.append(text)
+        else:
             imported.oddities.append(text)
     return imported
 
@@ -166,18 +180,23 @@ def matches(text: str, patterns: list[str]) -> bool:
     return any(re.search(pattern, text, re.IGNORECASE) for pattern in patterns)
 
 
+def reports(text: str, answer: dict[str, Any]) -> bool:
+    """Return whether a text reports the cause of a drive."""
+    is_undecided = answer["decidable"] and any(phrase in text for phrase in UNDECIDED)
+    return not is_undecided and matches(text, answer["words"])
+
+
 def verdict(imported: Imported, answer: dict[str, Any]) -> str:
     """Return what became of a drive with a fault."""
-    words, wrong_words = answer["words"], answer["not_words"]
     statements = imported.statements()
-    if any(matches(text, words) for text in imported.heads()):
+    if any(reports(text, answer) for text in imported.heads()):
         return FIRST
-    if any(matches(text, words) for text in statements):
+    if any(reports(text, answer) for text in statements):
         return LATER
     error = end_error(imported, answer)
-    if not answer["decidable"] and _is_honest(imported, words, error):
+    if not answer["decidable"] and _is_honest(imported, answer["words"], error):
         return REGION
-    if any(matches(text, wrong_words) for text in statements):
+    if any(_is_blame(text, answer) for text in statements):
         return BLAME
     is_wrong = error is not None and error.is_wrong
     if statements:
@@ -222,7 +241,7 @@ class Table:
             return
         result = verdict(imported, answer)
         self.counts.setdefault(answer["class"], Counter())[result] += 1
-        reported = " | ".join(imported.statements()) or "nothing"
+        reported = " | ".join(imported.statements()) or f"nothing; notes: {' | '.join(imported.notes)}"
         if result not in RIGHT:
             self.misses.append(f"[{result}] {name}: {answer['cause']} -> {reported}")
         blames = [text for text in imported.statements() if _is_blame(text, answer)]
@@ -235,8 +254,8 @@ class Table:
         false = sound_findings(imported)
         if false:
             self.false.append(f"{name}: {' | '.join(false)}")
-        if imported.oddities or imported.later:
-            self.notes.append(f"{name}: {' | '.join([*imported.oddities, *imported.later])}")
+        if imported.oddities or imported.doubts:
+            self.notes.append(f"{name}: {' | '.join([*imported.oddities, *imported.doubts])}")
 
     def total(self) -> Counter[str]:
         """Return the verdicts of all classes."""
@@ -252,7 +271,7 @@ class Table:
             ("misses", self.misses),
             ("statements that blame something else, in any drive", self.blames),
             (f"findings of {self.sound} sound drives", self.false),
-            ("notes on sound drives, not counted", self.notes),
+            ("repairs and warnings of sound drives, not counted", self.notes),
             (f"end off by {MOST_SIGMA:g} sd and {MOST_SHARE:.0%} of the distance", self.wrong_paths),
         ):
             print(f"\n{title}: {len(lines)}")
@@ -266,7 +285,7 @@ class Table:
 
 def _is_blame(text: str, answer: dict[str, Any]) -> bool:
     """Return whether a statement blames something else, and does not report the cause."""
-    return matches(text, answer["not_words"]) and not matches(text, answer["words"])
+    return matches(text, answer["not_words"]) and not reports(text, answer)
 
 
 def main() -> int:
