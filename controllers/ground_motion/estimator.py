@@ -238,7 +238,7 @@ class GroundMotionEstimator:
         """Return the motion of the pair, and why there is none."""
         wheel_m = self._travel_m
         if wheel_m is not None and not self._left_out and np.hypot(*wheel_m) > self._most_travel_m:
-            return None, self._too_far(float(np.hypot(*wheel_m)))
+            return None, _too_far(float(np.hypot(*wheel_m)), self._most_travel_m)
         reason = ""
         order, second = self._frames.choose(self._last_m)
         for reference in order:
@@ -250,7 +250,7 @@ class GroundMotionEstimator:
                     found = self._with_second(found, second, picture)
                 length_m = float(np.hypot(found.motion.forward_m, found.motion.left_m))
                 if length_m > self._most_travel_m:
-                    return None, self._too_far(length_m)
+                    return None, _too_far(length_m, self._most_travel_m)
                 return found, ""
         return None, reason
 
@@ -318,12 +318,6 @@ class GroundMotionEstimator:
         turned = self._turned * np.array([[-1.0, 1.0, -1.0], [1.0, 1.0, 1.0]])
         found, _ = self._compare(self._frames.last, picture, self._starts(wheel_m)[0], turned)
         return "" if found is None else self._wheels.see_mirrored(turn_rad, found.motion)
-
-    def _too_far(self, travel_m: float) -> str:
-        return (
-            f"{travel_m:.2f} m between two frames, at most {self._most_travel_m:.2f} m: take more frames per "
-            "second, or drive more slowly"
-        )
 
     def _starts(self, wheel_m: Floats | None) -> list[Floats]:
         """Return motions of the pair to start from: likely ones, and others for when these fail."""
@@ -444,3 +438,10 @@ def _moved(motion: PatchMotion) -> tuple[float, float]:
 
 def _with_sd(motion: PatchMotion, sd: Floats) -> PatchMotion:
     return replace(motion, forward_sd_m=float(sd[0]), left_sd_m=float(sd[1]))
+
+
+def _too_far(travel_m: float, most_m: float) -> str:
+    return (
+        f"{travel_m:.2f} m between two frames, at most {most_m:.2f} m: take more frames per second, or drive "
+        "more slowly"
+    )

@@ -94,7 +94,7 @@ def replay_log(
         result = _run_again(log, config, estimated, lambda: progress.update(task, completed=log.bytes_read))
     if result.cycles == 0:
         raise LogError(f"log {path} holds no complete cycle")
-    result.findings += [] if log.origin in DRIVEN else truth_findings(path)
+    result.findings[:0] = [] if log.origin in DRIVEN else truth_findings(path)
     if as_json:
         print_json(_record(result, log))
     else:

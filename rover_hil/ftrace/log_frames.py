@@ -107,7 +107,7 @@ def _wheel_speeds_m_s(radius_m: float, rows: Channels, t_ns: Times) -> Array:
     window_ns = SPEED_WINDOW_S * 1e9
     turned = []
     for name in rows.names():
-        if name.startswith("enc"):
+        if name.startswith("position"):
             readings = rows[name]
             order = np.argsort(readings.t_ns, kind="stable")
             times, angles = readings.t_ns[order], readings.value[order]

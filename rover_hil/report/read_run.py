@@ -288,7 +288,7 @@ class _Collector:
             mode=self._modes,
             reason=self._reasons,
             suspicion=self._suspicions,
-            findings=[*self._findings.found, *self._truth_findings(log)],
+            findings=[*self._truth_findings(log), *self._findings.found],
             limit=self._limits,
             late_us=times_us[:, 0],
             work_us=times_us[:, 1],

@@ -91,7 +91,7 @@ def import_file(
         for contents in write(file, log):
             report(f"importing {file.name}, {seconds(contents.end_ns - START_NS):.0f} s are done")
         if contents.has_estimate:
-            contents.findings += truth_findings(log)
+            contents.findings[:0] = truth_findings(log)  # what it decides comes first
         return contents
 
     return read_in_child(file, limits.of(file), work, show_steps(f"reading {file.name}"))

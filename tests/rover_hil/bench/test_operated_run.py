@@ -126,7 +126,7 @@ def test_without_the_records_of_the_operator_the_replay_differs(
     path = drive(quick(), tmp_path, Script(PLAN, 120))
     records = operator_records(path)
     assert [record["gains"] for record in records] == [PLAN[n].gains for n in (40, 60, 80)]
-    monkeypatch.setattr("rover_hil.run.replay._Replayer._operate", lambda *arguments: None)
+    monkeypatch.setattr("rover_hil.run.replay.Replayer._operate", lambda *arguments: None)
     assert "estimate.mode" in differences(path)
 
 

@@ -40,6 +40,7 @@ from rover_hil.drives.formats.rosbag.bag import Bag, BagMessage
 from rover_hil.drives.formats.rosbag.joints import Joint, JointSurvey, values_of
 from rover_hil.drives.formats.rosbag.topics import NAV_SAT_FIX, ODOMETRY, Topics
 from rover_hil.drives.formats.wheel_frames import write_mapping
+from rover_hil.drives.quality.twist_check import twist_fault
 from rover_hil.recording.images import decode_picture
 from rover_hil.recording.schema import TruthRecord
 from rover_hil.run.composition import ReplayLinks
@@ -90,6 +91,7 @@ def write_bag_as_log(
             contents.oddities.append(Oddity(what=what, where="messages", count=1, done=REPAIRED))
         else:
             contents.oddities += clock.oddities()
+        contents.oddities += _twist_oddities(bag, topics)
         lost = _lost_poses(bag, topics, contents)
         held = frozenset(section for section, _, _ in topics.mapped())
         contents.evidence = Evidence(sections=held, has_own_turn=topics.wheels is not None)
@@ -142,6 +144,25 @@ def _lost_poses(bag: Bag, topics: Topics, contents: Contents) -> frozenset[int]:
         np.array([(math.nan,) * 3 if pose is None else pose for pose in poses]).reshape(-1, 3).T
     )
     return invented_poses(x_m, y_m, yaw_rad, contents.oddities)
+
+
+def _twist_oddities(bag: Bag, topics: Topics) -> Iterator[Oddity]:
+    """Yield which topics of poses have a twist that contradicts them."""
+    for section, topic, _ in topics.mapped():
+        if section not in ("odometry", "fixes", "truth"):
+            continue
+        rows: list[tuple[float, ...]] = []
+        for message in bag.messages(section):
+            pose = plane_pose(message.kind, message.content) if message.kind == ODOMETRY else None
+            if pose is not None:
+                twist = message.content.twist.twist
+                t_ns = message.t_ns if message.stamp_ns is None else message.stamp_ns
+                rows.append((t_ns / 1e9, *pose, twist.linear.x, twist.linear.y, twist.angular.z))
+        table = np.array(rows).reshape(-1, 7)
+        table = table[np.isfinite(table).all(axis=1)]
+        table = table[np.concatenate(([True], np.diff(table[:, 0]) > 0.0))[: len(table)]]
+        if fault := twist_fault(table[:, 0], table[:, 1:4], table[:, 4:]):
+            yield Oddity(what=fault, where=topic.topic, count=1, done=TOLD)
 
 
 class _Stamps:
@@ -305,6 +326,7 @@ class _Feeder:
                 content.status.status < 0
                 or not all(map(math.isfinite, place_deg))
                 or abs(place_deg[0]) > 90.0
+                or place_deg == (0.0, 0.0)  # the receiver had none
             ):
                 return None
             self._origin_deg = self._origin_deg or place_deg

@@ -13,7 +13,16 @@ from drivers.errors import LogError
 from drivers.settings import Settings
 from rover_hil.config import Config
 from rover_hil.drives.arrays import Array, Flags
-from rover_hil.drives.clocks import Clock, spread, unwrapped
+from rover_hil.drives.clocks import (
+    Clock,
+    back_fault,
+    counted_anew,
+    set_ahead,
+    spread,
+    unit_fault,
+    unset_rows,
+    unwrapped,
+)
 from rover_hil.drives.files.array_table import Table, read_table
 from rover_hil.drives.files.csv_table import CsvTable
 from rover_hil.drives.files.flight_table import FlightTable
@@ -58,6 +67,7 @@ class Drive:
         rows: In the order of their times.
         quantities: Which the wheels have.
         filter: Noise of the sensors, where the drive itself shows it; else None.
+        is_gyro_coarse: Whether its readings repeat although it is alive, see `COARSE_RAD_S`.
         notes: What a user must know of it, one sentence each.
         oddities: Data-quality findings, and what was done about each.
     """
@@ -65,6 +75,7 @@ class Drive:
     rows: list[Row] = field(default_factory=list)
     quantities: tuple[str, ...] = ("Position",)
     filter: FilterSettings | None = None
+    is_gyro_coarse: bool = False
     notes: list[str] = field(default_factory=list)
     oddities: list[Oddity] = field(default_factory=list)
 
@@ -96,7 +107,7 @@ class DriveTable:
         self.drive = Drive()
         self._others: dict[str, Table] = {}
         if isinstance(self.table, CsvTable):
-            self.table = self._without_cut_row(self.table)
+            self.table = self._with_set_clock(self._without_cut_row(self.table))
         if isinstance(self.table, FlightTable):
             oddities = self.table.oddities.items()
             self.drive.oddities += [Oddity(what=what, count=count, done=TOLD) for what, count in oddities]
@@ -104,9 +115,11 @@ class DriveTable:
         self._start_s = float(times[0])
         values = self._values()
         self.used = self._not_repeated(times, values)
-        clock = spread(times[self.used], values[self.used])
-        self._note_clock(clock)
-        times = clock.times_s
+        times = times[self.used]
+        for judge in (spread, set_ahead):
+            clock = judge(times, values[self.used])
+            self._note_clock(clock)
+            times = clock.times_s
         self._elapsed_s = np.diff(times)
         self.t_ns = self.nanoseconds(times)
 
@@ -138,6 +151,19 @@ class DriveTable:
             return table
         self.drive.oddities.append(Oddity(what="a last row that is cut", where=table.where(-1), count=1))
         return replace(table, rows=table.rows[:-1], lines=table.lines[:-1])
+
+    def _with_set_clock(self, table: CsvTable) -> CsvTable:
+        """Return a table without rows of time 0 among others."""
+        name = self.name_of(table, self.columns.time)
+        is_unset = unset_rows(table.numbers(name, fix=FIX, is_needed=True))
+        if not is_unset.any():
+            return table
+        what = "rows of time 0 among others: their clock was not set"
+        self.drive.oddities.append(Oddity(what=what, where=name, count=int(is_unset.sum())))
+        kept = np.flatnonzero(~is_unset).tolist()
+        return replace(
+            table, rows=[table.rows[row] for row in kept], lines=[table.lines[row] for row in kept]
+        )
 
     def note_rows(self) -> None:
         """Note where rows or cells are missing."""
@@ -194,17 +220,24 @@ class DriveTable:
             LogError: They do, or are not the times of a drive.
         """
         name = self.name_of(table, time)
-        clock = unwrapped(time.sign * SI_PER_UNIT[time.unit] * table.numbers(name, fix=FIX, is_needed=True))
-        self._note_clock(clock)
-        times_s = clock.times_s
+        times_s = time.sign * SI_PER_UNIT[time.unit] * table.numbers(name, fix=FIX, is_needed=True)
+        for judge in (unwrapped, counted_anew):
+            clock = judge(times_s)
+            self._note_clock(clock)
+            times_s = clock.times_s
         back = np.flatnonzero(np.diff(times_s) < 0.0)
         if back.size:
             row = int(back[0]) + 1
+            if fault := back_fault(times_s):
+                raise LogError(f"{table.path}, column '{name}': {fault}")
             raise LogError(
                 f"{table.where(row)}, column '{name}': the time runs back by "
                 f"{times_s[row - 1] - times_s[row]:.6g} s, {back.size} times in all: divide the file there, "
                 "or name another column"
             )
+        fault = unit_fault(times_s, time.unit) if table is self.table and isinstance(table, CsvTable) else ""
+        if fault:
+            raise LogError(f"{table.path}, column '{name}': {fault}: correct the unit of the time")
         if times_s[-1] - times_s[0] > LONGEST_S:
             raise LogError(
                 f"{table.path}, column '{name}': {times_s[-1] - times_s[0]:.3g} s from the first row to the "

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from drivers.errors import LogError
 from rover_hil.drives.arrays import Array
 from rover_hil.drives.files.array_table import Table
-from rover_hil.drives.files.flight_table import FlightTable
 from rover_hil.drives.formats.fixes import invented_poses
 from rover_hil.drives.formats.oddities import Oddity
 from rover_hil.drives.formats.table.columns import (
@@ -56,13 +55,16 @@ def take_fixes(source: DriveTable, fixes: FixColumns) -> None:
 def _keep(source: DriveTable, rows: Sequence[Row], place: PlaceColumns, what: str) -> None:
     """Take the rows between the first and the last of the drive, without empty ones."""
     last_ns = source.t_ns[-1]
-    if isinstance(source.table, FlightTable):
-        rows = [row for row in rows if math.isfinite(next(iter(row.values.values()))[0])]
+    rows = [row for row in rows if math.isfinite(next(iter(row.values.values()))[0])]
     kept = [row for row in rows if 0 <= row.t_ns <= last_ns]
     if not kept:
+        file = source.table.path if place.file is None else place.file
+        if not rows:
+            raise LogError(f"{file}: no row holds numbers of the {what}: {FIX}")
         raise LogError(
-            f"{source.table.path if place.file is None else place.file}: none of the {what} lies between "
-            f"the first and the last row of {source.table.path}: correct the time columns or their units"
+            f"{file}: none of the {what} lies between the first and the last row of {source.table.path}: they "
+            f"begin {rows[0].t_ns / 1e9:.6g} s from its first row, so two clocks, as of time zones, or a wrong "
+            "unit: correct the time columns or their units"
         )
     if len(kept) < len(rows):
         outside = f"{what} before the first or behind the last row"
@@ -113,6 +115,11 @@ def _east_north_m(
     """
     from pymap3d import geodetic2enu
 
+    is_unset = (latitude_deg == 0.0) & (longitude_deg == 0.0)
+    if is_unset.any() and not is_unset.all():
+        what = "positions at latitude 0, longitude 0: the receiver had no position"
+        source.drive.oddities.append(Oddity(what=what, count=int(is_unset.sum())))
+        latitude_deg = np.where(is_unset, np.nan, latitude_deg)
     known = np.flatnonzero(np.isfinite(latitude_deg) & np.isfinite(longitude_deg))
     if not known.size:
         raise LogError(f"{table.path}: no row holds a latitude and a longitude: {FIX}")

@@ -1,10 +1,12 @@
 """The rows of a drive in SI units, from the columns of a table."""
 
+import math
 from pathlib import Path
 
 import numpy as np
 
 from rover_hil.config import Config
+from rover_hil.drives.arrays import Array
 from rover_hil.drives.formats.table.columns import SI_PER_UNIT, Columns, ImuColumns
 from rover_hil.drives.formats.table.drive_table import Drive, DriveTable
 from rover_hil.drives.formats.table.increments import take_increments, take_tricycle
@@ -41,11 +43,22 @@ def read_drive_table(path: Path, columns: Columns, rover: Config) -> Drive:
     return source.drive
 
 
+COARSE_RAD_S = math.radians(0.1)
+"""With steps of the readings above this, noise does not change them: a car's gyro on a straight road."""
+LEAST_STEPS = 2
+
+
+def _is_coarse(rates_rad_s: Array) -> bool:
+    steps_rad_s = np.diff(np.unique(rates_rad_s[np.isfinite(rates_rad_s)]))
+    return len(steps_rad_s) >= LEAST_STEPS and float(steps_rad_s.min()) > COARSE_RAD_S
+
+
 def _take_imu(source: DriveTable, imu: ImuColumns) -> None:
     values: dict[str, list[list[float]]] = {}
     held = np.zeros(len(source.t_ns), bool)
     if imu.yaw_rate is not None:
         rates = source.numbers(imu.yaw_rate) * SI_PER_UNIT[imu.yaw_rate.unit]
+        source.drive.is_gyro_coarse = _is_coarse(rates)
         zeros = np.zeros_like(rates)
         values["rate"] = np.column_stack((zeros, zeros, rates)).tolist()
         held |= np.isfinite(rates)

@@ -50,6 +50,10 @@ def write_table_as_log(
     )
     if drive.filter is not None:
         rover = rover.model_copy(update={"filter": drive.filter})
+    if drive.is_gyro_coarse:
+        contents.notes.append("the steps of the yaw rate are coarse: its readings do not show a dead gyro")
+        safety = rover.safety.model_copy(update={"gyro_stuck_s": LONGEST_S})
+        rover = rover.model_copy(update={"safety": safety})
 
     def make_feed(links: ReplayLinks) -> Callable[[Row], Iterator[TruthRecord | PoseFixSample]]:
         return _Feeder(links, kinematics, contents, columns.fixes).feed
@@ -75,6 +79,10 @@ def write_table_as_log(
             yield contents
     if not contents.used.keys() & {"wheels", "increments"}:
         raise LogError(f"{path}: no row holds a number of the wheels: name other columns")
+
+
+LONGEST_S = 3600.0
+"""The rule of readings that stay the same waits so long."""
 
 
 def _config(
