@@ -61,10 +61,11 @@ def _keep(source: DriveTable, rows: Sequence[Row], place: PlaceColumns, what: st
         file = source.table.path if place.file is None else place.file
         if not rows:
             raise LogError(f"{file}: no row holds numbers of the {what}: {FIX}")
+        begins_s = rows[0].t_ns / 1e9
         raise LogError(
-            f"{file}: none of the {what} lies between the first and the last row of {source.table.path}: they "
-            f"begin {rows[0].t_ns / 1e9:.6g} s from its first row, so two clocks, as of time zones, or a wrong "
-            "unit: correct the time columns or their units"
+            f"{file}: none of the {what} lies between the first and the last row of {source.table.path}: "
+            f"they begin {begins_s:.6g} s from its first row: two clocks, as of time zones, or a wrong unit: "
+            "correct the time columns or their units"
         )
     if len(kept) < len(rows):
         outside = f"{what} before the first or behind the last row"
