@@ -28,11 +28,20 @@ SECTIONS = {
 }
 
 
-def write_drive(kind: str, factor: float, *, is_even: bool = False, marker_rad: float = 0.0) -> None:
+def write_drive(
+    kind: str,
+    factor: float,
+    *,
+    is_even: bool = False,
+    marker_rad: float = 0.0,
+    late_s: float = 0.0,
+    slow: float = 0.0,
+) -> None:
     """Write a drive whose speed and turn swing, and its places by another clock."""
     t_s = np.arange(0.0, DURATION_S, PERIOD_S)
     swing = 0.0 if is_even else 1.0
     speed, turn = 0.8 + swing * 0.3 * np.sin(0.7 * t_s), 0.2 + swing * 0.4 * np.sin(0.31 * t_s)
+    speed += slow * np.sin(0.13 * t_s)
     yaw = np.concatenate(([0.0], np.cumsum(turn[:-1] * PERIOD_S)))
     middle = yaw + 0.5 * PERIOD_S * turn
     path = np.concatenate(([0.0], np.cumsum((speed * np.exp(1j * middle))[:-1] * PERIOD_S)))
@@ -41,7 +50,7 @@ def write_drive(kind: str, factor: float, *, is_even: bool = False, marker_rad: 
         for side in (-0.2, 0.2)
     ]
     noise = np.random.default_rng(1).normal(0.0, 0.005, (2, len(t_s)))
-    places = (factor * t_s, path.real + noise[0], path.imag + noise[1], yaw + marker_rad)
+    places = (factor * t_s + late_s, path.real + noise[0], path.imag + noise[1], yaw + marker_rad)
     write_table("drive.csv", "t,l,r", (t_s, *wheels))
     write_table("places.csv", "t,x,y,yaw", tuple(column[::4] for column in places))
     Path("columns.toml").write_text(WHEELS + SECTIONS[kind] + ROVER, "utf-8")
@@ -70,6 +79,22 @@ def test_a_clock_that_is_wrong_by_a_factor_is_named(command: Command, kind: str,
 @pytest.mark.parametrize("kind", SECTIONS)
 def test_clocks_that_agree_have_no_finding(command: Command, kind: str) -> None:
     write_drive(kind, 1.0)
+    assert findings(command, "clock") == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "late_s"), [("truth", 0.5), ("fixes", 0.5), ("truth", -0.7), ("fixes", -0.7), ("truth", 13.0)]
+)
+def test_places_that_are_late_or_early_are_named(command: Command, kind: str, late_s: float) -> None:
+    write_drive(kind, 1.0, late_s=late_s, slow=0.3)
+    (text,) = findings(command, "clock")
+    side = "late" if late_s > 0.0 else "early"
+    assert text.startswith(f"the times of the {kind} are {abs(late_s):.1f} s {side} against the wheels")
+
+
+def test_a_speed_that_repeats_itself_shows_no_offset(command: Command) -> None:
+    """Places without a yaw fit at offsets that are 9 s apart."""
+    write_drive("fixes", 1.0, late_s=13.0)
     assert findings(command, "clock") == []
 
 

@@ -24,6 +24,12 @@ FAR = 2.0
 SCALES = (0.8, 1.25)
 """With a clock that is wrong by so much or more, wheels and places must go equally far: a part of an even
 drive fits any clock, with another scale."""
+FARTHEST_S, FAR_STEP_S = 60.0, 0.5
+"""Offsets that are looked for, as of leap seconds."""
+LEAST_OFFSET_S = 0.2
+"""Two steps of the path; a smaller offset is not named."""
+LEAST_COMMON = 0.5
+"""Share of the drive that both clocks must cover."""
 LEAST_SHARE = 0.004
 """A clock is not named that is wrong by less."""
 
@@ -31,8 +37,8 @@ LEAST_SHARE = 0.004
 def clock_findings(rows: Channels, wheels: DrivePath | None) -> Iterator[FoundFinding]:
     """Yield true poses and fixes whose clock is wrong by a constant factor against that of the wheels.
 
-    Where the speed of the rover changes, its course by the wheels and by the places fits at one factor only.
-    The clocks may begin up to a second apart.
+    Where the speed of the rover changes, its course by the wheels and by the places fits at one factor and
+    one offset only.
 
     Args:
         rows: The drive.
@@ -53,6 +59,38 @@ def clock_findings(rows: Channels, wheels: DrivePath | None) -> Iterator[FoundFi
                 "correct the unit of one of the two times; this drive does not show which"
             )
             yield FoundFinding(name="clock", t_s=None, text=text)
+        elif text := _offset_fault(name, wheels, places):
+            yield FoundFinding(name="clock", t_s=None, text=text)
+
+
+def _offset_fault(name: str, wheels: DrivePath, places: DrivePath) -> str:
+    """Return by how much the times of the places are early or late, where the motion shows it."""
+    near_s = np.arange(-GREATEST_OFFSET_S, GREATEST_OFFSET_S + 0.5 * STEP_S, STEP_S)
+    far_s = np.arange(-FARTHEST_S, FARTHEST_S + 0.5 * FAR_STEP_S, FAR_STEP_S)
+    least_s = LEAST_COMMON * float(wheels.t_s[-1] - wheels.t_s[0])
+
+    def left(offset_s: float) -> float:
+        begin_s, end_s = _span(wheels, places, 1.0, offset_s)
+        return (
+            _residual_at(wheels, places, 1.0, offset_s, (begin_s, end_s))
+            if end_s - begin_s > least_s
+            else math.inf
+        )
+
+    offset_s = min([*near_s.tolist(), *far_s.tolist()], key=left)
+    if abs(offset_s) > GREATEST_OFFSET_S:
+        offset_s = min((offset_s + near_s).tolist(), key=left)
+    best, plain = left(offset_s), left(0.0)
+    # An even drive, or one that repeats itself, fits at many offsets.
+    others = min(left(each) for each in far_s.tolist() if abs(each - offset_s) > GREATEST_OFFSET_S)
+    is_shown = math.isfinite(plain) and best <= min(AGREES, BETTER * plain, BETTER * others)
+    if abs(offset_s) < LEAST_OFFSET_S or not is_shown:
+        return ""
+    side = "late" if offset_s < 0.0 else "early"
+    return (
+        f"the times of the {name} are {abs(offset_s):.1f} s {side} against the wheels, {100.0 * plain:.0f} % "
+        f"of the motion is left, {100.0 * best:.0f} % without it: correct the clock of one of the two"
+    )
 
 
 def _span(wheels: DrivePath, places: DrivePath, factor: float, offset_s: float = 0.0) -> tuple[float, float]:
@@ -68,24 +106,29 @@ def _residual(
     wheels: DrivePath, places: DrivePath, factor: float, within_s: tuple[float, float] = (-math.inf, math.inf)
 ) -> float:
     """Return the share of the motion that a clock leaves, at its best beginning; infinite without enough."""
-    least_rms = math.inf
+    offsets_s = np.arange(-GREATEST_OFFSET_S, GREATEST_OFFSET_S + 0.5 * STEP_S, STEP_S).tolist()
+    return min(_residual_at(wheels, places, factor, offset_s, within_s) for offset_s in offsets_s)
+
+
+def _residual_at(
+    wheels: DrivePath, places: DrivePath, factor: float, offset_s: float, within_s: tuple[float, float]
+) -> float:
+    """Return the share of the motion that a clock with a beginning leaves; infinite without enough."""
     start_s = wheels.t_s[0]
-    for offset_s in np.arange(-GREATEST_OFFSET_S, GREATEST_OFFSET_S + 0.5 * STEP_S, STEP_S).tolist():
-        begin_s, end_s = _span(wheels, places, factor, offset_s)
-        begin_s, end_s = max(begin_s, within_s[0]), min(end_s, within_s[1])
-        window_s = min(LONGEST_WINDOW_S, (end_s - begin_s) / LEAST_WINDOWS)
-        if window_s < STEP_S:
-            continue
-        edges_s = np.arange(begin_s, end_s, window_s)
-        said_m, said_rad = wheels.steps(edges_s)
-        true_m, true_rad = places.steps(start_s + factor * (edges_s - start_s - offset_s))
-        pairs = [(said_m, true_m)] if places.yaw_rad is None else [(said_m, true_m), (said_rad, true_rad)]
-        scale = true_m.sum() / max(float(said_m.sum()), 1e-9)
-        if max(factor, 1.0 / factor) >= FAR and not SCALES[0] <= scale <= SCALES[1]:
-            continue
-        residuals = [_left(own, true) for own, true in pairs]
-        least_rms = min(least_rms, math.sqrt(sum(residuals) / len(residuals)))
-    return least_rms
+    begin_s, end_s = _span(wheels, places, factor, offset_s)
+    begin_s, end_s = max(begin_s, within_s[0]), min(end_s, within_s[1])
+    window_s = min(LONGEST_WINDOW_S, (end_s - begin_s) / LEAST_WINDOWS)
+    if window_s < STEP_S:
+        return math.inf
+    edges_s = np.arange(begin_s, end_s, window_s)
+    said_m, said_rad = wheels.steps(edges_s)
+    true_m, true_rad = places.steps(start_s + factor * (edges_s - start_s - offset_s))
+    pairs = [(said_m, true_m)] if places.yaw_rad is None else [(said_m, true_m), (said_rad, true_rad)]
+    scale = true_m.sum() / max(float(said_m.sum()), 1e-9)
+    if max(factor, 1.0 / factor) >= FAR and not SCALES[0] <= scale <= SCALES[1]:
+        return math.inf
+    residuals = [_left(own, true) for own, true in pairs]
+    return math.sqrt(sum(residuals) / len(residuals))
 
 
 def _left(own: Array, true: Array) -> float:

@@ -129,9 +129,10 @@ def compare_with_truth(rows: Channels, rover: RoverSettings) -> list[FoundFindin
     """
     kinematics = make_kinematics(rover)
     path = path_of_wheels(rows, kinematics)
-    findings = [*_speed_findings(rows), *clock_findings(rows, path)]
+    clocks = list(clock_findings(rows, path))
+    findings = [*_speed_findings(rows), *clocks]
     windows = _windows(rows, kinematics)
-    if windows is None:
+    if windows is None or clocks:  # with another clock, all other differences are its consequences
         return findings
     turned_rad, steering_rad, truth = windows
     effects = effects_of(kinematics, steering_rad)
