@@ -174,7 +174,6 @@ class GroundMotionEstimator:
             turn_rad=float(self._turned[0, 2]),
             has_gyro=self._has_gyro,
             duration_s=seconds(t_ns - before_ns),
-            points_ahead=self._points_ahead(motion, picture),
         )
         moved_m = np.array([motion.forward_m, motion.left_m])
         reason = self._proof.why_not(structure, self._travel_m, moved_m, is_fixed=found.is_fixed)
@@ -285,25 +284,6 @@ class GroundMotionEstimator:
             motion=_with_sd(motion, ratio * first_sd * other_sd / np.hypot(first_sd, other_sd)),
             pose=pose,
             sd=ratio / np.sqrt(1.0 / first.sd**2 + 1.0 / (other.sd**2 + second.sd**2)),
-        )
-
-    def _points_ahead(self, motion: PatchMotion, picture: Image) -> int:
-        """Return how many points move farther with the wheels than the motion that was found.
-
-        What a wet surface mirrors lies below the ground, and moves less than the ground. Earlier frames are
-        as far apart as the found motion says, so that only the last one shows the points of another.
-        """
-        wheel_m, tracks = self._travel_m, motion.tracks
-        if wheel_m is None or tracks is None:
-            return 0
-        others = ~tracks.follows
-        if (tracks.tracked & others).sum() < self._parameters.validity.points_ahead:
-            return 0
-        turn_rad = (*self._turned[0, :2].tolist(), motion.turn_rad)
-        moved_m = np.array(_moved(motion))
-        starts_m = self._starts(wheel_m)[0]
-        return self._flow.points_ahead(
-            self._frames.last.picture, picture, starts_m, turn_rad, moved_m, wheel_m, others
         )
 
     def _mirrored(self, picture: Image) -> str:

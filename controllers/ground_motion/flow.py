@@ -170,7 +170,7 @@ class GroundFlow:
         base, design = self._linearised(turn_rad[2])
         angles = np.array([0.0, *turn_rad[:2]])
         turned = base + design[:, :, 2:] @ angles
-        moved, tracked = self._moved(before, after, self._pixels, turned, starts_m)
+        moved, tracked = self._moved(before, after, turned, starts_m)
         counts = np.ones(len(tracked), np.bool_) if left_out is None else ~left_out
         usable = np.asarray(tracked & counts[:, None], np.bool_)
         information = np.diag(1 / np.array([turn_sd_rad[2], *turn_sd_rad[:2]]) ** 2)
@@ -197,45 +197,6 @@ class GroundFlow:
             return Followed(moving=moving, fixed=None)
         return Followed(moving=moving, fixed=self._fit(samples, fixed))
 
-    def points_ahead(
-        self,
-        before: Image,
-        after: Image,
-        starts_m: Floats,
-        turn_rad: Angles,
-        moved_m: Floats,
-        wheel_m: Floats,
-        others: Mask,
-    ) -> int:
-        """Return how many points share a motion that is farther along the wheels' than the measured one.
-
-        Args:
-            before: Fine structure of the earlier ground, in grey levels.
-            after: That of the later ground.
-            starts_m: Motions to start from, rows of forward and left.
-            turn_rad: Angles turned about x, y, z.
-            moved_m: The measured motion, forward and left.
-            wheel_m: That of the wheels.
-            others: Points that do not follow the measured motion.
-        """
-        numbers, length_m = self._parameters, float(np.hypot(*wheel_m))
-        if not length_m:
-            return 0
-        base, design = self._linearised(turn_rad[2])
-        turned = (base + design[:, :, 3:] @ np.array(turn_rad[:2]))[others]
-        starts_m = np.vstack([starts_m, moved_m])
-        moved, tracked = self._moved(before, after, self._pixels[others], turned, starts_m)
-        shifts = turned[:, None] - moved
-        apart_m = np.hypot(shifts[..., 0] - moved_m[0], shifts[..., 1] - moved_m[1])
-        fits = tracked & (apart_m < 2.0 * numbers.group_pixels * self._pixel_m)
-        ahead, left = wheel_m / length_m
-        along_m, across_m = shifts @ (ahead, left), shifts @ (-left, ahead)
-        slack_m = numbers.ahead_pixels * self._pixel_m
-        farther = tracked & ~fits.any(axis=1)[:, None] & (along_m < numbers.most_ahead * length_m + slack_m)
-        farther &= along_m > max(float(moved_m @ (ahead, left)), 0.0) + slack_m
-        farther &= np.abs(across_m) < numbers.ahead_aside * length_m + slack_m
-        return int(self._vote(shifts[farther], np.nonzero(farther)[0])[0]) if farther.any() else 0
-
     def points_m(self) -> Floats:
         """Return the points of the ground that are followed, behind and left of the patch's origin."""
         return np.asarray((self._points + self._reference) * (-1.0, 1.0), np.float64)
@@ -251,14 +212,12 @@ class GroundFlow:
         normal[2:, 2:] += np.diag(1 / np.array([turn_sd_rad[2], *turn_sd_rad[:2]]) ** 2)
         return np.asarray(np.linalg.solve(normal, design.T @ moved_m.reshape(-1) / sd_m**2), np.float64)
 
-    def _moved(
-        self, before: Image, after: Image, points: Floats, turned: Floats, starts_m: Floats
-    ) -> tuple[Floats, Mask]:
+    def _moved(self, before: Image, after: Image, turned: Floats, starts_m: Floats) -> tuple[Floats, Mask]:
         """Return how the points moved ahead and left (points x starts x 2), and which could be followed."""
         guess = turned[:, None] - starts_m[None]
-        first = points[:, None] + np.stack([guess[..., 1], -guess[..., 0]], axis=-1) / self._pixel_m
+        first = self._pixels[:, None] + np.stack([guess[..., 1], -guess[..., 0]], axis=-1) / self._pixel_m
         shape = first.shape
-        pixels = np.repeat(points[:, None], shape[1], axis=1).reshape(-1, 2).astype(np.float32)
+        pixels = np.repeat(self._pixels[:, None], shape[1], axis=1).reshape(-1, 2).astype(np.float32)
         found, status, _ = cv2.calcOpticalFlowPyrLK(
             before, after, pixels, first.reshape(-1, 2).astype(np.float32), winSize=self._window, maxLevel=1,
             criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 12, 0.02),
@@ -266,7 +225,7 @@ class GroundFlow:
         )  # fmt: skip
         places = np.asarray(found, np.float64).reshape(-1, 2)
         usable = (np.asarray(status).ravel() > 0) & self._is_visible(places)
-        apart = (places.reshape(shape) - points[:, None]) * self._pixel_m
+        apart = (places.reshape(shape) - self._pixels[:, None]) * self._pixel_m
         return np.stack([-apart[..., 1], apart[..., 0]], axis=-1), usable.reshape(shape[:2])
 
     def _fit(self, samples: _Samples, group: Mask) -> PatchMotion | None:

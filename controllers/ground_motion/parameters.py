@@ -54,9 +54,6 @@ class FlowParameters:
     most_scale_pixels: float = 1.0  # greatest scatter of points that follow the ground
     inlier_weight: float = 0.2  # least weight of a point that moves with the ground
     covariance_factor: float = 1.75  # errors of points are alike; windows that overlap add to it
-    ahead_pixels: float = 0.9  # farther than the measured motion: another that is ahead of it, at most
-    most_ahead: float = 1.1  # times the wheels' travel ahead, and
-    ahead_aside: float = 0.15  # of it aside
     overrun: float = 1.5  # greatest motion, over the wheels': beyond, points have lost the ground
     aside: float = 0.8  # greatest motion across the wheels', over theirs: slip angles of 39 deg
 
@@ -82,7 +79,6 @@ class ValidityParameters:
     clear_still_sd_pixels: float = 0.03  # windows on specks and ground scatter more
     most_ambiguous: float = 0.6  # points that another motion explains, over those of the motion: median of
     ambiguous_pairs: int = 5  # so many
-    points_ahead: int = 9  # of another motion ahead, median of as many: 4 to 7 agree by chance
     most_shared: float = 0.5  # of the points that move, with those that do not: two motions of one body
     baseline_pixels: float = 8.0  # frames to compare with are at least this far apart, where there are any
     coarse_baseline_pixels: float = 3.0  # where rays are flat: ground looks otherwise after some metres

@@ -28,7 +28,6 @@ class ComparedPair(NamedTuple):
         turn_rad: By the gyro.
         has_gyro: Whether it has measured all axes.
         duration_s: From frame to frame.
-        points_ahead: Points that share a motion farther along the wheels' than this.
     """
 
     motion: PatchMotion
@@ -37,7 +36,6 @@ class ComparedPair(NamedTuple):
     turn_rad: float
     has_gyro: bool
     duration_s: float
-    points_ahead: int
 
 
 class WheelComparison:
@@ -74,7 +72,6 @@ class WheelComparison:
         self._contradictions = 0
         self._contradicting = ""
         self._ambiguities: deque[float] = deque(maxlen=parameters.validity.ambiguous_pairs)
-        self._points_ahead: deque[int] = deque(maxlen=parameters.validity.ambiguous_pairs)
 
     @property
     def scale_sd(self) -> float:
@@ -147,13 +144,8 @@ class WheelComparison:
         self._update_rig(pair)
         self._update_mounting(pair)
         self._ambiguities.append(pair.motion.ambiguity)
-        self._points_ahead.append(pair.points_ahead)
         if doubt := self._rig_watch.text or self._mounting.text:
             return doubt
-        if median(self._points_ahead) >= self._parameters.validity.points_ahead:
-            return (
-                "part of the view moves farther than what was followed: a reflection, or a part of the rover"
-            )
         if median(self._ambiguities) <= self._parameters.validity.most_ambiguous:
             return ""
         return "several motions explain the ground, its pattern repeats: take more frames per second"

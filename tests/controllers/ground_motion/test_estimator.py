@@ -279,23 +279,6 @@ def test_ground_faster_than_the_wheels_is_reported() -> None:
     assert "1.25 times as far as the wheels" in drive.motions[-1].invalid_because
 
 
-@pytest.mark.parametrize(("mirrored_m", "is_found"), [(0.4 * WHEEL_M, True), (1.0 * WHEEL_M, False)])
-def test_ground_beside_a_reflection_is_not_taken_for_what_moves_less(
-    mirrored_m: float, is_found: bool
-) -> None:
-    """A band of 70 % of the width moves as what is mirrored by a wet surface."""
-    drive, wide, below = Drive(), wide_ground(), wide_ground(seed=5)
-    for frame in range(12):
-        patch = patch_at(wide, frame * WHEEL_M)
-        band = int(0.7 * patch.shape[1])
-        patch[:, :band] = patch_at(below, frame * mirrored_m)[:, :band]
-        drive.show(patch)
-
-    reasons = [motion.invalid_because for motion in drive.motions]
-    assert any(reasons) is is_found
-    assert all("part of the view moves farther" in reason for reason in reasons) is is_found
-
-
 def spin(gyro_deg: float) -> list[GroundMotion]:
     """Return the motions of turns on the spot of 3 deg a frame, of which a gyro reports this."""
     drive = Drive()
