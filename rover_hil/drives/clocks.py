@@ -132,7 +132,7 @@ def _evened(times_s: Array, begins: Times) -> Clock:
         evenly_s[part] = line
     if np.diff(evenly_s).min() < 0.0:
         return Clock(times_s)
-    finding = "rows of one time, unlike many: the clock is coarser than the rows, or they come in bursts"
+    finding = "rows of one time, in unlike groups: the clock is coarser than the rows, or they come in bursts"
     return Clock(evenly_s, ((finding, int(len(times_s) - len(begins))),))
 
 

@@ -104,19 +104,23 @@ class HeadingReader:
             turned_since_rad=now.way_back.turned_rad + now.yaw_rate_rad_s * now.settings.heading_lag_s,
             sd_rad=now.settings.heading_noise_rad,
         )
-        trial = now.pose_filter.kalman.compare(model, sample.heading_rad)
-        if self._is_chance(trial, now.settings.gate_probability):
-            return (trial,)
-        return now.pose_filter.correct(model, (sample.heading_rad,))
+        if model.source in self._chance:
+            trial = now.pose_filter.kalman.compare(model, sample.heading_rad)
+            if self._is_chance(trial, now.settings.gate_probability):
+                return (trial,)
+        (innovation,) = now.pose_filter.correct(model, (sample.heading_rad,))
+        if not innovation.accepted:
+            self._chance[model.source] = 1.0
+        return (innovation,)
 
     def _is_chance(self, trial: Innovation, gate_probability: float) -> bool:
-        """Take what would become of a heading; return whether chance explains that it was accepted."""
+        """Take what would become of a heading after a rejected one; return whether chance explains it."""
         name = trial.measured
         if not trial.accepted:
             self._chance[name] = 1.0
-        elif (chance := self._chance.get(name)) is not None and trial.variance and trial.gate:
+        elif trial.variance and trial.gate:
             half_rad = math.sqrt(trial.gate * trial.variance)
-            self._chance[name] = chance * min(MOST_CHANCE, half_rad / math.pi)
+            self._chance[name] *= min(MOST_CHANCE, half_rad / math.pi)
             if self._chance[name] <= 1.0 - gate_probability:
                 del self._chance[name]
         return name in self._chance
