@@ -32,7 +32,7 @@ from rover_hil.drives.files.csv_table import read_csv
 from rover_hil.drives.formats.oddities import NOT_SHOWN
 from rover_hil.drives.formats.table.columns import read_columns, rover_of
 from rover_hil.drives.formats.table.to_log import write_table_as_log
-from rover_hil.drives.quality.truth_check import truth_findings
+from rover_hil.drives.quality.judge import drive_findings
 from rover_hil.recording.reader import LogReader
 
 Array = NDArray[np.float64]
@@ -472,7 +472,7 @@ def import_drive(drive: Measured, folder: Path) -> Outcome:
     try:
         columns = read_columns(columns_path)
         *_, contents = write_table_as_log(table, columns, rover_of(columns, columns_path), log)
-        contents.findings += truth_findings(log)
+        contents.findings += drive_findings(log)
     except RoverHilError as error:
         return Outcome(refusal=str(error))
     unseen = [odd.what for odd in contents.oddities if odd.done == NOT_SHOWN]

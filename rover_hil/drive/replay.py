@@ -28,10 +28,10 @@ from rover_hil.console.options import (
 from rover_hil.console.steps import show_progress
 from rover_hil.drive.run_surroundings import live_mirror
 from rover_hil.drives.formats.described_rover import load_rover
-from rover_hil.drives.quality.truth_check import truth_findings
+from rover_hil.drives.quality.judge import drive_findings, with_causes
 from rover_hil.pages.atomic_write import check_new_file, refuse_overwrite, unfinished
 from rover_hil.recording.data_files import restore_config, with_controller_of
-from rover_hil.recording.findings import finding_line
+from rover_hil.recording.findings import finding_lines
 from rover_hil.recording.made_with import changes_since, made_with
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.watchdog_note import read_note
@@ -94,7 +94,8 @@ def replay_log(
         result = _run_again(log, config, estimated, lambda: progress.update(task, completed=log.bytes_read))
     if result.cycles == 0:
         raise LogError(f"log {path} holds no complete cycle")
-    result.findings[:0] = [] if log.origin in DRIVEN else truth_findings(path)
+    causes = [] if log.origin in DRIVEN else drive_findings(path)
+    result.findings, result.doubts = with_causes(causes, result.findings, result.doubts)
     if as_json:
         print_json(_record(result, log))
     else:
@@ -191,7 +192,7 @@ def _print_words(result: ReplayResult, log: LogReader, estimated: Path | None) -
             soft_wrap=True,
         )
     for finding in (*result.findings, *result.doubts):
-        console.print(finding_line(finding), soft_wrap=True)
+        console.print("\n".join(finding_lines(finding)), soft_wrap=True)
     if estimated is not None:
         console.print(f"{result.cycles} cycles estimated: {estimated}", soft_wrap=True)
         return

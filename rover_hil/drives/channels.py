@@ -164,8 +164,10 @@ class Channels:
     def _take_truth(self, truth: schema.TruthRecord) -> None:
         t_ns = truth["t_ns"]
         if truth.get("is_new", True):
-            for name, value in zip(POSE, (truth["x_m"], truth["y_m"], truth["yaw_rad"]), strict=True):
-                self._add(name, t_ns, value)
+            self._add("x_m", t_ns, truth["x_m"])
+            self._add("y_m", t_ns, truth["y_m"])
+            if "yaw_rad" in truth:
+                self._add("yaw_rad", t_ns, truth["yaw_rad"])
         self._add_wheels("true_slip{}", t_ns, truth.get("slip", ()))
         self._add_wheels("true_speed{}_rad_s", t_ns, truth.get("wheel_speed_rad_s", ()))
         self._add_wheels("true_steering{}_rad", t_ns, truth.get("steering_rad") or ())

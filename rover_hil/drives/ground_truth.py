@@ -23,6 +23,7 @@ class TruePoses:
         yaw_rad: Unwrapped.
         position_sd_m: Standard deviation of x and of y; 0 where the pose is exact.
         yaw_sd_rad: The same of the yaw.
+        arm_m: Where on the rover the places are that have no yaw, ahead as real part.
     """
 
     source: str
@@ -32,6 +33,7 @@ class TruePoses:
     yaw_rad: Array
     position_sd_m: Array
     yaw_sd_rad: Array
+    arm_m: complex = 0j
 
     @property
     def is_exact(self) -> bool:
@@ -42,12 +44,16 @@ class TruePoses:
 def true_poses(channels: Channels, log: LogReader) -> TruePoses:
     """Return the poses on `/truth`, else those of the camera in `roles.fixes` that gave most fixes.
 
+    Ground truth without yaw is none of poses.
+
     Without both, the marks measured by hand in the file beside the log (`rover_hil.drives.marks`), those that
     have a yaw. A fix counts from when its picture was taken; one that is not newer than the last is left out.
 
     Raises:
-        LogError: There is none of them.
+        LogError: There is none of them, or the ground truth has no yaw.
     """
+    if POSE[0] in channels and POSE[2] not in channels:
+        raise LogError(f"log {log.path}: its ground truth has positions, but no yaw, which is needed here")
     if POSE[0] in channels:
         x, y, yaw = (channels[name] for name in POSE)
         exact = np.zeros(len(x.t_ns))
@@ -90,6 +96,7 @@ def _poses_of(device: str, fixes: Sequence[PoseFixSample]) -> TruePoses:
         yaw_rad=np.unwrap(yaw_rad),
         position_sd_m=position_sd_m,
         yaw_sd_rad=yaw_sd_rad,
+        arm_m=complex(fixes[0].arm_x_m, fixes[0].arm_y_m),
     )
 
 

@@ -2,12 +2,13 @@
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from controllers.fault import WHEELS_CONTRADICTED
 from controllers.safety.drive_check import Finding
 
 MOST_FINDINGS = 20
+MOST_CONSEQUENCES = 3
 DOUBT = "doubt"
 _NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
 
@@ -21,12 +22,14 @@ class FoundFinding:
         t_s: When it was found first, since the start; None for what the whole drive shows.
         text: What, where, with the numbers of the first time, and what would explain it.
         count: How often it was found.
+        consequences: What else was found because of it.
     """
 
     name: str
     t_s: float | None
     text: str
     count: int = 1
+    consequences: list["FoundFinding"] = field(default_factory=list)
 
 
 class FindingList:
@@ -62,9 +65,18 @@ class FindingList:
             findings.append(self._known[key])
 
 
-def finding_line(finding: FoundFinding) -> str:
-    """Return a finding, or a doubt, as a line for the user."""
+def finding_lines(finding: FoundFinding) -> list[str]:
+    """Return a finding, or a suspected fault, as lines for the user: its consequences stand below it."""
     word = "doubt" if finding.name == DOUBT else "finding"
+    lines = [f"{word} {_when(finding)}: {finding.text}"]
+    lines += [
+        f"  consequence {_when(each)}: {each.text}" for each in finding.consequences[:MOST_CONSEQUENCES]
+    ]
+    if (more := len(finding.consequences) - MOST_CONSEQUENCES) > 0:
+        lines.append(f"  and {more} more consequences, all of them with --json")
+    return lines
+
+
+def _when(finding: FoundFinding) -> str:
     times = "" if finding.count == 1 else f" ({finding.count} times)"
-    when = "in the whole drive" if finding.t_s is None else f"at {finding.t_s:.1f} s"
-    return f"{word} {when}{times}: {finding.text}"
+    return ("in the whole drive" if finding.t_s is None else f"at {finding.t_s:.1f} s") + times

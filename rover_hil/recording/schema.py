@@ -256,12 +256,15 @@ class SetPointRecord(TypedDict):
 
 
 class TruthRecord(TypedDict):
-    """The true pose on `TRUTH`; `is_new` is false where an overhead camera repeats itself."""
+    """The ground truth on `TRUTH`; `is_new` is false where an overhead camera repeats itself.
+
+    The yaw is missing where only positions were measured.
+    """
 
     t_ns: int
     x_m: float
     y_m: float
-    yaw_rad: float
+    yaw_rad: NotRequired[float]
     is_new: NotRequired[bool]
     roll_rad: NotRequired[float]
     pitch_rad: NotRequired[float]

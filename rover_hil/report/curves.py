@@ -123,7 +123,7 @@ def _charts(
         )
     if "cross_track_m" in run.computed:
         yield "beside", [("estimate", _scaled(run.computed["cross_track_m"], 1e3))]
-    yaws = {key: Series(track.t_s, track.yaw_rad) for key, track in tracks.items()}
+    yaws = {key: Series(track.t_s, track.yaw_rad) for key, track in tracks.items() if track.has_yaw}
     gyro = {} if run.gyro is None else {"gyro": run.gyro}
     headings = {**run.headings, **gyro, **yaws}
     yield "headings", [(key, _scaled(series, float(np.degrees(1.0)))) for key, series in headings.items()]

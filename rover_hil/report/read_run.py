@@ -21,7 +21,7 @@ from drivers.errors import LogError
 from rover_hil.config import Config
 from rover_hil.drives.arrays import Array, in_body_frame
 from rover_hil.drives.channels import HEADING, POSE, Channels, Readings
-from rover_hil.drives.quality.truth_check import compare_with_truth
+from rover_hil.drives.quality.judge import findings_of, with_causes
 from rover_hil.recording import schema
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.findings import FindingList, FoundFinding
@@ -145,7 +145,8 @@ class _Collector:
             raise LogError(f"log {log.path} holds no complete cycle: there is nothing to report")
         encoders = Track.of(odometry)
         computed = self._series_computed()
-        truth = self._true_poses()
+        estimate = Track.of(estimates)
+        truth = self._true_track(estimate)
         first_motion_s = encoders.first_motion_s()
         rates = self._readings_of("gyro_z_rad_s")
         duration_s = self._seconds(self._last_ns) if self._end is None else self._end["duration_s"]
@@ -161,10 +162,10 @@ class _Collector:
             checks=self._checks,
             duration_s=duration_s,
             cycles=self._cycles(log),
-            estimate=Track.of(estimates),
+            estimate=estimate,
             covariance=estimates[:, 4:],
             encoders=encoders,
-            truth=Track.of(truth).from_first_pose() if len(truth) else None,
+            truth=truth,
             computed=computed,
             headings=self._headings(first_motion_s),
             gyro=None if rates is None else integrate_rate(rates, first_motion_s),
@@ -243,9 +244,16 @@ class _Collector:
         series = Series.of(np.column_stack((self._elapsed_s(readings), readings.value)))
         return series if len(series.t_s) else None
 
-    def _true_poses(self) -> Array:
+    def _true_track(self, estimate: Track) -> Track | None:
+        """Return the ground truth from its first pose; without yaw, as it fits the estimate best."""
         x, y, yaw = (self._readings[name] for name in POSE)
-        return finite_rows(np.column_stack((self._elapsed_s(x), x.value, y.value, yaw.value)), 4)
+        has_yaw = len(yaw) == len(x)
+        yaw_rad = yaw.value if has_yaw else np.zeros(len(x))
+        rows = finite_rows(np.column_stack((self._elapsed_s(x), x.value, y.value, yaw_rad)), 4)
+        if not len(rows):
+            return None
+        track = Track.of(rows)
+        return track.from_first_pose() if has_yaw else track.aligned_with(estimate)
 
     def _true_slip(self) -> tuple[Series | None, Series | None]:
         """Return the true slip and slip angle of the rover while it moves; None where unknown."""
@@ -288,16 +296,15 @@ class _Collector:
             mode=self._modes,
             reason=self._reasons,
             suspicion=self._suspicions,
-            findings=[*self._truth_findings(log), *self._findings.found],
+            findings=self._judged(log),
             limit=self._limits,
             late_us=times_us[:, 0],
             work_us=times_us[:, 1],
         )
 
-    def _truth_findings(self, log: LogReader) -> list[FoundFinding]:
-        if log.origin in DRIVEN:
-            return []
-        return compare_with_truth(self._readings, self._config.rover)
+    def _judged(self, log: LogReader) -> list[FoundFinding]:
+        causes = [] if log.origin in DRIVEN else findings_of(self._readings, self._config)
+        return with_causes(causes, self._findings.found, [])[0]
 
     def _headings(self, first_motion_s: float) -> dict[str, Series]:
         headings = {
@@ -345,16 +352,15 @@ class _Collector:
         t_s, slip, slip_sd = np.array(self._rows["ground"]).T
         return GroundData(slip=Series(t_s, slip), slip_sd=slip_sd, reasons=self._ground_reasons)
 
-    def _crab(self, truth: Array) -> CrabData | None:
+    def _crab(self, truth: Track | None) -> CrabData | None:
         if not self._rows["crab"]:
             return None
         t_s, *columns = np.array(self._rows["crab"]).T
         drift, steering, set_point = (Series(t_s, values) for values in columns)
         left = None
         mission = self._config.mission
-        if len(truth) and mission is not None and mission.is_along_x:
-            path = Track.of(truth).from_first_pose()
-            left = Series(path.t_s, path.y_m)
+        if truth is not None and mission is not None and mission.is_along_x:
+            left = Series(truth.t_s, truth.y_m)
         return CrabData(
             set_point=set_point,
             steering=steering,

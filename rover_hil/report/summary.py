@@ -28,16 +28,18 @@ STOP_MODES = (Mode.SAFE_STOP, Mode.EMERGENCY_STOP)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FinalPose:
-    """Where the rover was at the end, in the local frame: m, m, rad within [-pi, pi)."""
+    """Where the rover was at the end, in the local frame: m, m, rad within [-pi, pi); None without a yaw."""
 
     x_m: float
     y_m: float
-    yaw_rad: float
+    yaw_rad: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackError:
-    """Distance of a track from the truth; the final values are those of the last time that both have.
+    """Distance of a track from the ground truth; the final values are those of the last time that both have.
+
+    Ground truth without yaw is turned and moved to fit the estimate best: the errors are those after it.
 
     Attributes:
         position_final_m: Distance from the truth at the end.
@@ -45,7 +47,7 @@ class TrackError:
         position_max_m: The greatest.
         position_final_share: Final distance as a share of the true distance driven; None when that is
             less than 0.05 m.
-        yaw_final_rad: Yaw minus the true yaw at the end, within [-pi, pi).
+        yaw_final_rad: Yaw minus the true yaw at the end, within [-pi, pi); None where no true yaw is known.
         yaw_rms_rad: Root mean square of that difference over the run.
     """
 
@@ -53,8 +55,8 @@ class TrackError:
     position_rms_m: float
     position_max_m: float
     position_final_share: float | None
-    yaw_final_rad: float
-    yaw_rms_rad: float
+    yaw_final_rad: float | None
+    yaw_rms_rad: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -275,14 +277,17 @@ def _track_error(track: Track, truth: Track | None, distance_m: float | None) ->
         position_rms_m=rms(position_m),
         position_max_m=float(position_m.max()),
         position_final_share=None if distance_m < LEAST_DISTANCE_M else final_m / distance_m,
-        yaw_final_rad=float(yaw_rad[-1]),
-        yaw_rms_rad=rms(yaw_rad),
+        yaw_final_rad=float(yaw_rad[-1]) if len(yaw_rad) else None,
+        yaw_rms_rad=rms(yaw_rad) if len(yaw_rad) else None,
     )
 
 
 def _final_pose(track: Track) -> FinalPose:
+    yaw_rad = float(track.yaw_rad[-1])
     return FinalPose(
-        x_m=float(track.x_m[-1]), y_m=float(track.y_m[-1]), yaw_rad=wrap_angle(float(track.yaw_rad[-1]))
+        x_m=float(track.x_m[-1]),
+        y_m=float(track.y_m[-1]),
+        yaw_rad=wrap_angle(yaw_rad) if math.isfinite(yaw_rad) else None,
     )
 
 

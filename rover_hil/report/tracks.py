@@ -36,12 +36,17 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Poses over time since the start of the run in s: m, m, rad; the yaw is not wrapped."""
+    """Poses over time since the start of the run in s: m, m, rad; the yaw is not wrapped, NaN without one."""
 
     t_s: Array
     x_m: Array
     y_m: Array
     yaw_rad: Array
+
+    @property
+    def has_yaw(self) -> bool:
+        """Whether a yaw is known."""
+        return bool(np.isfinite(self.yaw_rad).any())
 
     @classmethod
     def of(cls, rows: Array) -> Self:
@@ -63,6 +68,20 @@ class Track:
         return Track(
             self.t_s, cosine * x_m + sine * y_m, cosine * y_m - sine * x_m, self.yaw_rad - self.yaw_rad[0]
         )
+
+    def aligned_with(self, other: "Track") -> "Track":
+        """Return the positions turned and moved to fit another track best, without a yaw.
+
+        The least squares of positions at common times, as `evo` aligns; without two of them, unchanged.
+        """
+        at = other.at(self.t_s)
+        known = np.isfinite(at.x_m)
+        own, fitted = self.x_m + 1j * self.y_m, at.x_m + 1j * at.y_m
+        if known.sum() > 1:
+            middle, towards = own[known].mean(), fitted[known].mean()
+            product = np.vdot(own[known] - middle, fitted[known] - towards)
+            own = towards + (own - middle) * np.exp(1j * np.angle(product))
+        return Track(self.t_s, own.real, own.imag, np.full(len(self.t_s), np.nan))
 
     def distance_m(self) -> Array:
         """Return the distance driven up to each pose.

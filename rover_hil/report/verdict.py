@@ -239,7 +239,10 @@ def _off(error: TrackError) -> str:
 
 
 def _error_detail(error: TrackError) -> str:
-    return f"rms {length(error.position_rms_m)}, yaw {math.degrees(error.yaw_final_rad):+.1f}°"
+    rms = f"rms {length(error.position_rms_m)}"
+    if error.yaw_final_rad is None:
+        return f"{rms}, after alignment: the ground truth has no yaw"
+    return f"{rms}, yaw {math.degrees(error.yaw_final_rad):+.1f}°"
 
 
 def _is_abandoned(summary: Summary) -> bool:

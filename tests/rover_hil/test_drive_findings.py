@@ -93,14 +93,16 @@ def test_sound_drives_have_no_finding_and_the_right_pose(
 
 
 @pytest.mark.usefixtures("unrendered")
-def test_opposite_turns_are_told_with_both_numbers_and_the_region_contains_both_ends(
+def test_opposite_rotations_are_reported_and_the_region_contains_both_ends(
     command: Command, tmp_path: Path
 ) -> None:
-    """An exchange of the wheels and a wrong sign of the gyro give the same drive: neither is the answer."""
+    """An exchange of the wheels and a wrong sign of the gyro give the same drive for the estimate."""
     write_bag(tmp_path / "bag", Bag(gyro=scaled(-1.0)))
     assert import_it(command, tmp_path / "bag") == 0, command.error
-    assert "wheels +1.571 rad, gyro -1.5" in command.out
-    assert "sign of the gyro, or left and right exchanged; this drive does not show which" in command.out
+    assert "finding in the whole drive: the gyro has the opposite sign" in command.out
+    assert "wheels and ground truth agree" in command.out
+    (cause, *_) = findings_of(command)
+    assert "wheels +1.571 rad, gyro -1.5" in json.dumps(cause["consequences"])
     end = end_of(Path("drive.mcap"))
     assert end.contains(CORNER_END)
     assert end.contains((CORNER_END[0], -CORNER_END[1], -CORNER_END[2]))
@@ -151,6 +153,7 @@ def test_an_encoder_that_is_dead_for_a_while_is_the_only_finding(
 @field_reports
 def test_the_wrong_gyro_of_the_field_reports_is_told(command: Command) -> None:
     assert import_it(command, FIELD_BAGS / "gyro_wrong_sign") == 0, command.error
-    assert "wheels +1.571 rad, gyro -1.57" in command.out
+    assert "the gyro has the opposite sign" in command.out
     assert end_of(Path("drive.mcap")).contains(CORNER_END)
-    assert "turn" in {finding["name"] for finding in findings_of(command)}
+    (cause, *_) = findings_of(command)
+    assert "wheels +1.571 rad, gyro -1.57" in json.dumps(cause["consequences"])

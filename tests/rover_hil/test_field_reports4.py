@@ -52,7 +52,7 @@ def test_speeds_without_a_sign_are_said(command: Command, reports: Path) -> None
     table = reports / "tables" / "speeds_without_sign.csv.gz"
     columns = table.with_name("speeds_without_sign.toml")
     assert command("import", "table", str(table), "--columns", str(columns), "--out", "drive.mcap") == 0
-    assert "wheels and truth go opposite ways in 4 of 8 s of motion" in command.out
+    assert "wheels and ground truth go opposite ways in 4 of 8 s of motion" in command.out
     assert "the speeds have no sign" in command.out
 
 

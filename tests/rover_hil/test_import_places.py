@@ -68,12 +68,17 @@ def findings(command: Command, name: str) -> list[str]:
     return [finding["text"] for finding in found["findings"] if finding["name"] == name]
 
 
+SOURCES = {"truth": "ground truth", "fixes": "positions"}
+
+
 @pytest.mark.parametrize("kind", SECTIONS)
 @pytest.mark.parametrize("factor", [0.1, 0.99, 1.01, 10.0])
 def test_a_clock_that_is_wrong_by_a_factor_is_named(command: Command, kind: str, factor: float) -> None:
     write_drive(kind, factor)
     (text,) = findings(command, "clock")
-    assert text.startswith(f"the clock of the {kind} runs {factor:g} times as long as that of the wheels")
+    assert text.startswith(
+        f"the clock of the {SOURCES[kind]} runs {factor:g} times as long as that of the wheels"
+    )
 
 
 @pytest.mark.parametrize("kind", SECTIONS)
@@ -89,7 +94,8 @@ def test_places_that_are_late_or_early_are_named(command: Command, kind: str, la
     write_drive(kind, 1.0, late_s=late_s, slow=0.3)
     (text,) = findings(command, "clock")
     side = "late" if late_s > 0.0 else "early"
-    assert text.startswith(f"the times of the {kind} are {abs(late_s):.1f} s {side} against the wheels")
+    expected = f"the times of the {SOURCES[kind]} are {abs(late_s):.1f} s {side} against the wheels"
+    assert text.startswith(expected)
 
 
 def test_a_speed_that_repeats_itself_shows_no_offset(command: Command) -> None:
@@ -111,7 +117,7 @@ def test_a_truth_that_goes_aside_of_the_wheels_is_named(command: Command, aside_
     found = findings(command, "truth")
     assert len(found) == (abs(aside_deg) > 30)
     for text in found:
-        assert abs(float(text.split()[3]) % 360.0 - aside_deg % 360.0) <= 3.0
+        assert abs(float(text.split()[4]) % 360.0 - aside_deg % 360.0) <= 3.0
         assert "wheels are exchanged, or the distance is reversed" in text
     marked = (
         Path("columns.toml")

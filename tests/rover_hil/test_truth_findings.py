@@ -81,7 +81,7 @@ PLANTED = [
     ("diff", (0, 1), (-1, -1), 1.0, ("left and right exchanged", "all wheels reversed", UNSURE)),
     ("diff", (0, 1), (-1, 1), 1.0, ("wheel 0 reversed",)),
     pytest.param("diff", (0, 1), (1, -1), 1.0, ("wheel 1 reversed",), marks=pytest.mark.nightly),
-    ("diff", (1, 0), (-1, 1), 1.0, ("wheels and truth contradict each other",)),
+    ("diff", (1, 0), (-1, 1), 1.0, ("wheels and ground truth contradict each other",)),
     ("diff", (0, 1), (1, 1), 1.0 / 57.29578, ("deg where rad is meant",)),
     ("diff", (0, 1), (1, 1), 1.0 / 9.5493, ("rpm where rad/s is meant",)),
     ("diff", (0, 1), (1, 1), 6.2832, ("revolutions where rad is meant",)),
@@ -158,9 +158,10 @@ def test_the_steering_of_a_measured_tricycle_is_compared_with_its_truth(
     ("turns", "distances", "words"),
     [
         (1.0, 1.0, ""),
-        (57.29578, 1.0, "all turns 0.01745 times as large: deg where rad is meant"),
+        (57.29578, 1.0, "all rotations 0.01745 times as large: deg where rad is meant"),
         (1.0, 10.0, "cm or a clock that is wrong by 10"),
-        (1.5, 1.0, ""),
+        (1.5, 1.0, "turns 0.667 times as much as by the wheels: track or wheelbase 1.49 times as wide"),
+        (1.05, 1.0, ""),
     ],
 )
 def test_turns_or_distances_in_a_wrong_unit_are_named(

@@ -14,9 +14,9 @@ from rover_hil.drives.formats.drive import START_NS, Contents
 from rover_hil.drives.formats.limits import LimitSettings
 from rover_hil.drives.formats.oddities import Oddity
 from rover_hil.drives.formats.reading_process import Report, read_in_child
-from rover_hil.drives.quality.truth_check import truth_findings
+from rover_hil.drives.quality.judge import drive_findings, with_causes
 from rover_hil.pages.atomic_write import check_new_file, unfinished
-from rover_hil.recording.findings import finding_line
+from rover_hil.recording.findings import finding_lines
 from rover_hil.terminal import Terminal
 
 WriteDrive: TypeAlias = Callable[[Path, Path], Iterator[Contents]]
@@ -91,7 +91,8 @@ def import_file(
         for contents in write(file, log):
             report(f"importing {file.name}, {seconds(contents.end_ns - START_NS):.0f} s are done")
         if contents.has_estimate:
-            contents.findings[:0] = truth_findings(log)  # what it decides comes first
+            causes = drive_findings(log)
+            contents.findings, contents.doubts = with_causes(causes, contents.findings, contents.doubts)
         return contents
 
     return read_in_child(file, limits.of(file), work, show_steps(f"reading {file.name}"))
@@ -145,7 +146,7 @@ def print_contents(contents: Contents, out: Path, *, what: str) -> None:
     for note in contents.notes:
         console.print(note)
     for finding in (*contents.findings, *contents.doubts):
-        console.print(finding_line(finding))
+        console.print("\n".join(finding_lines(finding)))
     if not contents.has_estimate:
         console.print(without_estimate(out))
     console.print(f"{seconds(contents.end_ns - START_NS):.1f} s: {out}")

@@ -1,13 +1,20 @@
-"""Compares the clock of true poses or fixes with that of the wheels: do both show the same course of time?"""
+"""Compares the clocks of ground truth, positions, gyro and steering with that of the wheels."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from controllers.motion.kinematics import Kinematics
 from rover_hil.drives.arrays import Array
 from rover_hil.drives.channels import Channels
-from rover_hil.drives.quality.drive_paths import STEP_S, DrivePath, places_of
+from rover_hil.drives.quality.drive_paths import (
+    STEP_S,
+    DrivePath,
+    path_of_gyro,
+    path_of_wheels,
+    places_of,
+)
 from rover_hil.recording.findings import FoundFinding
 
 GREATEST_OFFSET_S = 1.0
@@ -28,26 +35,32 @@ FARTHEST_S, FAR_STEP_S = 60.0, 0.5
 """Offsets that are looked for, as of leap seconds."""
 LEAST_OFFSET_S = 0.2
 """Two steps of the path; a smaller offset is not named."""
+BETTER_STEERING = 0.8
+"""Late steering explains more than late places if it leaves less than this share of their residual."""
 LEAST_COMMON = 0.5
 """Share of the drive that both clocks must cover."""
 LEAST_SHARE = 0.004
 """A clock is not named that is wrong by less."""
 
 
-def clock_findings(rows: Channels, wheels: DrivePath | None) -> Iterator[FoundFinding]:
-    """Yield true poses and fixes whose clock is wrong by a constant factor against that of the wheels.
+def clock_findings(
+    rows: Channels, kinematics: Kinematics, wheels: DrivePath | None
+) -> Iterator[FoundFinding]:
+    """Yield ground truth, positions, gyro and steering whose clock is not that of the wheels.
 
-    Where the speed of the rover changes, its course by the wheels and by the places fits at one factor and
-    one offset only.
+    Where the speed of the rover changes, its course by the wheels and by another source fits at one factor
+    and one offset only.
 
     Args:
         rows: The drive.
-        wheels: Its path by the wheels; None where that is not known.
+        kinematics: Of the wheels.
+        wheels: Path of the drive by the wheels; None where that is not known.
     """
     if wheels is None:
         return
-    for name, places in places_of(rows):
-        factor = min(FACTORS, key=lambda each: _residual(wheels, places, each))
+    gyro = path_of_gyro(rows)
+    for name, places in [*places_of(rows), *([] if gyro is None else [("gyro", gyro)])]:
+        factor = 1.0 if name == "gyro" else min(FACTORS, key=lambda each: _residual(wheels, places, each))
         best = _residual(wheels, places, factor)
         # A part of a drive fits more easily than the whole: both clocks are judged by the same part.
         plain = _residual(wheels, places, 1.0, _span(wheels, places, factor))
@@ -59,12 +72,26 @@ def clock_findings(rows: Channels, wheels: DrivePath | None) -> Iterator[FoundFi
                 "correct the unit of one of the two times; this drive does not show which"
             )
             yield FoundFinding(name="clock", t_s=None, text=text)
-        elif text := _offset_fault(name, wheels, places):
+            return
+        if text := _offset_fault(
+            name, wheels, places, lambda late_s: path_of_wheels(rows, kinematics, late_s)
+        ):
             yield FoundFinding(name="clock", t_s=None, text=text)
+            return
 
 
-def _offset_fault(name: str, wheels: DrivePath, places: DrivePath) -> str:
-    """Return by how much the times of the places are early or late, where the motion shows it."""
+def _offset_fault(
+    name: str, wheels: DrivePath, places: DrivePath, steered: Callable[[float], DrivePath | None]
+) -> str:
+    """Return by how much the times of the places are early or late, where the motion shows it.
+
+    Args:
+        name: Of the places.
+        wheels: Path by the wheels.
+        places: The same by the places.
+        steered: Returns the path by the wheels with steering angles that are late by so many seconds; None
+            where none steers.
+    """
     near_s = np.arange(-GREATEST_OFFSET_S, GREATEST_OFFSET_S + 0.5 * STEP_S, STEP_S)
     far_s = np.arange(-FARTHEST_S, FARTHEST_S + 0.5 * FAR_STEP_S, FAR_STEP_S)
     least_s = LEAST_COMMON * float(wheels.t_s[-1] - wheels.t_s[0])
@@ -86,10 +113,34 @@ def _offset_fault(name: str, wheels: DrivePath, places: DrivePath) -> str:
     is_shown = math.isfinite(plain) and best <= min(AGREES, BETTER * plain, BETTER * others)
     if abs(offset_s) < LEAST_OFFSET_S or not is_shown:
         return ""
+    if text := _late_steering(name, places, steered, plain, best):
+        return text
     side = "late" if offset_s < 0.0 else "early"
     return (
         f"the times of the {name} are {abs(offset_s):.1f} s {side} against the wheels, {100.0 * plain:.0f} % "
         f"of the motion is left, {100.0 * best:.0f} % without it: correct the clock of one of the two"
+    )
+
+
+def _late_steering(
+    name: str, places: DrivePath, steered: Callable[[float], DrivePath | None], plain: float, best: float
+) -> str:
+    """Return by how much the steering is late or early, where that explains more than late places."""
+    offsets_s = np.arange(-GREATEST_OFFSET_S, GREATEST_OFFSET_S + 0.5 * STEP_S, STEP_S).tolist()
+    left: dict[float, float] = {}
+    for offset_s in offsets_s:
+        path = steered(offset_s)
+        if path is None:
+            return ""
+        left[offset_s] = _residual_at(path, places, 1.0, 0.0, _span(path, places, 1.0))
+    late_s = min(left, key=lambda each: left[each])
+    if left[late_s] > BETTER_STEERING * best or abs(late_s) < LEAST_OFFSET_S:
+        return ""
+    side = "late" if late_s > 0.0 else "early"
+    return (
+        f"the times of the steering angles are {abs(late_s):.1f} s {side} against wheels and {name}, "
+        f"{100.0 * plain:.0f} % of the motion is left, {100.0 * left[late_s]:.0f} % without it: correct the "
+        "clock of the steering"
     )
 
 
@@ -125,9 +176,11 @@ def _residual_at(
     true_m, true_rad = places.steps(start_s + factor * (edges_s - start_s - offset_s))
     pairs = [(said_m, true_m)] if places.yaw_rad is None else [(said_m, true_m), (said_rad, true_rad)]
     scale = true_m.sum() / max(float(said_m.sum()), 1e-9)
-    if max(factor, 1.0 / factor) >= FAR and not SCALES[0] <= scale <= SCALES[1]:
+    if true_m.any() and max(factor, 1.0 / factor) >= FAR and not SCALES[0] <= scale <= SCALES[1]:
         return math.inf
-    residuals = [_left(own, true) for own, true in pairs]
+    residuals = [_left(own, true) for own, true in pairs if true.any()]
+    if not residuals:
+        return math.inf
     return math.sqrt(sum(residuals) / len(residuals))
 
 

@@ -1,5 +1,6 @@
 """Paths of a recorded drive: by its wheels, by its truth and by its fixes."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -15,6 +16,11 @@ from rover_hil.drives.ground_truth import measured_poses
 STEP_S = 0.1
 """Of the path of the wheels."""
 LEAST_STEPS = 20
+MOST_STEPS = 10_000_000
+"""A drive of more, eleven days, is one with a gap of days in it: it is not compared."""
+JITTERS = 3.0
+"""Errors of positions last longer than from one to the next."""
+GROUND_TRUTH, POSITIONS = "ground truth", "positions"
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,12 +29,16 @@ class DrivePath:
 
     Attributes:
         yaw_rad: Unwrapped; None where it is not measured.
+        sd_m: Standard deviation of x and of y, at most; 0 where none is known.
+        arm_m: Where on the rover the places are, ahead as real part; 0 where the origin is.
     """
 
     t_s: Array
     x_m: Array
     y_m: Array
     yaw_rad: Array | None
+    sd_m: float = 0.0
+    arm_m: complex = 0j
 
     def body_steps(self, edges_s: Array) -> NDArray[np.complex128]:
         """Return what the rover went between times in its own frame, to the left as imaginary part.
@@ -65,14 +75,21 @@ def wheel_angles(rows: Channels, wheel: int) -> tuple[Times, Array] | None:
 
 
 def places_of(rows: Channels) -> Iterator[tuple[str, DrivePath]]:
-    """Yield "truth" and "fixes", where there are such, and their places."""
+    """Yield `GROUND_TRUTH` and `POSITIONS`, where there are such, and their places."""
     x, y, yaw = (rows[name] for name in ("x_m", "y_m", "yaw_rad"))
-    if min(map(len, (x, y, yaw))) > 1:
-        yield "truth", DrivePath(x.t_ns / 1e9, x.value, y.value, np.unwrap(yaw.value))
+    if len(x) > 1:
+        yaw_rad = np.unwrap(yaw.value) if len(yaw) == len(x) else None
+        yield GROUND_TRUTH, DrivePath(x.t_ns / 1e9, x.value, y.value, yaw_rad)
     fixes = measured_poses(rows)
     if fixes is not None and len(fixes.t_ns) > 1:
         has_yaw = bool((fixes.yaw_sd_rad < UNKNOWN_YAW_STD_RAD).all())
-        yield "fixes", DrivePath(fixes.t_ns / 1e9, fixes.x_m, fixes.y_m, fixes.yaw_rad if has_yaw else None)
+        yaw_rad = fixes.yaw_rad if has_yaw else None
+        # A reported standard deviation may be a guess: what changes from reading to reading bounds it.
+        places = fixes.x_m + 1j * fixes.y_m
+        jitter_m = float(np.median(np.abs(np.diff(places, 2)))) if len(places) > 2 else math.inf
+        sd_m = min(float(np.median(fixes.position_sd_m)), JITTERS * jitter_m)
+        arm_m = 0j if has_yaw else fixes.arm_m
+        yield POSITIONS, DrivePath(fixes.t_ns / 1e9, fixes.x_m, fixes.y_m, yaw_rad, sd_m, arm_m)
 
 
 def effects_of(kinematics: Kinematics, steering_rad: Array | None) -> Array:
@@ -93,26 +110,44 @@ def moves_of(turned_rad: Array, effects: Array) -> Array:
     return moves
 
 
-def path_of_wheels(rows: Channels, kinematics: Kinematics) -> DrivePath | None:
-    """Return the path by the wheels, in steps; None where a wheel is not measured."""
+def path_of_gyro(rows: Channels) -> DrivePath | None:
+    """Return how the rover turned by its gyro, at one place; None without one."""
+    rate = rows["gyro_z_rad_s"]
+    if len(rate) <= LEAST_STEPS:
+        return None
+    steps_rad = 0.5 * (rate.value[1:] + rate.value[:-1]) * np.diff(rate.t_ns) / 1e9
+    nowhere = np.zeros(len(rate))
+    return DrivePath(rate.t_ns / 1e9, nowhere, nowhere, np.concatenate(([0.0], np.cumsum(steps_rad))))
+
+
+def path_of_wheels(rows: Channels, kinematics: Kinematics, late_s: float | None = None) -> DrivePath | None:
+    """Return the path by the wheels, in steps; None where a wheel is not measured.
+
+    Args:
+        rows: The drive.
+        kinematics: Of the wheels.
+        late_s: Steering angles are corrected by so much, and the result is None where none steers.
+    """
     count = kinematics.wheel_count
     measured = [wheel for wheel in range(count) if wheel not in kinematics.unmeasured]
     known = [series for wheel in measured if (series := wheel_angles(rows, wheel + 1)) is not None]
     if len(known) < len(measured) or not known:
         return None
     begin_ns, end_ns = max(times[0] for times, _ in known), min(times[-1] for times, _ in known)
-    edges_ns = np.arange(begin_ns, end_ns, STEP_S * 1e9)
-    if len(edges_ns) <= LEAST_STEPS:
+    if not LEAST_STEPS < (end_ns - begin_ns) / (STEP_S * 1e9) < MOST_STEPS:
         return None
+    edges_ns = np.arange(begin_ns, end_ns, STEP_S * 1e9)
     turned = np.zeros((len(edges_ns) - 1, count))
     turned[:, measured] = np.column_stack(
         [np.diff(np.interp(edges_ns, times, angles)) for times, angles in known]
     )
     readings = [rows[f"steer{wheel}_rad"] for wheel in range(1, count + 1)]
+    if late_s is not None and not any(map(len, readings)):
+        return None
     steering = np.zeros_like(turned)
     for wheel, angles in enumerate(readings):
         if len(angles):
-            steering[:, wheel] = np.interp(edges_ns[1:], angles.t_ns, angles.value)
+            steering[:, wheel] = np.interp(edges_ns[1:] + (late_s or 0.0) * 1e9, angles.t_ns, angles.value)
     moves = moves_of(turned, effects_of(kinematics, steering if any(map(len, readings)) else None))
     yaw_rad = np.concatenate(([0.0], np.cumsum(moves[:, 2])))
     along = (moves[:, 0] + 1j * moves[:, 1]) * np.exp(1j * 0.5 * (yaw_rad[1:] + yaw_rad[:-1]))

@@ -13,7 +13,7 @@ from rover_hil.drives.formats.files import WriteDrive, import_file
 from rover_hil.drives.formats.limits import LimitSettings
 from rover_hil.drives.formats.table.columns import Columns
 from rover_hil.drives.formats.table.to_log import write_table_as_log
-from rover_hil.recording.findings import finding_line
+from rover_hil.recording.findings import finding_lines
 
 
 def check_wheels_measured(columns: Columns, source: str) -> None:
@@ -58,7 +58,7 @@ def tables_as_logs(
             log.parent.mkdir(parents=True, exist_ok=True)
             contents = import_file(table, log, make_write, LimitSettings())
             for finding in contents.findings:
-                note(f"{table}: {finding_line(finding)}")
+                note(f"{table}: {finding_lines(finding)[0]}")
         yield [logs.get(path, path) for path in paths]
 
 

@@ -128,7 +128,7 @@ _FIGURES: tuple[tuple[str, Callable[[Summary], str | None]], ...] = (
     ),
     (
         "yaw off the truth, rms",
-        lambda run: None if run.estimate_error is None else _degrees(run.estimate_error.yaw_rms_rad),
+        lambda run: None if run.estimate_error is None else _of(run.estimate_error.yaw_rms_rad, _degrees),
     ),
     (
         "wheels off the truth, rms",

@@ -71,7 +71,7 @@ def draw_headings(run: RunData, summary: Summary) -> Figure:
     _draw_yaw(axes, Series(run.encoders.t_s, run.encoders.yaw_rad), style.ENCODERS, "encoders", WIDE)
     if run.gyro is not None:
         _draw_yaw(axes, run.gyro, style.GYRO, "gyro, integrated", NARROW)
-    if run.truth is not None:
+    if run.truth is not None and run.truth.has_yaw:
         _draw_yaw(axes, Series(run.truth.t_s, run.truth.yaw_rad), style.TRUTH, "truth", MIDDLE)
     _draw_yaw(axes, Series(run.estimate.t_s, run.estimate.yaw_rad), style.ESTIMATE, "estimate", NARROW)
     axes.set_ylabel("yaw (deg)")

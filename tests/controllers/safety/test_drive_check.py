@@ -12,7 +12,7 @@ from controllers.safety.recorded_rules import StandingWheelsRule, ZeroReadingsRu
 from controllers.safety.settings import SafetySettings, make_drive_rules, make_rules
 from drivers.clock import nanoseconds
 from drivers.samples import AttitudeSample, BumperSample, RateSample, Sample
-from rover_hil.recording.findings import FindingList, finding_line
+from rover_hil.recording.findings import FindingList, finding_lines
 from tests.controllers.safety.cycles import changed, make_cycle
 
 ROLES = DeviceRoles(wheels="wheels", gyro="imu", required={"wheels": 0.1, "imu": 0.1})
@@ -88,7 +88,7 @@ def test_a_doubt_that_is_no_finding_is_told_while_it_widens(scripted: tuple[Driv
     for t_s, reasons in enumerate(([], [grip], [grip._replace(text="gyro or grip 2 %")], [], [grip])):
         causes(check, rule, *reasons)
         told.take(t_s, check.findings, check.unconfirmed)
-    assert [finding_line(each) for each in (*told.doubts, *told.found)] == [
+    assert [finding_lines(each)[0] for each in (*told.doubts, *told.found)] == [
         "doubt at 1.0 s: gyro or grip 1 %",
         "finding at 4.0 s: gyro or grip 1 %",
     ]

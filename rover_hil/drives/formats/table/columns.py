@@ -249,9 +249,16 @@ class PlaceColumns(Settings):
 
 
 class TruthColumns(PlaceColumns):
-    """The true pose."""
+    """The ground truth, with or without yaw."""
 
-    yaw: AngleColumn
+    @model_validator(mode="after")
+    def _check_marker(self) -> Self:
+        if self.yaw is None and (self.marker.x_m, self.marker.y_m) != (0.0, 0.0):
+            raise ValueError(
+                "marker: without a yaw the place of the marker cannot be removed: name the column of the "
+                "yaw, or delete x_m and y_m of the marker: the ground truth is then that of the marker"
+            )
+        return self
 
 
 class FixColumns(PlaceColumns, FixNoise):

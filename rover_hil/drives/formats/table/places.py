@@ -25,14 +25,16 @@ DEGREES = {"deg": 1.0, "1e-7 deg": 1e-7}
 
 
 def take_truth(source: DriveTable, truth: TruthColumns) -> None:
-    """Take the true poses of the rover, from those of its marker."""
+    """Take the true poses of the rover, from those of its marker; positions where no yaw is measured."""
     t_ns, x_m, y_m, yaw_rad = _places(source, truth)
+    has_yaw = truth.yaw is not None
+    yaw_rad = yaw_rad if has_yaw else np.zeros(len(x_m))
     invented = invented_poses(x_m, y_m, yaw_rad, source.drive.oddities)
     yaw_rad = yaw_rad - math.radians(truth.marker.yaw_deg)
     cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
     x_m = x_m - (cosine * truth.marker.x_m - sine * truth.marker.y_m)
     y_m = y_m - (sine * truth.marker.x_m + cosine * truth.marker.y_m)
-    poses = np.column_stack((x_m, y_m, yaw_rad)).tolist()
+    poses = np.column_stack((x_m, y_m, yaw_rad) if has_yaw else (x_m, y_m)).tolist()
     rows = [
         Row(t, "truth", {"pose": pose})
         for place, (t, pose) in enumerate(zip(t_ns, poses, strict=True))

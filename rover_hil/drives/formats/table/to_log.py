@@ -156,10 +156,13 @@ class _Feeder:
                 if fix is not None:
                     yield fix
             case _:
-                x_m, y_m, yaw_rad = values["pose"]
+                x_m, y_m, *yaw_rad = values["pose"]
                 is_used = all(map(math.isfinite, values["pose"]))
+                record: TruthRecord = {"t_ns": t_ns, "x_m": x_m, "y_m": y_m, "is_new": True}
+                if yaw_rad:
+                    record["yaw_rad"] = yaw_rad[0]
                 if is_used:
-                    yield {"t_ns": t_ns, "x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad, "is_new": True}
+                    yield record
         self._contents.count(row.section, is_used=is_used)
 
     def _feed_imu(self, t_ns: int, values: Mapping[str, Sequence[float]]) -> bool:

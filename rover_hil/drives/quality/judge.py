@@ -1,0 +1,457 @@
+"""What is wrong with a recorded drive: one cause with its evidence, and its consequences below it.
+
+Wheels and gyro are compared with the ground truth, else with positions, else with each other. A cause that
+explains the whole drive comes before what the rules found while the estimate was made: those that compare
+the same sensors are its consequences.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from controllers.fault import Cause
+from controllers.motion.kinematics import make_kinematics
+from rover_hil.config import Config
+from rover_hil.drives.arrays import Array, Flags, Times
+from rover_hil.drives.channels import Channels
+from rover_hil.drives.drive import read_drive
+from rover_hil.drives.quality.clock_check import clock_findings
+from rover_hil.drives.quality.corrections import Wheels
+from rover_hil.drives.quality.drive_paths import GROUND_TRUTH, DrivePath, path_of_wheels, places_of
+from rover_hil.drives.quality.motion import LEAST_MOTION, WINDOW_S, Windows, windows_of
+from rover_hil.drives.quality.references import (
+    LEAST_TURN_RAD,
+    Fit,
+    GyroReference,
+    PoseReference,
+    PositionReference,
+    Reference,
+    Steps,
+    references_of,
+)
+from rover_hil.drives.quality.sampling_check import sampling_findings
+from rover_hil.drives.quality.speed_check import OTHERS, speed_findings
+from rover_hil.drives.quality.units import unit_of
+from rover_hil.recording.findings import FoundFinding
+
+AGREES = 0.3
+"""Residual, as a share of the motion, up to which marker offsets and slip explain the difference."""
+MUCH_BETTER = 0.3
+"""A correction that leaves less than this share of a residual that agrees shows a fault all the same."""
+BETTER = 0.6
+"""A correction explains the difference if it leaves less than this share of the residual."""
+UNLIKE = 0.7
+"""Wheels whose motion leaves more than this share of the reference's show nothing of it."""
+ALIKE = 0.1
+"""Corrections whose residuals differ by less, as a share of the motion, cannot be distinguished."""
+SCALES = (0.35, 1.3)
+"""A common factor within these may be slip, on which wheels turn further than the rover, or the radius."""
+USUAL_SCALES = (0.9, 1.03)
+"""A factor of the distances within these is usual: slip makes it smaller, nothing makes it greater."""
+SURE_SD = 5.0
+"""Standard deviations by which a factor differs from a usual one."""
+GYRO_SHARE = 0.1
+TRACK_SHARE = 0.1
+SIDE_SHARE = 0.06
+"""Factors of a gyro, of a track and of one side that differ from 1 by less are usual."""
+SAME_WAY = 0.8
+"""Cosine of the angle between two steps, from which on they go the same way."""
+LEAST_OPPOSITE = 2
+"""So many windows in each way: one is noise, or the turn back itself."""
+LEAST_ASIDE_RAD = 0.5
+"""Ground truth goes aside by more than a marker is set up wrong."""
+STRETCH_PRICE = 0.02
+"""A stretch of the drive needs a correction of its own if that explains so much of all errors, twice."""
+MOST_STEERING_RAD = 1.3
+"""No wheel of a rover that is steered by its wheels steers further ahead."""
+STRETCHES = tuple(np.geomspace(0.3, 3.0, 13).tolist())
+"""Of exchanged latitude and longitude: their degrees are not equally long."""
+
+SIGN_OF_GYRO = "the gyro has the opposite sign"
+UNSURE = "; this drive does not show which"
+CONTRADICTIONS = frozenset(
+    {
+        Cause.DIFFERENT_MOTION.value,
+        Cause.DISPLACED_POSITION.value,
+        Cause.GYRO_APART.value,
+        Cause.GYRO_BEYOND_WHEELS.value,
+        Cause.GYRO_DOES_NOT_FOLLOW.value,
+        Cause.GYRO_HEADING.value,
+        Cause.JUMPED_POSITION.value,
+        Cause.MISSED_TURN.value,
+        Cause.MOTION_AT_STANDSTILL.value,
+        Cause.SOURCE_CHECK.value,
+        Cause.STANDING_WHEELS.value,
+        Cause.TURN.value,
+        Cause.UNCERTAIN_YAW.value,
+        Cause.UNUSUAL_FORCE.value,
+        Cause.WHEEL_REVERSED.value,
+    }
+)
+"""What rules find where two measurements of the motion contradict each other."""
+
+
+def drive_findings(path: Path) -> list[FoundFinding]:
+    """Return what a log shows as a whole, see `findings_of`.
+
+    Raises:
+        LogError: The log cannot be read or is damaged.
+    """
+    drive = read_drive(path)
+    return findings_of(drive.channels, drive.config)
+
+
+def with_causes(
+    causes: Sequence[FoundFinding], findings: Sequence[FoundFinding], doubts: Sequence[FoundFinding]
+) -> tuple[list[FoundFinding], list[FoundFinding]]:
+    """Return the findings, causes first, and the suspected faults that remain.
+
+    What rules found because two measurements contradict each other is a consequence of the first cause.
+
+    Args:
+        causes: What the whole drive shows.
+        findings: Of rules while the estimate was made.
+        doubts: What they suspected.
+    """
+    if not causes:
+        return list(findings), list(doubts)
+    followers = [each for each in findings if _kind(each.name) in CONTRADICTIONS]
+    causes[0].consequences.extend([*followers, *doubts])
+    return [*causes, *(each for each in findings if each not in followers)], []
+
+
+def _kind(name: str) -> str:
+    """Return the name of a finding without its source."""
+    return next(
+        (each for each in CONTRADICTIONS if "{}" in each and name.endswith(each.removeprefix("{}"))), name
+    )
+
+
+def findings_of(rows: Channels, config: Config) -> list[FoundFinding]:
+    """Return what a drive as a whole shows against its clocks, wheels, gyro and positions.
+
+    Of the corrections that are tried (signs, exchanges, units, factors) all that explain a difference are
+    named; without one that does, nothing is.
+
+    Args:
+        rows: The drive.
+        config: Of its rover.
+    """
+    kinematics = make_kinematics(config.rover)
+    path = path_of_wheels(rows, kinematics)
+    clocks = list(clock_findings(rows, kinematics, path))
+    findings = [*speed_findings(rows), *clocks]
+    windows = windows_of(rows, kinematics)
+    if windows is not None and not clocks:  # with another clock, all other differences are its consequences
+        wheels = Wheels(config.rover, kinematics, windows)
+        judge = _Judge(wheels, windows, config.limits.wheel_speed_rad_s)
+        findings += judge.contradictions(rows, path)
+    return [*findings, *sampling_findings(rows)]
+
+
+class _Judge:
+    """Compares the wheels of a drive with what else measured its motion.
+
+    Args:
+        wheels: Of the drive.
+        windows: What they measured.
+        limit_rad_s: No wheel turns faster.
+    """
+
+    def __init__(self, wheels: Wheels, windows: Windows, limit_rad_s: float) -> None:
+        self._wheels = wheels
+        self._windows = windows
+        self._moves = wheels.moves
+        self._corrections = list(wheels.corrections())
+        self._limit_rad_s = limit_rad_s
+        gyro_rad = windows.gyro_rad
+        turned_rad = np.zeros(1) if gyro_rad is None else np.column_stack((gyro_rad, self._moves[:, 2]))
+        is_shown = np.abs(turned_rad).sum(axis=0).max() >= LEAST_TURN_RAD
+        self._gyro = None if gyro_rad is None or not is_shown else GyroReference("gyro", gyro_rad)
+
+    def contradictions(self, rows: Channels, path: DrivePath | None) -> Iterator[FoundFinding]:
+        """Yield the one contradiction that decides, if there is one."""
+        reference = next(references_of(rows, self._windows, self._moves[:, 2]), None)
+        if reference is not None:
+            steps = _body_steps(rows, path)
+            opposite = "" if steps is None else _opposite_ways(*steps)
+            name = "truth" if reference.name == GROUND_TRUTH else "positions"
+            if text := self._explain(reference, opposite):
+                yield FoundFinding(name=name, t_s=None, text=text)
+                return
+            if text := self._gyro_fault(reference):
+                yield FoundFinding(name="gyro", t_s=None, text=text)
+                return
+        if text := self._by_gyro():
+            yield FoundFinding(name="gyro", t_s=None, text=text)
+
+    def _explain(self, reference: Reference, opposite: str) -> str:
+        """Return what is wrong with the wheels or with the places; "" where they agree."""
+        plain = reference.fit(self._moves)
+        if opposite and not (self._windows.turned_rad < 0.0).any():
+            return opposite
+        fits = [(each.what, each.moves, reference.fit(each.moves)) for each in self._corrections]
+        fits += _separate(self._moves, reference)
+        fits += self._exchanged_places(reference)
+        best = min((fit.residual for *_, fit in fits), default=math.inf)
+        ratio = self._wheels.ratio(reference)
+        if ratio is not None and ratio[1].residual < BETTER * best:
+            fits, best = [(*ratio[0], ratio[1])], ratio[1].residual
+        if plain.residual <= AGREES and best > MUCH_BETTER * plain.residual:
+            return _factors(self._wheels, self._windows, reference, plain)
+        if best > AGREES or best > BETTER * plain.residual:
+            return self._partly(reference) or opposite or _unexplained(reference.name, plain)
+        which = [(what, moves, fit) for what, moves, fit in fits if fit.residual <= best + ALIKE]
+        agreeing = [each for each in which if self._agrees_with_gyro(each[1])] or which
+        return _contradiction(
+            f"wheels and {reference.name}", plain.residual, best, [what for what, *_ in agreeing]
+        )
+
+    def _agrees_with_gyro(self, moves: Array) -> bool:
+        if self._gyro is None:
+            return False
+        fit = self._gyro.fit(moves)
+        return fit.residual <= AGREES and SCALES[0] <= fit.scale <= SCALES[1]
+
+    def _exchanged_places(self, reference: Reference) -> Iterator[tuple[str, Array, Fit]]:
+        """Yield the fit with exchanged coordinates of positions."""
+        if isinstance(reference, PositionReference):
+            fits = [reference.mirrored(stretch).fit(self._moves) for stretch in STRETCHES]
+            what = "latitude and longitude, or x and y, exchanged"
+            yield what, self._moves, min(fits, key=lambda each: each.residual)
+
+    def _partly(self, reference: Reference) -> str:
+        """Return which part of the drive contradicts, and why; "" where nothing explains it."""
+        plain, size = reference.errors(self._moves)
+        most = min(AGREES, BETTER * math.sqrt(float(plain.sum())))
+        who, of = f"wheels and {reference.name} contradict each other", len(self._windows.is_moving)
+        begins_s = self._windows.edges_s[::size][: len(plain)] - self._windows.edges_s[0]
+        parts = self._parts(reference, plain)
+        best = min((left for *_, left in parts), default=math.inf)
+        if best <= most:
+            which = [(what, part) for what, part, left in parts if left <= best + ALIKE]
+            part = which[0][1]
+            unsure = UNSURE if len(which) > 1 else ""
+            return (
+                f"{who} in {int(part.sum()) * size} of {of} s, first at {begins_s[part][0]:.0f} s: "
+                f"{', or '.join(what for what, _ in which)} there; {100.0 * best:.0f} % of the motion is "
+                f"left then{unsure}"
+            )
+        for wheel in self._wheels.measured:
+            is_still = self._windows.is_moving & (self._windows.turned_rad[:, wheel] == 0.0)
+            # What it missed may come at once when it recovers.
+            around = np.convolve(is_still, np.ones(3), mode="same") > 0.0
+            part = np.add.reduceat(around[: size * len(plain)], np.arange(0, size * len(plain), size)) > 0
+            left = math.sqrt(float(plain[~part].sum()))
+            if is_still.any() and left <= most:
+                return (
+                    f"{who} around {int(is_still.sum())} of {of} s in which wheel {wheel} does not turn and "
+                    f"others do, first at {begins_s[part][0]:.0f} s: its encoder; without them "
+                    f"{100.0 * left:.0f} % of the motion is left"
+                )
+        return ""
+
+    def _parts(self, reference: Reference, plain: Array) -> list[tuple[str, Flags, float]]:
+        """Return corrections that hold in a part of the drive, that part, and what they leave."""
+        unsigned = [] if (self._windows.turned_rad < 0.0).any() else self._wheels.signs()
+        tried = [(each.what, [each.moves]) for each in self._corrections]
+        if unsigned:
+            tried = [("the speeds of the wheels have no sign, and are negative", unsigned)]
+        parts = []
+        for what, motions in tried:
+            errors = np.column_stack([plain, *(reference.errors(moves)[0] for moves in motions)])
+            states = _stretches(errors)
+            left = math.sqrt(float(np.take_along_axis(errors, states[:, np.newaxis], 1).sum()))
+            if states.any() and (unsigned or not states.all()):
+                parts.append((what, states > 0, left))
+        return parts
+
+    def _gyro_fault(self, reference: Reference) -> str:
+        """Return a sign or factor of the gyro against ground truth or positions; "" where it agrees."""
+        if self._gyro is None:
+            return ""
+        fit = reference.turn_factor(self._moves, self._gyro.turn_rad)
+        if fit.residual > AGREES or fit.turn_scale == 0.0:
+            return ""
+        factor = 1.0 / fit.turn_scale
+        if abs(factor - 1.0) <= GYRO_SHARE:
+            return ""
+        return f"{_gyro_text(factor)}; wheels and {reference.name} agree"
+
+    def _by_gyro(self) -> str:
+        """Return what explains that wheels and gyro contradict each other; "" where they agree."""
+        reference = self._gyro
+        if reference is None:
+            return ""
+        plain = reference.fit(self._moves)
+        if plain.residual <= AGREES and SCALES[0] <= plain.scale <= SCALES[1]:
+            return self._partly(reference)
+        if text := self._steering_wheel(reference, plain):
+            return text
+        fits = [(each.what, reference.fit(each.moves)) for each in self._corrections]
+        explaining = [
+            what for what, fit in fits if fit.residual <= AGREES and SCALES[0] <= fit.scale <= SCALES[1]
+        ]
+        if plain.residual <= AGREES and plain.scale != 0.0:
+            explaining.append(self._scale(plain.scale))
+        if not explaining:
+            return self._partly(reference)
+        unsure = UNSURE if len(explaining) > 1 or "; or " in explaining[0] else ""
+        return f"wheels and gyro contradict each other: {', or '.join(explaining)}{unsure}"
+
+    def _scale(self, factor: float) -> str:
+        """Return what a factor of the gyro's rotation over that of the wheels comes from."""
+        if factor < 0.0:
+            return _gyro_text(factor)
+        wheels = (
+            f"the wheels measure {1.0 / factor:.3g} times the rotation of the gyro: {unit_of(factor, OTHERS)}"
+        )
+        if np.abs(self._windows.turned_rad).max() > self._limit_rad_s * WINDOW_S:
+            return f"{wheels}; they turn faster than limits.wheel_speed_rad_s = {self._limit_rad_s:g}"
+        # What a rover does at most when its wheels turn as fast as they can.
+        most_rad = self._limit_rad_s * float(np.abs(self._wheels.yaw_effects).sum()) * WINDOW_S
+        if self._gyro is not None and np.abs(self._gyro.turn_rad).max() > most_rad:
+            return f"{_gyro_text(factor)}; no rover turns so fast whose wheels turn at their limit"
+        return f"{wheels}; or {_gyro_text(factor)}"
+
+    def _steering_wheel(self, reference: Reference, plain: Fit) -> str:
+        """Return the ratio of steering angles that no wheel has; "" where they are usual."""
+        angles, ratio = self._windows.steering_rad, self._wheels.ratio(reference)
+        if angles is None or ratio is None or np.abs(angles).max() <= MOST_STEERING_RAD:
+            return ""
+        correction, fit = ratio
+        if fit.residual > min(AGREES, BETTER * plain.residual):
+            return ""
+        largest = f"the steering angles are up to {math.degrees(np.abs(angles).max()):.0f} deg"
+        who = f"{largest}; wheels and {reference.name}"
+        return _contradiction(who, plain.residual, fit.residual, [correction.what])
+
+
+def _contradiction(who: str, residual: float, best: float, which: Sequence[str]) -> str:
+    unsure = UNSURE if len(which) > 1 else ""
+    shares = f"{100.0 * residual:.0f} % of the motion is left, {100.0 * best:.0f} % with"
+    return f"{who} contradict each other, {shares} {', or '.join(which)}{unsure}"
+
+
+def _unexplained(name: str, plain: Fit) -> str:
+    if plain.residual <= UNLIKE:
+        return ""
+    return (
+        f"wheels and {name} contradict each other, {100.0 * plain.residual:.0f} % of the motion is left: "
+        "more than one wheel reversed or exchanged, another order of the wheels, or they are of another drive"
+    )
+
+
+def _separate(moves: Array, reference: Reference) -> Iterator[tuple[str, Array, Fit]]:
+    """Yield fits with a factor of the rotations, and of the distances, where that is none of slip."""
+    if not isinstance(reference, PoseReference):
+        return
+    plain = reference.fit(moves)
+    for what, factor in (("rotations", plain.turn_scale), ("distances", plain.distance_scale)):
+        if factor <= 0.0 or SCALES[0] <= factor <= SCALES[1]:
+            continue
+        corrected = moves.copy()
+        corrected[:, 2 if what == "rotations" else slice(0, 2)] *= factor
+        text = f"all {what} {factor:.4g} times as large: {unit_of(factor, OTHERS)}"
+        yield text, corrected, reference.fit(corrected)
+
+
+def _factors(wheels: Wheels, windows: Windows, reference: Reference, plain: Fit) -> str:
+    """Return a factor of wheels that otherwise agree that is not usual; "" where all are."""
+    by = f"by the {reference.name}"
+    if not SCALES[0] <= plain.scale <= SCALES[1]:
+        what = unit_of(plain.scale, OTHERS)
+        return f"{by} the rover moves {plain.scale:.4g} times as far as by the wheels: {what}"
+    sd = plain.residual / math.sqrt(max(1, int(windows.is_moving.sum())))
+    side = wheels.side(reference)
+    if side is not None and abs(side[0] - 1.0) > SIDE_SHARE and side[1].residual <= BETTER * plain.residual:
+        shares = (
+            f"{100.0 * plain.residual:.0f} % of the motion is left, {100.0 * side[1].residual:.0f} % with"
+        )
+        return (
+            f"wheels and {reference.name} differ, {shares} left wheels that roll {side[0]:.3g} times as far "
+            "as the right ones: the radius of the wheels of one side, or uneven slip"
+        )
+    distance, turn = plain.distance_scale, plain.turn_scale
+    if isinstance(reference, PoseReference):
+        distance, turn = distance if reference.goes else 1.0, turn if reference.turns else distance
+        # A common factor is that of the radius.
+        ratio = turn / distance
+    else:
+        ratio = turn
+    if wheels.is_skidding:
+        ratio = 1.0
+    is_track = abs(ratio - 1.0) > TRACK_SHARE + SURE_SD * sd
+    track = f"track or wheelbase {1.0 / ratio:.3g} times as wide"
+    if not USUAL_SCALES[0] - SURE_SD * sd <= distance <= USUAL_SCALES[1] + SURE_SD * sd:
+        slip = "" if distance > 1.0 else f", or a slip of {1.0 - distance:.2g} throughout"
+        return (
+            f"{by} the rover goes {distance:.3g} times as far as by the wheels: radius, ticks_per_turn or "
+            f"gear_ratio of all wheels{slip}{f'; {track}' if is_track else ''}"
+        )
+    if is_track:
+        return f"{by} the rover turns {turn:.3g} times as much as by the wheels: {track}"
+    aside_rad = reference.aside_rad(wheels.moves) if isinstance(reference, PoseReference) else 0.0
+    if abs(aside_rad) >= LEAST_ASIDE_RAD:
+        return (
+            f"the ground truth goes {math.degrees(aside_rad):+.0f} deg aside of where the wheels go: "
+            f"truth.marker.yaw_deg is not given, wheels are exchanged, or the distance is reversed{UNSURE}"
+        )
+    return ""
+
+
+def _stretches(errors: Array) -> Times:
+    """Return which of several motions holds when: the stretches that leave the least errors, each at a price.
+
+    Args:
+        errors: Of n parts of the drive and m motions, the first as measured, shape (n, m).
+    """
+    price = STRETCH_PRICE * float(errors[:, 0].sum())
+    cost = np.array([0.0, *[price] * (errors.shape[1] - 1)])
+    came = np.zeros(errors.shape, np.int64)
+    for place, left in enumerate(errors):
+        cheapest = int(cost.argmin())
+        changes = cost[cheapest] + price < cost
+        came[place] = np.where(changes, cheapest, np.arange(len(cost)))
+        cost = np.where(changes, cost[cheapest] + price, cost) + left
+    states = np.zeros(len(errors), np.int64)
+    state = int(cost.argmin())
+    for place in range(len(errors) - 1, -1, -1):
+        states[place] = state
+        state = int(came[place, state])
+    return states
+
+
+def _gyro_text(factor: float) -> str:
+    size = f"it measures {factor:.3g} times the rotation"
+    if factor < 0.0 and abs(factor + 1.0) <= GYRO_SHARE:
+        return f"{SIGN_OF_GYRO}: {size}"
+    sign = f"{SIGN_OF_GYRO}, and another scale" if factor < 0.0 else "the gyro has another scale"
+    return f"{sign}: {size}: {unit_of(abs(factor), 'its scale factor')}"
+
+
+def _body_steps(rows: Channels, wheels: DrivePath | None) -> tuple[Array, Steps, Steps] | None:
+    """Return the begin of each window, and how far wheels and ground truth go in it."""
+    truth = dict(places_of(rows)).get(GROUND_TRUTH)
+    if wheels is None or truth is None or truth.yaw_rad is None:
+        return None
+    edges_s = np.arange(max(wheels.t_s[0], truth.t_s[0]), min(wheels.t_s[-1], truth.t_s[-1]), WINDOW_S)
+    return edges_s[:-1], wheels.body_steps(edges_s), truth.body_steps(edges_s)
+
+
+def _opposite_ways(begins_s: Array, said_m: Steps, true_m: Steps) -> str:
+    """Return that wheels and ground truth go opposite ways in a part of the drive; "" where they do not."""
+    sizes_m = np.abs(said_m)
+    is_moving = (sizes_m > LEAST_MOTION * sizes_m.max(initial=0.0)) & (np.abs(true_m) > 0.5 * sizes_m)
+    alike = (said_m * true_m.conjugate()).real / np.maximum(sizes_m * np.abs(true_m), 1e-12)
+    is_opposite, is_same = is_moving & (alike < -SAME_WAY), is_moving & (alike > SAME_WAY)
+    if min(is_opposite.sum(), is_same.sum()) < LEAST_OPPOSITE:
+        return ""
+    is_one_way = bool(np.all(said_m.real[is_moving] >= 0.0))
+    cause = "the speeds have no sign" if is_one_way else "wheels or ground truth are reversed there"
+    return (
+        f"wheels and ground truth go opposite ways in {is_opposite.sum()} of {is_moving.sum()} s of motion, "
+        f"and the same way in {is_same.sum()} s: {cause}"
+    )
