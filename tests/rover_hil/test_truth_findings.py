@@ -159,7 +159,7 @@ def test_the_steering_of_a_measured_tricycle_is_compared_with_its_truth(
     [
         (1.0, 1.0, ""),
         (57.29578, 1.0, "all rotations 0.01745 times as large: deg where rad is meant"),
-        (1.0, 10.0, "cm or a clock that is wrong by 10"),
+        (1.0, 10.0, "mm where cm is meant"),
         (1.5, 1.0, "turns 0.667 times as much as by the wheels: track or wheelbase 1.49 times as wide"),
         (1.05, 1.0, ""),
     ],

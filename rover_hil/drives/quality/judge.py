@@ -19,7 +19,7 @@ from rover_hil.drives.channels import Channels
 from rover_hil.drives.drive import read_drive
 from rover_hil.drives.quality.clock_check import clock_findings
 from rover_hil.drives.quality.corrections import Wheels
-from rover_hil.drives.quality.drive_paths import GROUND_TRUTH, DrivePath, path_of_wheels, places_of
+from rover_hil.drives.quality.drive_paths import GROUND_TRUTH, POSITIONS, DrivePath, path_of_wheels, places_of
 from rover_hil.drives.quality.motion import LEAST_MOTION, WINDOW_S, Windows, windows_of
 from rover_hil.drives.quality.references import (
     LEAST_TURN_RAD,
@@ -71,6 +71,8 @@ STRETCHES = tuple(np.geomspace(0.3, 3.0, 13).tolist())
 
 SIGN_OF_GYRO = "the gyro has the opposite sign"
 UNSURE = "; this drive does not show which"
+NAMES = {GROUND_TRUTH: "truth", POSITIONS: "positions"}
+"""Names of findings by what the wheels are compared with."""
 CONTRADICTIONS = frozenset(
     {
         Cause.DIFFERENT_MOTION.value,
@@ -177,15 +179,13 @@ class _Judge:
         if reference is not None:
             steps = _body_steps(rows, path)
             opposite = "" if steps is None else _opposite_ways(*steps)
-            name = "truth" if reference.name == GROUND_TRUTH else "positions"
             if text := self._explain(reference, opposite):
-                yield FoundFinding(name=name, t_s=None, text=text)
+                yield FoundFinding(name=NAMES[reference.name], t_s=None, text=text)
                 return
-            if text := self._gyro_fault(reference):
-                yield FoundFinding(name="gyro", t_s=None, text=text)
-                return
-        if text := self._by_gyro():
+        if text := (reference and self._gyro_fault(reference)) or self._by_gyro():
             yield FoundFinding(name="gyro", t_s=None, text=text)
+        elif reference is not None and (text := _unexplained(reference, self._moves)):
+            yield FoundFinding(name=NAMES[reference.name], t_s=None, text=text)
 
     def _explain(self, reference: Reference, opposite: str) -> str:
         """Return what is wrong with the wheels or with the places; "" where they agree."""
@@ -202,7 +202,7 @@ class _Judge:
         if plain.residual <= AGREES and best > MUCH_BETTER * plain.residual:
             return _factors(self._wheels, self._windows, reference, plain)
         if best > AGREES or best > BETTER * plain.residual:
-            return self._partly(reference) or opposite or _unexplained(reference.name, plain)
+            return _side(self._wheels, reference, plain) or self._partly(reference) or opposite
         which = [(what, moves, fit) for what, moves, fit in fits if fit.residual <= best + ALIKE]
         agreeing = [each for each in which if self._agrees_with_gyro(each[1])] or which
         return _contradiction(
@@ -234,10 +234,10 @@ class _Judge:
             which = [(what, part) for what, part, left in parts if left <= best + ALIKE]
             part = which[0][1]
             unsure = UNSURE if len(which) > 1 else ""
+            what = ", or ".join(what for what, _ in which)
             return (
-                f"{who} in {int(part.sum()) * size} of {of} s, first at {begins_s[part][0]:.0f} s: "
-                f"{', or '.join(what for what, _ in which)} there; {100.0 * best:.0f} % of the motion is "
-                f"left then{unsure}"
+                f"{what} in {int(part.sum()) * size} of {of} s, first at {begins_s[part][0]:.0f} s{unsure}: "
+                f"{who}, {100.0 * best:.0f} % of the motion is left with it"
             )
         for wheel in self._wheels.measured:
             is_still = self._windows.is_moving & (self._windows.turned_rad[:, wheel] == 0.0)
@@ -247,9 +247,9 @@ class _Judge:
             left = math.sqrt(float(plain[~part].sum()))
             if is_still.any() and left <= most:
                 return (
-                    f"{who} around {int(is_still.sum())} of {of} s in which wheel {wheel} does not turn and "
-                    f"others do, first at {begins_s[part][0]:.0f} s: its encoder; without them "
-                    f"{100.0 * left:.0f} % of the motion is left"
+                    f"the encoder of wheel {wheel} stays in {int(is_still.sum())} of {of} s while others "
+                    f"turn, first at {begins_s[part][0]:.0f} s: {who} there, {100.0 * left:.0f} % of the "
+                    "motion is left elsewhere"
                 )
         return ""
 
@@ -258,7 +258,7 @@ class _Judge:
         unsigned = [] if (self._windows.turned_rad < 0.0).any() else self._wheels.signs()
         tried = [(each.what, [each.moves]) for each in self._corrections]
         if unsigned:
-            tried = [("the speeds of the wheels have no sign, and are negative", unsigned)]
+            tried = [("the speeds of the wheels have no sign: they are negative", unsigned)]
         parts = []
         for what, motions in tried:
             errors = np.column_stack([plain, *(reference.errors(moves)[0] for moves in motions)])
@@ -299,15 +299,13 @@ class _Judge:
         if not explaining:
             return self._partly(reference)
         unsure = UNSURE if len(explaining) > 1 or "; or " in explaining[0] else ""
-        return f"wheels and gyro contradict each other: {', or '.join(explaining)}{unsure}"
+        return f"{', or '.join(explaining)}{unsure}: wheels and gyro contradict each other"
 
     def _scale(self, factor: float) -> str:
         """Return what a factor of the gyro's rotation over that of the wheels comes from."""
         if factor < 0.0:
             return _gyro_text(factor)
-        wheels = (
-            f"the wheels measure {1.0 / factor:.3g} times the rotation of the gyro: {unit_of(factor, OTHERS)}"
-        )
+        wheels = f"the wheels turn {1.0 / factor:.3g} times as far: {unit_of(factor, OTHERS)}"
         if np.abs(self._windows.turned_rad).max() > self._limit_rad_s * WINDOW_S:
             return f"{wheels}; they turn faster than limits.wheel_speed_rad_s = {self._limit_rad_s:g}"
         # What a rover does at most when its wheels turn as fast as they can.
@@ -325,21 +323,26 @@ class _Judge:
         if fit.residual > min(AGREES, BETTER * plain.residual):
             return ""
         largest = f"the steering angles are up to {math.degrees(np.abs(angles).max()):.0f} deg"
-        who = f"{largest}; wheels and {reference.name}"
-        return _contradiction(who, plain.residual, fit.residual, [correction.what])
+        return (
+            f"{largest}: {_contradiction('wheels and gyro', plain.residual, fit.residual, [correction.what])}"
+        )
 
 
 def _contradiction(who: str, residual: float, best: float, which: Sequence[str]) -> str:
+    """Return the corrections that explain a contradiction, and how much of it."""
     unsure = UNSURE if len(which) > 1 else ""
-    shares = f"{100.0 * residual:.0f} % of the motion is left, {100.0 * best:.0f} % with"
-    return f"{who} contradict each other, {shares} {', or '.join(which)}{unsure}"
+    return (
+        f"{', or '.join(which)}{unsure}: {who} contradict each other, {100.0 * residual:.0f} % of the motion "
+        f"is left, {100.0 * best:.0f} % with it"
+    )
 
 
-def _unexplained(name: str, plain: Fit) -> str:
-    if plain.residual <= UNLIKE:
+def _unexplained(reference: Reference, moves: Array) -> str:
+    residual = reference.fit(moves).residual
+    if residual <= UNLIKE:
         return ""
     return (
-        f"wheels and {name} contradict each other, {100.0 * plain.residual:.0f} % of the motion is left: "
+        f"wheels and {reference.name} contradict each other, {100.0 * residual:.0f} % of the motion is left: "
         "more than one wheel reversed or exchanged, another order of the wheels, or they are of another drive"
     )
 
@@ -358,6 +361,18 @@ def _separate(moves: Array, reference: Reference) -> Iterator[tuple[str, Array, 
         yield text, corrected, reference.fit(corrected)
 
 
+def _side(wheels: Wheels, reference: Reference, plain: Fit) -> str:
+    """Return the factor of the wheels of one side, where it explains what differs."""
+    side = wheels.side(reference)
+    if side is None or abs(side[0] - 1.0) <= SIDE_SHARE:
+        return ""
+    factor, fit = side
+    if fit.residual > min(AGREES, BETTER * plain.residual):
+        return ""
+    what = f"radius of the wheels of one side, or uneven slip: the left ones roll {factor:.3g} times as far"
+    return _contradiction(f"wheels and {reference.name}", plain.residual, fit.residual, [what])
+
+
 def _factors(wheels: Wheels, windows: Windows, reference: Reference, plain: Fit) -> str:
     """Return a factor of wheels that otherwise agree that is not usual; "" where all are."""
     by = f"by the {reference.name}"
@@ -365,15 +380,8 @@ def _factors(wheels: Wheels, windows: Windows, reference: Reference, plain: Fit)
         what = unit_of(plain.scale, OTHERS)
         return f"{by} the rover moves {plain.scale:.4g} times as far as by the wheels: {what}"
     sd = plain.residual / math.sqrt(max(1, int(windows.is_moving.sum())))
-    side = wheels.side(reference)
-    if side is not None and abs(side[0] - 1.0) > SIDE_SHARE and side[1].residual <= BETTER * plain.residual:
-        shares = (
-            f"{100.0 * plain.residual:.0f} % of the motion is left, {100.0 * side[1].residual:.0f} % with"
-        )
-        return (
-            f"wheels and {reference.name} differ, {shares} left wheels that roll {side[0]:.3g} times as far "
-            "as the right ones: the radius of the wheels of one side, or uneven slip"
-        )
+    if text := _side(wheels, reference, plain):
+        return text
     distance, turn = plain.distance_scale, plain.turn_scale
     if isinstance(reference, PoseReference):
         distance, turn = distance if reference.goes else 1.0, turn if reference.turns else distance

@@ -30,6 +30,8 @@ LEAST_SEGMENT_SD = 10.0
 """A segment of positions extends over so many of their standard deviations."""
 LEAST_SEGMENT_WINDOWS = 8
 LEAST_EXTENT_M = 0.3
+CLEARLY = 0.6
+"""Another factor of the rotations leaves less than this share of the residual, or there is none."""
 TURN_FACTORS = tuple(np.geomspace(0.35, 1.3, 14).tolist())
 """Of the rotations by wheels that slip in turning: see `SCALES` of the judge."""
 
@@ -186,7 +188,9 @@ class PositionReference:
 
     def fit(self, moves: Array) -> Fit:
         """See `Reference`. Distances and rotations have a factor each."""
-        return self._best(moves, moves[:, 2], (*TURN_FACTORS, 1.0))
+        plain = self._best(moves, moves[:, 2], (1.0,))
+        best = self._best(moves, moves[:, 2], TURN_FACTORS)
+        return best if best.residual < CLEARLY * plain.residual else plain
 
     def errors(self, moves: Array) -> tuple[Array, int]:
         """See `Reference`."""

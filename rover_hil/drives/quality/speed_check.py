@@ -20,7 +20,7 @@ CLOCK_SHARE = 0.004
 CLOCK_DEVIATIONS = 5.0
 LEAST_SD = 0.0005
 """No factor is better known, whatever the residuals say."""
-OTHERS = "ticks_per_turn, gear_ratio, radius or unit of the wheels, or the clock of speeds"
+OTHERS = "ticks_per_turn, gear_ratio, radius or unit of the wheels"
 COARSE = 0.005
 """A speed with a coarser resolution, as a share of a usual one, may be cut off instead of rounded."""
 

@@ -7,7 +7,7 @@ UNITS = (
     (60.0 / math.tau, "rpm where rad/s is meant, or the other way round"),
     (math.tau, "revolutions where rad is meant, or the other way round"),
     (3.6, "km/h where m/s is meant, or the other way round"),
-    (10.0, "cm or a clock that is wrong by 10"),
+    (10.0, "mm where cm is meant, or the other way round"),
     (100.0, "cm where m is meant, or the other way round"),
     (1000.0, "mm where m is meant, or ms where s is meant, or the other way round"),
 )
