@@ -2,7 +2,6 @@
 
 import cmath
 import math
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -14,6 +13,7 @@ from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.reader import Situation
 from controllers.estimation.filter.state_layout import YAW, X, Y
 from controllers.estimation.parameters import ESTIMATION
+from controllers.estimation.positions.alignment import PathAlignment
 from controllers.estimation.positions.jumps import PositionJumps
 from controllers.estimation.positions.pose_fix import PoseFix, has_yaw, place_then
 from controllers.estimation.positions.relation import PositionRelation
@@ -21,21 +21,8 @@ from controllers.estimation.settings import FilterSettings
 from controllers.motion.planar import wrap_angle
 from drivers.samples import PoseFixSample, Sample
 
-LEAST_BASELINE_SD = 10.0
-"""Two fixes without yaw turn the floor's axes from so many deviations of their difference on: to 6 deg."""
-
-
 DISPLACED, TURNED = "displaced", "turned"
 """Quantities of the innovations of a fix that was taken although it contradicted the estimate."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Unoriented:
-    """The first fix of a device that gives no yaw: by the fix, and in the local frame."""
-
-    place_m: complex
-    then_m: complex
-    position_std_m: float
 
 
 def _alone_std_m(model: PoseFix) -> float:
@@ -63,7 +50,7 @@ class PositionFrames:
         self._relations = {device: PositionRelation(settings, gate_sd) for device in self._origins}
         self._reckoned_m = 0j
         self._rejections: dict[str, int] = {}
-        self._unoriented: dict[str, _Unoriented] = {}
+        self._unoriented: dict[str, PathAlignment] = {}
 
     @property
     def jumped_m(self) -> dict[str, complex]:
@@ -227,22 +214,20 @@ class PositionFrames:
             self._filter.assign(origin + index, value)
 
     def _orient(self, origin: int, fix: PoseFixSample, way_back: WayBack) -> bool:
-        """Set the unknown origin by two fixes without yaw that lie far apart; returns whether it is set.
+        """Set the unknown origin by positions without yaw that lie far apart; returns whether it is set.
 
-        The axes of the floor are turned by the direction between the two places by the fixes less that by
-        the motion of the rover. So it does not matter whether the rover drives ahead, back or aside.
+        The axes of the floor are turned by the angle that brings the path of the rover onto the positions. So
+        it does not matter whether the rover drives ahead, back or aside.
         """
         then_m, _ = place_then(np.array(self._filter.state), fix, way_back)
         place_m = complex(fix.x_m, fix.y_m)
         if not cmath.isfinite(place_m) or not 0.0 < fix.position_std_m < math.inf:
             return False
-        first = self._unoriented.setdefault(fix.device, _Unoriented(place_m, then_m, fix.position_std_m))
-        moved_m, fixed_m = then_m - first.then_m, place_m - first.place_m
-        least_m = LEAST_BASELINE_SD * math.hypot(fix.position_std_m, first.position_std_m)
-        if min(abs(moved_m), abs(fixed_m)) < least_m or abs(abs(fixed_m) - abs(moved_m)) > 0.5 * abs(moved_m):
+        alignment = self._unoriented.setdefault(fix.device, PathAlignment())
+        alignment.take(place_m, then_m, fix.position_std_m)
+        if not alignment.is_known:
             return False
-        origin_rad = wrap_angle(cmath.phase(fixed_m) - cmath.phase(moved_m))
-        origin_m = place_m - then_m * cmath.rect(1.0, origin_rad)
+        origin_rad, origin_m = alignment.turned_rad, alignment.origin_m
         for index, value in zip((X, Y, YAW), (origin_m.real, origin_m.imag, origin_rad), strict=True):
             self._filter.assign(origin + index, value)
         self._rejections[fix.device] = 0

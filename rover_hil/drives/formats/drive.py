@@ -19,6 +19,7 @@ from rover_hil.config import Config
 from rover_hil.drives.formats.imu_message import imu_bytes
 from rover_hil.drives.formats.oddities import Evidence, Oddity, merged, unseen
 from rover_hil.drives.formats.wheel_frames import wheel_frame
+from rover_hil.drives.quality.position_use import PositionUse
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.findings import FindingList, FoundFinding
 from rover_hil.recording.schema import CYCLE, IMPORT, OPERATOR, TRUTH, TruthRecord, operator_record
@@ -129,12 +130,13 @@ def write_drive(
         rig, links = build_replay_rig(config, clock, log)
         rig.connect(timeout_s=0.0)
         feed = make_feed(links)
-        doubts = _Doubts(contents)
+        doubts, positions = _Doubts(contents), PositionUse()
         for tick_ns, waiting in _by_cycle(messages, nanoseconds(1.0 / config.loop.rate_hz)):
             given = [record for message in waiting for record in feed(message)]
             truths = [record for record in given if not isinstance(record, PoseFixSample)]
             fixes = tuple(record for record in given if isinstance(record, PoseFixSample))
             clock.sleep_until(tick_ns)
+            positions.give(fixes)
             if fixes:
                 log.write_json(OPERATOR, tick_ns, operator_record(OperatorInput(fixes=fixes)))
             samples = [*rig.poll(), *fixes]
@@ -143,12 +145,15 @@ def write_drive(
                 output = rig.loop.step(tick_ns, samples)
                 log.estimate(output)
                 doubts.take(output)
+                positions.take(output)
             for record in truths:
                 log.write_json(TRUTH, record["t_ns"], record)
             log.write_json(CYCLE, tick_ns, {"late_ns": 0, "work_ns": 0})
             contents.end_ns = tick_ns
             yield
         contents.finish(make_kinematics(config.rover), doubts.turned_rad)
+        if with_estimate and (text := positions.fault()):
+            contents.notes.insert(0, text)
         oddities = [asdict(oddity) for oddity in contents.oddities]
         is_path = not contents.used.keys().isdisjoint(PATHS)
         log.write_json(IMPORT, contents.end_ns, {"oddities": oddities, "computed_wheels": is_path})
