@@ -89,7 +89,9 @@ class Wheels:
         if self._windows.steering_rad is None:
             return None
         # A free scale could take the place of the factor.
-        factor = min(RATIOS, key=lambda each: float(reference.errors(self._steered(each))[0].sum()))
+        factor = min(
+            RATIOS, key=lambda each: float(reference.errors(self._steered(each), self.moves)[0].sum())
+        )
         what = (
             f"the steering angles {factor:.3g} times as large, as with ratio = {factor:.3g}: "
             "the angle of a steering wheel, or of a motor"

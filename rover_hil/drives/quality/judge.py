@@ -224,7 +224,7 @@ class _Judge:
 
     def _partly(self, reference: Reference) -> str:
         """Return which part of the drive contradicts, and why; "" where nothing explains it."""
-        plain, size = reference.errors(self._moves)
+        plain, size = reference.errors(self._moves, self._moves)
         most = min(AGREES, BETTER * math.sqrt(float(plain.sum())))
         who, of = f"wheels and {reference.name} contradict each other", len(self._windows.is_moving)
         begins_s = self._windows.edges_s[::size][: len(plain)] - self._windows.edges_s[0]
@@ -261,7 +261,7 @@ class _Judge:
             tried = [("the speeds of the wheels have no sign: they are negative", unsigned)]
         parts = []
         for what, motions in tried:
-            errors = np.column_stack([plain, *(reference.errors(moves)[0] for moves in motions)])
+            errors = np.column_stack([plain, *(reference.errors(moves, self._moves)[0] for moves in motions)])
             states = _stretches(errors)
             left = math.sqrt(float(np.take_along_axis(errors, states[:, np.newaxis], 1).sum()))
             if states.any() and (unsigned or not states.all()):

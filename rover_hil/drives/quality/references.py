@@ -67,8 +67,13 @@ class Reference(Protocol):
         """Return how well motion in the axes of the rover fits, (n, 3): ahead and left in m, yaw in rad."""
         ...
 
-    def errors(self, moves: Array) -> tuple[Array, int]:
-        """Return the share of the motion that is left in each part of the drive, and its windows."""
+    def errors(self, moves: Array, like: Array) -> tuple[Array, int]:
+        """Return the share of the motion that is left in each part of the drive, and its windows.
+
+        Args:
+            moves: As for `fit`.
+            like: The motion as measured, which gives what is common to all parts.
+        """
         ...
 
     def turn_factor(self, moves: Array, turn_rad: Array) -> Fit:
@@ -99,15 +104,15 @@ class PoseReference:
 
     def fit(self, moves: Array) -> Fit:
         """See `Reference`. One factor is common to rotations and distances."""
-        own, seen = self._weighted(moves)
+        own, seen = self._weighted(moves, self.aside_rad(moves))
         scale = max(0.0, _factor(own.ravel(), seen.ravel()))
         residual = math.sqrt(float(np.sum((seen - scale * own) ** 2) / max(float(np.sum(seen**2)), 1e-30)))
         distance = _factor(own[:, 1:].ravel(), seen[:, 1:].ravel())
         return Fit(residual, scale, distance, _factor(own[:, 0], seen[:, 0]))
 
-    def errors(self, moves: Array) -> tuple[Array, int]:
-        """See `Reference`."""
-        own, seen = self._weighted(moves)
+    def errors(self, moves: Array, like: Array) -> tuple[Array, int]:
+        """See `Reference`. All parts have the axes of the marker in common."""
+        own, seen = self._weighted(moves, self.aside_rad(like))
         errors = np.zeros(len(moves))
         errors[self.is_used] = np.sum((seen - own) ** 2, axis=1) / max(float(np.sum(seen**2)), 1e-30)
         return errors, 1
@@ -133,9 +138,9 @@ class PoseReference:
         """Whether the rover goes so far that its distances are shown."""
         return bool(np.abs(self.step_m[self.is_used]).sum() >= LEAST_WAY_M)
 
-    def _weighted(self, moves: Array) -> tuple[Array, Array]:
+    def _weighted(self, moves: Array, aside_rad: float) -> tuple[Array, Array]:
         """Return rotations and distances of a motion and of the poses, both counted alike, (used, 3)."""
-        steps = (moves[:, 0] + 1j * moves[:, 1]) * np.exp(1j * self.aside_rad(moves))
+        steps = (moves[:, 0] + 1j * moves[:, 1]) * np.exp(1j * aside_rad)
         own = np.column_stack((moves[:, 2], steps.real, steps.imag))[self.is_used]
         seen = np.column_stack((self.turn_rad, self.step_m.real, self.step_m.imag))[self.is_used]
         turns, distances = float(np.sum(seen[:, 0] ** 2)), float(np.sum(seen[:, 1:] ** 2))
@@ -161,7 +166,7 @@ class GyroReference:
         """See `Reference`."""
         return _turns_alone(moves[:, 2], self.turn_rad)
 
-    def errors(self, moves: Array) -> tuple[Array, int]:
+    def errors(self, moves: Array, like: Array) -> tuple[Array, int]:
         """See `Reference`."""
         return (self.turn_rad - moves[:, 2]) ** 2 / max(float(self.turn_rad @ self.turn_rad), 1e-30), 1
 
@@ -192,7 +197,7 @@ class PositionReference:
         best = self._best(moves, moves[:, 2], TURN_FACTORS)
         return best if best.residual < CLEARLY * plain.residual else plain
 
-    def errors(self, moves: Array) -> tuple[Array, int]:
+    def errors(self, moves: Array, like: Array) -> tuple[Array, int]:
         """See `Reference`."""
         products, squares, seen = self._products(moves, moves[:, 2])
         left = seen - products**2 / np.maximum(squares, 1e-30)
