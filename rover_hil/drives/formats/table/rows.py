@@ -45,12 +45,14 @@ def read_drive_table(path: Path, columns: Columns, rover: Config) -> Drive:
 
 COARSE_RAD_S = math.radians(0.1)
 """With steps of the readings above this, noise does not change them: a car's gyro on a straight road."""
-LEAST_STEPS = 2
+LEAST_CHANGES = 4
+"""Of the readings of a gyro that is alive."""
 
 
 def _is_coarse(rates_rad_s: Array) -> bool:
-    steps_rad_s = np.diff(np.unique(rates_rad_s[np.isfinite(rates_rad_s)]))
-    return len(steps_rad_s) >= LEAST_STEPS and float(steps_rad_s.min()) > COARSE_RAD_S
+    steps_rad_s = np.abs(np.diff(rates_rad_s[np.isfinite(rates_rad_s)]))
+    steps_rad_s = steps_rad_s[steps_rad_s > 0.0]
+    return len(steps_rad_s) >= LEAST_CHANGES and float(steps_rad_s.min()) > COARSE_RAD_S
 
 
 def _take_imu(source: DriveTable, imu: ImuColumns) -> None:
