@@ -32,6 +32,7 @@ from rover_hil.drives.clocks import unwrapped
 from rover_hil.drives.files.blf_blocks import BlfBlocks
 from rover_hil.drives.files.csv_table import header_lines, read_csv
 from rover_hil.drives.files.mf4_blocks import check_blocks
+from rover_hil.drives.files.unreadable import UnreadableError
 
 Identifiers: TypeAlias = NDArray[np.uint32]
 Bytes: TypeAlias = NDArray[np.uint8]
@@ -167,7 +168,7 @@ class _Collector:
         """Add messages.
 
         Raises:
-            ValueError: They are too many.
+            UnreadableError: They are too many.
         """
         for message in messages:
             self.add(message)
@@ -177,13 +178,13 @@ class _Collector:
 
     def _check_count(self) -> None:
         if len(self.t_s) > CAN_FRAMES:
-            raise ValueError(f"it holds more than {CAN_FRAMES:,} frames, the limit: divide it")
+            raise UnreadableError(f"it holds more than {CAN_FRAMES:,} frames, the limit: divide it")
 
     def add_run(self, t_s: Array, records: np.ndarray[Any, Any]) -> None:
         """Add the frames of a run of `BlfBlocks`.
 
         Raises:
-            ValueError: They are too many.
+            UnreadableError: They are too many.
         """
         identifiers = records["identifier"]
         flags = np.where(identifiers >> 31, np.uint32(EXTENDED_FLAG), np.uint32(0))
@@ -286,10 +287,10 @@ class _Lines(io.TextIOBase):
     def readline(self, size: int | None = -1, /) -> str:  # type: ignore[override]
         line = self._text.readline(CAN_LINE_CHARACTERS)
         if len(line) >= CAN_LINE_CHARACTERS:
-            raise ValueError(f"a line is longer than {CAN_LINE_CHARACTERS:,} characters, the limit")
+            raise UnreadableError(f"a line is longer than {CAN_LINE_CHARACTERS:,} characters, the limit")
         self._characters += len(line)
         if self._characters > CAN_LOG_BYTES:
-            raise ValueError(f"it is larger than {CAN_LOG_BYTES / MEGABYTE:g} MB, the limit: divide it")
+            raise UnreadableError(f"it is larger than {CAN_LOG_BYTES / MEGABYTE:g} MB, the limit: divide it")
         self.number += bool(line)
         self.content += bool(line.strip()) and line[0] not in ";/"
         if self._is_asc and "timestamps relative" in line.casefold():
@@ -341,7 +342,7 @@ def _check_containers(raw: Any) -> None:
     """Check that no part of a BLF file unpacks to more than any logger packs.
 
     Raises:
-        ValueError: One may.
+        UnreadableError: One may.
     """
     header = raw.read(_BLF_HEADER.size)
     position = _BLF_HEADER.unpack(header)[1] if len(header) == _BLF_HEADER.size else 0
@@ -354,7 +355,9 @@ def _check_containers(raw: Any) -> None:
         if signature != b"LOBJ" or size < _BLF_OBJECT.size:
             break
         if kind == _BLF_CONTAINER and size > CAN_CONTAINER_BYTES:
-            raise ValueError(f"a container has {size:,} bytes, more than {CAN_CONTAINER_BYTES:,}, the limit")
+            raise UnreadableError(
+                f"a container has {size:,} bytes, more than {CAN_CONTAINER_BYTES:,}, the limit"
+            )
         position += size + size % 4
     raw.seek(0)
 
@@ -363,12 +366,14 @@ def _printed(raw: Any) -> Callable[[Any], Iterable[can.Message]] | None:
     """Return the reader of what candump has printed; None for a log.
 
     Raises:
-        ValueError: It was printed without times.
+        UnreadableError: It was printed without times.
     """
     first = raw.read(CAN_LINE_CHARACTERS).decode("utf-8", "replace").lstrip().partition("\n")[0]
     raw.seek(0)
     if _SCREEN_WITHOUT_TIME.match(first):
-        raise ValueError("candump has printed it without times: record with `candump -L` or `candump -l`")
+        raise UnreadableError(
+            "candump has printed it without times: record with `candump -L` or `candump -l`"
+        )
     return _read_printed if _SCREEN.match(first) else None
 
 
@@ -376,7 +381,7 @@ def _read_printed(lines: Any) -> Iterator[can.Message]:
     """Yield the frames that candump has printed.
 
     Raises:
-        ValueError: The times are differences.
+        UnreadableError: The times are differences.
     """
     before_s, back, count = -float("inf"), 0, 0
     while line := lines.readline():
@@ -396,7 +401,7 @@ def _read_printed(lines: Any) -> Iterator[can.Message]:
             data=data,
         )
     if back > MOST_BACK * count:
-        raise ValueError(
+        raise UnreadableError(
             "its times are differences, as `candump -t d` prints them: record with `candump -L` or -l"
         )
 

@@ -100,7 +100,7 @@ def _config(
             interface="virtual", channel="table", mapping=str(mapping), max_age_s=SILENT_S
         )
     }
-    if imu.has_rate or imu.has_heading:
+    if imu.is_there:
         devices[IMU] = XsensSettings(
             port="table", max_age_s=SILENT_S, heading_reference=imu.heading_reference
         )
@@ -113,8 +113,9 @@ def _config(
 
 
 class _ImuRoles(NamedTuple):
-    """What the inertial sensor of a drive measures."""
+    """What the inertial sensor of a drive measures, if there is one."""
 
+    is_there: bool
     has_rate: bool
     has_heading: bool
     heading_reference: Literal["magnetic", "true"]
@@ -124,8 +125,9 @@ def _imu_roles(columns: Columns, held: Collection[str]) -> _ImuRoles:
     imu = columns.imu
     if imu is None:
         # The gyro of the increments.
-        return _ImuRoles("imu" in held, has_heading=False, heading_reference="magnetic")
-    return _ImuRoles(imu.yaw_rate is not None, imu.heading is not None, imu.heading_reference)
+        has_gyro = "imu" in held
+        return _ImuRoles(has_gyro, has_gyro, has_heading=False, heading_reference="magnetic")
+    return _ImuRoles(True, imu.yaw_rate is not None, imu.heading is not None, imu.heading_reference)
 
 
 class _Feeder:
@@ -170,7 +172,7 @@ class _Feeder:
             if heading_rad is None
             else (math.cos(0.5 * heading_rad), 0.0, 0.0, math.sin(0.5 * heading_rad))
         )
-        if "rate" in held or orientation is not None:
+        if held:
             self._drive.put_imu(t_ns, held.get("rate"), held.get("acceleration"), orientation)
             return True
         return False
