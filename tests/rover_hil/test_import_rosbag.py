@@ -325,6 +325,10 @@ def test_a_bag_that_was_cut_off_is_one_sentence(command: Command, any_bag: Path,
             data = part.read_bytes()
             keep = len(data) if part.suffix == ".yaml" else int(share * len(data))
             (cut / part.name).write_bytes(data[:keep])
+    if share > 0.0 and any(cut.glob("*.mcap")):
+        assert import_it(command, cut, WHEELS) == 0, command.error
+        assert "read as far as it is intact" in command.out
+        return
     assert import_it(command, cut, WHEELS) == 2
     assert_one_sentence(command.error, "cut")
     assert not Path("drive.mcap").exists()

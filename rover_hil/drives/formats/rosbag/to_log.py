@@ -83,6 +83,9 @@ def write_bag_as_log(
         if bag.is_unfinished:
             what = "metadata.yaml missing, as a killed recorder leaves it: read without it"
             contents.oddities.append(Oddity(what=what, count=1, done=REPAIRED))
+        for name in bag.cut:
+            what = "end of the file missing, as a killed recorder leaves it: read as far as it is intact"
+            contents.oddities.append(Oddity(what=what, where=name, count=1, done=REPAIRED))
         if step := bag.set_back:
             what = (
                 f"clock of the recorder set back by {step.by_ns / 1e9:.1f} s at {step.at_ns / 1e9:.1f} s: "
