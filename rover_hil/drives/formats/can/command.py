@@ -34,6 +34,7 @@ class _Listing:
     path: Path
     frames: int
     duration_s: float
+    longer: int
     left_out: int
     unread: int
     listed: Sequence[ListedIdentifier]
@@ -142,6 +143,7 @@ def _listing(
             path=frames.path,
             frames=len(frames),
             duration_s=float(frames.t_s[-1] - frames.t_s[0]),
+            longer=frames.longer,
             left_out=frames.left_out,
             unread=frames.unread,
             listed=list_frames(frames, databases),
@@ -166,6 +168,7 @@ def _record(listing: _Listing) -> dict[str, object]:
         "log": str(listing.path),
         "frames": listing.frames,
         "duration_s": listing.duration_s,
+        "longer": listing.longer,
         "left_out": listing.left_out,
         "unread": listing.unread,
         "motion": sorted(kinds),
@@ -195,8 +198,10 @@ def _print(listing: _Listing) -> None:
         f"{listing.path}: {listing.frames} frames of {len(listing.listed)} identifiers "
         f"in {listing.duration_s:.3f} s"
     )
+    if listing.longer:
+        console.print(f"{listing.longer} CAN FD frames have more than 8 data bytes, and are left out")
     if listing.left_out:
-        console.print(f"{listing.left_out} frames are no classic CAN frames")
+        console.print(f"{listing.left_out} frames have another length than they state, and are left out")
     if listing.unread:
         console.print(f"{listing.unread} lines hold no frame")
     if not listing.has_dbc:

@@ -204,11 +204,8 @@ def _note_rest(frames: CanFrames, places: NDArray[np.intp], bus: _Found, content
         count = len(np.unique(frames.identifiers)) - len(bus.identifiers)
         contents.notes.append(f"{others} frames of {count} other identifiers stay out of the log")
     for what, number, done in (
-        (
-            "frames with more than 8 data bytes, or with another length than they say",
-            frames.left_out,
-            LEFT_OUT,
-        ),
+        ("CAN FD frames of more than 8 data bytes", frames.longer, LEFT_OUT),
+        ("frames of another length than they state", frames.left_out, LEFT_OUT),
         ("lines without a frame", frames.unread, LEFT_OUT),
         ("frames behind later ones, put in order", frames.swapped, REPAIRED),
         *((what, count, REPAIRED) for what, count in frames.findings),
