@@ -15,10 +15,10 @@ from drivers.xsens.settings import XsensSettings
 from rover_hil.config import Config, RoleSettings
 from rover_hil.config.ros2_settings import Ros2Settings
 from rover_hil.drives.formats.drive import IMU, SILENT_S, START_NS, WHEELS, Contents, DriveLinks, write_drive
-from rover_hil.drives.formats.fixes import FixMaker
 from rover_hil.drives.formats.oddities import Evidence
 from rover_hil.drives.formats.table.columns import Columns, FixColumns
 from rover_hil.drives.formats.table.drive_table import Row
+from rover_hil.drives.formats.table.place_feed import PlaceFeed
 from rover_hil.drives.formats.table.rows import read_drive_table
 from rover_hil.drives.formats.wheel_frames import write_mapping
 from rover_hil.recording.schema import TruthRecord
@@ -136,7 +136,7 @@ class _Feeder:
     def __init__(
         self, links: ReplayLinks, kinematics: Kinematics, contents: Contents, fixes: FixColumns | None
     ) -> None:
-        self._fixes = None if fixes is None else FixMaker(fixes, fixes.marker)
+        self._places = PlaceFeed(fixes)
         self._drive = DriveLinks(links, kinematics)
         self._contents = contents
 
@@ -152,16 +152,10 @@ class _Feeder:
                 is_used = self._drive.move(t_ns, x_m, y_m, turn_rad)
             case "imu":
                 is_used = self._feed_imu(t_ns, values)
-            case "fixes":
-                fix = None if self._fixes is None else self._fixes.make(t_ns, *values["fix"])
-                is_used = fix is not None
-                if fix is not None:
-                    yield fix
             case _:
-                x_m, y_m, yaw_rad = values["pose"]
-                is_used = all(map(math.isfinite, values["pose"]))
-                if is_used:
-                    yield {"t_ns": t_ns, "x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad, "is_new": True}
+                for record in self._places.records(row):
+                    is_used = True
+                    yield record
         self._contents.count(row.section, is_used=is_used)
 
     def _feed_imu(self, t_ns: int, values: Mapping[str, Sequence[float]]) -> bool:
