@@ -32,12 +32,12 @@ class Header(NamedTuple):
     """The lines above the numbers.
 
     Attributes:
-        count: Their number.
+        lines: Their number.
         names: Which of them holds the names; None without any.
         units: Which of them holds the units; None without any.
     """
 
-    count: int
+    lines: int
     names: int | None
     units: int | None
 

@@ -147,8 +147,8 @@ def read_csv(
             f"cannot read {path} as a table: its quotes or line ends are damaged: save it again"
         ) from problem
     header = header_of(rows, header_lines)
-    if len(rows) < header.count > 1:
-        raise error(f"{path} has {len(rows)} lines, no header of {header.count}: is it such a file?")
+    if len(rows) < header.lines > 1:
+        raise error(f"{path} has {len(rows)} lines, no header of {header.lines}: is it such a file?")
     names, units = _names_of(rows, header)
     if names[-1:] == [""] or delimiter == " ":
         rows = [cells[:-1] if cells[-1:] == ("",) else cells for cells in rows]
@@ -156,13 +156,13 @@ def read_csv(
     for name, times in Counter(names).items():
         if name and times > 1:
             raise error(f"{path} has the column '{name}' twice: leave one out")
-    data = rows[header.count :]
+    data = rows[header.lines :]
     return CsvTable(
         path=path,
         names=names,
         units=units,
         header_line=1 if header.names is None or not rows else lines[header.names],
-        lines=lines[header.count :],
+        lines=lines[header.lines :],
         rows=with_decimal_points(data) if delimiter != "," or b'"' in raw else data,
         error=error,
     )
