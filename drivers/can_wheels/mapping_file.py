@@ -356,7 +356,9 @@ def read_dbc(path: Path, needed: Collection[str] = ()) -> Database:
     if database is None:
         database = _load(_sound_part(path, text, needed))
     if database is None or not database.messages:
-        raise ConfigError(f"cannot read DBC file {path}: it holds no CAN messages")
+        fault = _size_fault(text)
+        what = f"a message {fault}: correct or remove it" if fault else "it holds no CAN messages"
+        raise ConfigError(f"cannot read DBC file {path}: {what}")
     return database
 
 
