@@ -203,8 +203,8 @@ def test_flight_logs(recording: Recording, kind: str) -> None:
     ]
     messages = []
     for row, t_us in enumerate(recording.t_us.tolist()):
-        for place, each in enumerate(kinds):
-            messages.append((place, [int(t_us), *(float(table[name][row]) for _, name in each.fields[1:])]))
+        for part, each in enumerate(kinds):
+            messages.append((part, [int(t_us), *(float(table[name][row]) for _, name in each.fields[1:])]))
     name_of = {name: f"{each.name}.{name}" for each in kinds for _, name in each.fields[1:]}
     with folder() as place:
         path = place / f"drive.{kind}"

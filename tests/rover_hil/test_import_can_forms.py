@@ -48,7 +48,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def messages(*, is_fd: bool = False, size: int = 8, channel: object = "can0") -> Iterator[can.Message]:
+def messages(*, is_fd: bool = False, size: int = 8, channel: int | str = "can0") -> Iterator[can.Message]:
     for number in range(FRAMES):
         angle = round(1000.0 * SPEED_RAD_S * PERIOD_S * number)
         yield can.Message(
@@ -77,7 +77,7 @@ def import_it(command: Command, log: str) -> int:
 def test_fd_frames_of_8_bytes_are_read_from_every_format(command: Command, folder: Path, suffix: str) -> None:
     if suffix == "mf4":
         pytest.importorskip("asammdf")
-    channel = 1 if suffix == "blf" else "can0"
+    channel: int | str = 1 if suffix == "blf" else "can0"
     log = write_log(f"drive.{suffix}", messages(is_fd=True, channel=channel))
     assert import_it(command, log) == 0, command.error
     assert f"frames: {FRAMES}" in command.out
@@ -85,7 +85,7 @@ def test_fd_frames_of_8_bytes_are_read_from_every_format(command: Command, folde
 
 @pytest.mark.parametrize("suffix", ["log", "asc", "blf"])
 def test_larger_fd_frames_are_named(command: Command, folder: Path, suffix: str) -> None:
-    channel = 1 if suffix == "blf" else "can0"
+    channel: int | str = 1 if suffix == "blf" else "can0"
     log = write_log(f"drive.{suffix}", messages(is_fd=True, size=64, channel=channel))
     assert import_it(command, log) == 2
     assert_one_sentence(command.error, "holds 300 CAN FD frames of more than 8 data bytes", "not supported")
@@ -203,7 +203,9 @@ def test_what_a_dbc_file_says_of_a_sound_message_is_kept_beside_a_wrong_one(fold
     Path("own.dbc").write_text(DBC + UNUSED["name"] + more, "utf-8")
     message = read_dbc(Path("own.dbc")).get_message_by_name("Wheels")
     assert message.get_signal_by_name("Left").is_float
-    assert str((message.get_signal_by_name("Right").choices or {})[1]) == "one; or two"
+    choices = message.get_signal_by_name("Right").choices
+    assert choices is not None
+    assert str(choices[1]) == "one; or two"
 
 
 def test_a_cut_packed_log_is_refused_with_what_helps(folder: Path) -> None:

@@ -226,6 +226,19 @@ def test_matrices_of_different_lengths_are_in_one_file(command: Command, suffix:
     assert_circle(command)
 
 
+def test_rows_of_a_sensor_outside_of_the_drive_are_counted_or_refused(command: Command) -> None:
+    text = OF_MATRICES.split("[truth]")[0] % "drive.npz"
+    for shift_s, code, words in (
+        (-1.0, 0, "rows of [imu] before the first or behind the last row"),
+        (99.0, 2, "no row of [imu] lies between the first and the last row"),
+    ):
+        gyro = MATRICES["gyro"] + (shift_s, 0.0)
+        np.savez("drive.npz", **MATRICES | {"gyro": gyro})  # type: ignore[arg-type]
+        log = f"{code}.mcap"
+        assert import_it(command, text + ROVER, "drive.npz", out=log) == code, command.error
+        assert words in command.out + command.error
+
+
 def test_structures_of_matlab_have_columns(command: Command) -> None:
     log = {"t": T_S, "wheels": {"l": LEFT_RAD_S * T_S, "r": RIGHT_RAD_S * T_S}, "note": "x"}
     savemat("drive.mat", {"log": log, "other": {"t": T_S[::2]}})

@@ -114,7 +114,7 @@ def write_can_as_log(
     sections = {row.section for row in rows} | ({"imu"} if config.roles.gyro else set())
     contents.evidence = Evidence(sections=frozenset(sections))
     sent = (CanRecord(t_ns, payload) for t_ns, payload in timed_payloads(frames, used, start_s))
-    records = merge(sent, rows, key=attrgetter("t_ns"))
+    records: Iterator[CanRecord | Row] = merge(sent, rows, key=attrgetter("t_ns"))
     place_feed = PlaceFeed(None if places is None else places.fixes)
 
     def make_feed(links: ReplayLinks) -> Callable[[CanRecord | Row], Iterable[TruthRecord | PoseFixSample]]:

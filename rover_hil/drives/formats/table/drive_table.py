@@ -269,7 +269,7 @@ class DriveTable:
         names = [self.name_of(table, column) for column in columns]
         return np.column_stack([table.numbers(name, fix=FIX) for name in names])
 
-    def _not_repeated(self, times_s: Array, values: Array) -> Array:
+    def _not_repeated(self, times_s: Array, values: Array) -> Flags:
         """Return which rows are not the row before once more, time included."""
         same = (np.diff(times_s) == 0.0) & np.all(np.diff(values, axis=0) == 0.0, axis=1)
         if same.any():
@@ -295,15 +295,28 @@ class DriveTable:
         return self._others[key]
 
     def of_sensor(self, part: ImuColumns) -> "DriveTable":
-        """Return the rows of a sensor's own table that are within the drive; itself, where it has none."""
+        """Return the rows of a sensor's own table that are within the drive; itself, where it has none.
+
+        Raises:
+            LogError: None is.
+        """
         if part.file is None:
             return self
         other = copy(self)
         other.table = self.table_of(part)
         times_s = self.times_s(other.table, part.time or self.columns.time)
         t_ns = np.array(self.nanoseconds(times_s))
-        other.used = (t_ns >= 0) & (t_ns <= self.t_ns[-1])
-        other.t_ns = t_ns[other.used].tolist()
+        within = (t_ns >= 0) & (t_ns <= self.t_ns[-1])
+        if not within.any():
+            raise LogError(
+                f"{other.table.path}: no row of [imu] lies between the first and the last row of "
+                f"{self.table.path}: correct the time columns or their units"
+            )
+        if not within.all():
+            outside = "rows of [imu] before the first or behind the last row"
+            self.drive.oddities.append(Oddity(what=outside, count=int((~within).sum())))
+        other.used = within
+        other.t_ns = t_ns[within].tolist()
         return other
 
     def add(

@@ -139,7 +139,8 @@ def take_body(source: DriveTable, body: BodyColumns) -> None:
     moves = np.zeros((3, len(source.t_ns)))
     for move, rate in zip(moves, rates, strict=True):
         move[known[1:]] = 0.5 * (rate[known][1:] + rate[known][:-1]) * elapsed_s
-    _take_moves(source, *moves, body.speed)
+    x_m, y_m, turn_rad = moves
+    _take_moves(source, x_m, y_m, turn_rad, body.speed)
 
 
 def _take_moves(source: DriveTable, x_m: Array, y_m: Array, turn_rad: Array, column: Column) -> None:
