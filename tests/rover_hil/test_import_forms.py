@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.io import savemat
+from scipy.io.matlab._mio5_params import OPAQUE_DTYPE, MatlabOpaque
 
 from rover_hil.drives.drive import read_drive
 from rover_hil.drives.files.csv_table import read_csv
@@ -255,6 +256,28 @@ def test_a_column_of_another_matrix_is_refused_with_what_helps(command: Command)
     assert import_it(command, columns + ROVER, "drive.mat") == 2
     assert_one_sentence(
         command.error, "column 'gyro.2' has 51 rows, the time 101", "name columns of one matrix"
+    )
+
+
+def test_a_wrong_cell_in_the_first_row_is_named(command: Command) -> None:
+    Path("drive.csv").write_text("t,l,r\n0.0,bad,worse\n" + rows(","), "utf-8")
+    assert import_it(command, TIME + RADIANS + ROVER, "drive.csv") == 2
+    assert "names no column 't'" in command.error
+    Path("drive.csv").write_text("t,l,r\n0.0,bad,0.0\n" + rows(","), "utf-8")
+    assert import_it(command, TIME + RADIANS + ROVER, "drive.csv") == 2
+    assert_one_sentence(command.error, "line 2, column 'l': 'bad' is not a number")
+    Path("pair.csv").write_text("rate,50\nt,l\n0.0,bad\n0.1,1.0\n0.2,2.0\n0.3,3.0\n", "utf-8")
+    table = read_csv(Path("pair.csv"), delimiter=None, header_lines=None)
+    assert (list(table.names), table.lines[0]) == (["t", "l"], 3)
+
+
+def test_tables_of_matlab_are_named(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    opaque = MatlabOpaque(np.zeros((1,), OPAQUE_DTYPE))
+    monkeypatch.setattr("scipy.io.loadmat", lambda _: {"T": opaque, "t": T_S})
+    Path("drive.mat").write_bytes(bytes(200))
+    assert import_it(command, TIME + RADIANS + ROVER, "drive.mat") == 2
+    assert_one_sentence(
+        command.error, "names no column 'l'", "T is a table or an object of MATLAB", "table2struct"
     )
 
 

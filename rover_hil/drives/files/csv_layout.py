@@ -121,7 +121,9 @@ def _first_numbers(rows: Sequence[Sequence[str]]) -> int:
     ]
     for count, row in enumerate(rows[: MOST_HEADER_LINES + 1]):
         filled = [row[place] for place in numeric if place < len(row) and row[place]]
-        if len(row) == width and 2 * sum(map(is_measured, filled)) > len(filled):
+        # A wrong cell in the first row of numbers is no reason to take it for a header.
+        is_data = filled and is_measured(filled[0]) and 2 * sum(map(is_measured, filled)) >= len(filled)
+        if len(row) == width and is_data:
             return count
     return len(rows)
 
