@@ -140,11 +140,12 @@ def open_packed(path: Path) -> Iterator[BinaryIO]:
             with gzip.open(stream) as unpacked:
                 yield io.BufferedReader(unpacked)
         except (EOFError, zlib.error) as error:
-            raise _not_whole(path, error) from error
+            raise _not_whole(path) from error
 
 
-def _not_whole(path: Path, error: Exception) -> OSError:
-    return OSError(errno.EINVAL, f"it is not a whole .gz file: {error}", str(path))
+def _not_whole(path: Path) -> OSError:
+    what = f"it is not a whole .gz file, `gzip -dc {path.name} > {path.stem}` unpacks what is intact"
+    return OSError(errno.EINVAL, what, str(path))
 
 
 def read_text(path: Path, most_bytes: int = SETTINGS_BYTES) -> str:

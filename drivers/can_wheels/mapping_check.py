@@ -156,7 +156,7 @@ def _check_page(where: str, part: NamesSignals, message: Message, signal: Signal
 def _find_wrong_messages(mapping: CanWheelsMapping, database: Database) -> Iterator[str]:
     """Yield what is wrong with the messages as a whole, once all names have been found."""
     used: dict[str, set[str]] = {}
-    for part in _parts(mapping):
+    for part in parts_of(mapping):
         for message_name, signal_name, _ in part.names():
             used.setdefault(message_name, set()).update(() if signal_name is None else (signal_name,))
     sent = {
@@ -181,15 +181,16 @@ def _find_wrong_messages(mapping: CanWheelsMapping, database: Database) -> Itera
             yield "power: voltage and current are never in one frame; leave the current out"
 
 
-def _parts(value: object) -> Iterator[NamesSignals]:
+def parts_of(value: object) -> Iterator[NamesSignals]:
+    """Yield the parts of a mapping that name signals."""
     if isinstance(value, NamesSignals):
         yield value
     if isinstance(value, Settings):
         for name in type(value).model_fields:
-            yield from _parts(getattr(value, name))
+            yield from parts_of(getattr(value, name))
     elif isinstance(value, tuple):
         for part in value:
-            yield from _parts(part)
+            yield from parts_of(part)
 
 
 def _find_overlaps(message: Message, names: Iterable[str]) -> Iterator[str]:

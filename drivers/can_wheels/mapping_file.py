@@ -2,7 +2,7 @@
 
 import logging
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from drivers.can_wheels.mapping import (
     WheelMapping,
     YawRateSource,
 )
-from drivers.can_wheels.mapping_check import close_match, find_mistakes
+from drivers.can_wheels.mapping_check import close_match, find_mistakes, parts_of
 from drivers.can_wheels.signals import Scale, make_scale
 from drivers.errors import ConfigError
 from drivers.files import SETTINGS_BYTES, is_file, read_bytes
@@ -47,6 +47,17 @@ _RANGES = re.compile(r"SG_MUL_VAL_([^;]*)")
 _RANGE = re.compile(r"(?<!\d)(\d++)\s*+[-+](\d++)")
 _BITS = re.compile(r"(?<!\d)(\d++)\s*+\|\s*+[-+]?(\d++)\s*+@")
 """First bit and number of bits of a signal."""
+_BEGIN = 'VERSION ""\nBU_:\n'
+_MESSAGE = re.compile(
+    r"^[ \t]*BO_[ \t]+(?P<number>\d+)[ \t]+(?P<name>[^\s:]+).*(?:\n(?:[ \t]*SG_[ \t].*|[ \t]*$))*",
+    re.MULTILINE,
+)
+"""A message with its signals."""
+_STATEMENT = re.compile(
+    r"^[ \t]*(?:SIG_VALTYPE_|SG_MUL_VAL_|VAL_)[ \t]+(?P<number>\d+)[^;\"]*(?:\"[^\"]*\"[^;\"]*)*;",
+    re.MULTILINE,
+)
+"""What says more of the signals of a message."""
 _TURNS = re.compile(
     r"(turn|revolution|rotation|wrap|lap)(s|_?(count|counter|cnt|num|number|no))?$", re.IGNORECASE
 )
@@ -189,7 +200,8 @@ def load_mapping(name_or_path: str) -> BusDescription:
     except ValidationError as error:
         raise ConfigError(_report(path, table, _describe(error))) from error
     dbc_paths = tuple(path.parent / name for name in mapping.dbc)
-    database = _load_databases(path, dbc_paths)
+    needed = {message for part in parts_of(mapping) for message, _, _ in part.names()}
+    database = _load_databases(path, dbc_paths, needed)
     mistakes = find_mistakes(mapping, database)
     if mistakes:
         raise ConfigError(_report(path, table, mistakes))
@@ -299,20 +311,24 @@ def _report(path: Path, table: Mapping[str, object], mistakes: Sequence[str]) ->
     return "\n".join(lines)
 
 
-def _load_databases(mapping_path: Path, paths: Sequence[Path]) -> Database:
+def _load_databases(mapping_path: Path, paths: Sequence[Path], needed: Collection[str]) -> Database:
     for path in paths:
         if not is_file(path):
             raise ConfigError(f"{mapping_path}: dbc: no file {path.name} in the same folder")
-    return read_dbc_files(paths)
+    return read_dbc_files(paths, needed)
 
 
-def read_dbc_files(paths: Sequence[Path]) -> Database:
+def read_dbc_files(paths: Sequence[Path], needed: Collection[str] = ()) -> Database:
     """Read DBC files as one; a message whose name an earlier file has is left out.
+
+    Args:
+        paths: The files.
+        needed: As for `read_dbc`.
 
     Raises:
         ConfigError: A file cannot be read, or holds no CAN messages.
     """
-    first, *others = [read_dbc(path) for path in paths]
+    first, *others = [read_dbc(path, needed) for path in paths]
     if not others:
         return first
     messages = list(first.messages)
@@ -322,45 +338,82 @@ def read_dbc_files(paths: Sequence[Path]) -> Database:
     return Database(messages, strict=False)
 
 
-def read_dbc(path: Path) -> Database:
-    """Read a DBC file; messages with mistakes are accepted, as most of a vehicle's are never used.
+def read_dbc(path: Path, needed: Collection[str] = ()) -> Database:
+    """Read a DBC file; messages with mistakes are accepted, or left out where they cannot be read.
+
+    Args:
+        path: The file.
+        needed: Names of messages that must be readable, if they are in the file.
 
     Raises:
-        ConfigError: The file cannot be read, or holds no CAN messages.
+        ConfigError: The file cannot be read, a message that is needed is wrong, or none is sound.
     """
     try:
-        text = read_bytes(path, SETTINGS_BYTES).decode("cp1252", "replace")
-        _check_sizes(path, text)
-        database = cantools.database.load_string(
-            text.replace("\r\n", "\n"), database_format="dbc", strict=False
-        )
+        text = read_bytes(path, SETTINGS_BYTES).decode("cp1252", "replace").replace("\r\n", "\n")
     except OSError as error:
         raise ConfigError(f"cannot read DBC file {path}: {error.strerror}") from error
-    except (cantools.Error, ValueError) as error:
-        raise ConfigError(f"cannot read DBC file {path}: {' '.join(str(error).split())}") from error
-    if not isinstance(database, Database) or not database.messages:
-        raise ConfigError(f"cannot read DBC file {path}: it holds no CAN messages")
+    database = None if _size_fault(text) else _load(text)
+    if database is None:
+        database = _load(_sound_part(path, text, needed))
+    if database is None or not database.messages:
+        fault = _size_fault(text)
+        what = f"a message {fault}: correct or remove it" if fault else "it holds no CAN messages"
+        raise ConfigError(f"cannot read DBC file {path}: {what}")
     return database
 
 
-def _check_sizes(path: Path, text: str) -> None:
-    # cantools makes tables and formats as long as a message, a signal or a range before it checks them.
+def _load(text: str) -> Database | None:
+    """Return the messages in the text of a DBC file; None where it is none."""
+    try:
+        database = cantools.database.load_string(text, database_format="dbc", strict=False)
+    # What the library raises depends on the mistake.
+    except (cantools.Error, ValueError, KeyError, AttributeError, TypeError):
+        return None
+    return database if isinstance(database, Database) else None
+
+
+def _sound_part(path: Path, text: str, needed: Collection[str]) -> str:
+    """Return a DBC file with the messages that can be read, each with what follows on its signals.
+
+    Raises:
+        ConfigError: One that is needed cannot be read.
+    """
+    about: dict[str, list[str]] = {}
+    for statement in _STATEMENT.finditer(text):
+        about.setdefault(statement["number"], []).append(statement[0])
+    blocks, statements = [], []
+    for block in _MESSAGE.finditer(text):
+        others = about.get(block["number"], [])
+        whole = "\n".join((_BEGIN, block[0], *others, ""))
+        fault = _size_fault(whole)
+        if not fault and _load(whole) is not None:
+            blocks.append(block[0])
+            statements += others
+        elif block["name"] in needed:
+            line = text.count("\n", 0, block.start()) + 1
+            raise ConfigError(
+                f"cannot read DBC file {path}: message '{block['name']}' in line {line} "
+                f"{fault or 'is not written as the format demands'}: correct it"
+            )
+    return "\n".join((_BEGIN, *blocks, *dict.fromkeys(statements), ""))
+
+
+def _size_fault(text: str) -> str:
+    """Return what in a DBC file is larger than any bus allows, or empty.
+
+    cantools makes tables and formats as long as a message, a signal or a range before it checks them.
+    """
     text = _TEXT.sub(" ", text)
     for length in _LENGTH.findall(text):
         if int(length) > MOST_MESSAGE_BYTES:
-            raise ConfigError(
-                f"cannot read DBC file {path}: a message of {length[:20]} bytes; CAN FD allows 64 and the "
-                f"transport protocol of J1939 {MOST_MESSAGE_BYTES:,}: correct or remove it"
+            return (
+                f"has {length[:20]} bytes; CAN FD allows 64 and the transport protocol of J1939 "
+                f"{MOST_MESSAGE_BYTES:,}"
             )
     for start, length in _BITS.findall(text):
         if int(start) >= MOST_BITS or int(length) > MOST_SIGNAL_BITS:
-            raise ConfigError(
-                f"cannot read DBC file {path}: a signal of {length[:20]} bits from bit {start[:20]} "
-                "fits into no CAN frame"
-            )
+            return f"has a signal of {length[:20]} bits from bit {start[:20]}, which fits into no CAN frame"
     ranges = [pair for values in _RANGES.findall(text) for pair in _RANGE.findall(values)]
     if sum(max(0, int(last) - int(first) + 1) for first, last in ranges) > MOST_MULTIPLEX_VALUES:
-        raise ConfigError(
-            f"cannot read DBC file {path}: the ranges of SG_MUL_VAL_ have more than "
-            f"{MOST_MULTIPLEX_VALUES:,} values: correct or remove them"
-        )
+        return f"has more than {MOST_MULTIPLEX_VALUES:,} values in the ranges of SG_MUL_VAL_"
+    return ""

@@ -103,7 +103,7 @@ def _unpack(content: bytes) -> bytes:
     """
     try:
         chunk = Chunk.read(ReadDataStream(io.BytesIO(content)))
-        data = _unpackers[chunk.compression](chunk.data)
+        data = UNPACKERS[chunk.compression](chunk.data)
     except KeyError:
         raise DamagedRecordError("a compressed part is neither lz4 nor zstd") from None
     except (*_NOT_SOUND, RuntimeError, EOFError, zstandard.ZstdError) as error:
@@ -125,7 +125,7 @@ def _unpack_lz4(data: bytes) -> bytes:
     return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=CHUNK_BYTES + 1))
 
 
-_unpackers: dict[str, Callable[[bytes], bytes]] = {"": bytes, "zstd": _unpack_zstd, "lz4": _unpack_lz4}
+UNPACKERS: dict[str, Callable[[bytes], bytes]] = {"": bytes, "zstd": _unpack_zstd, "lz4": _unpack_lz4}
 
 
 def _records_in(data: bytes) -> Iterator[Record]:

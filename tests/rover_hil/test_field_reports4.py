@@ -68,16 +68,6 @@ def test_bags_give_the_drive(command: Command, reports: Path, name: str, words: 
     assert end_of(Path("drive.mcap")).is_right(TRUE)
 
 
-def test_several_files_without_metadata_are_refused_with_what_helps(command: Command, tmp_path: Path) -> None:
-    folder, topics = tmp_path / "bag", tmp_path / "topics.toml"
-    folder.mkdir()
-    for part in range(2):
-        (folder / f"bag_{part}.mcap").write_text("nothing", "utf-8")
-    topics.write_text('rover = "robotino"\n[odometry]\ntopic = "/odom"\n', "utf-8")
-    assert command("import", "rosbag", str(folder), "--topics", str(topics), "--out", "drive.mcap") == 2
-    assert f"`ros2 bag reindex {folder}` makes it again" in command.error
-
-
 def write(path: Path, *lines: str) -> Path:
     path.write_text("\n".join(lines) + "\n", "utf-8")
     return path

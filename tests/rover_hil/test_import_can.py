@@ -157,7 +157,7 @@ def test_several_logs_go_into_a_folder_or_none_is_written(command: Command, fold
     Path("three.log").write_text("(1.0) can0 100#00\nnonsense\n", "utf-8")
     assert import_it(command, "one.log", "three.log", out="logs") == 2
     assert import_it(command, "three.log", out="logs/three.mcap") == 2
-    assert_one_sentence(command.error, "three.log line 2", "correct or cut the file there")
+    assert_one_sentence(command.error, "three.log", "no wheel, steering or yaw signal is in it")
     assert len(list(Path("logs").iterdir())) == 2
 
 
@@ -411,7 +411,7 @@ def test_a_file_of_savvycan_holds_the_same_frames(folder: Path) -> None:
     assert np.array_equal(found.data, expected.data)
     assert found.t_s == pytest.approx(expected.t_s - 1.7e9, abs=1e-6)
     (folder / "savvy.csv").write_text(SAVVYCAN.format(rows=rows.replace("0000", "00XX", 1)), "utf-8")
-    with pytest.raises(LogError, match="line 2: not a frame"):
+    with pytest.raises(LogError, match="line 2: it holds no frame"):
         read_can_log(folder / "savvy.csv")
 
 
@@ -419,15 +419,15 @@ def test_a_file_of_savvycan_holds_the_same_frames(folder: Path) -> None:
     ("name", "content", "words"),
     [
         ("a.log", b"", "holds no CAN frame"),
-        ("a.log", b"\0" * 200_000, "line 0: not a frame of a .log log: a line is longer"),
+        ("a.log", b"\0" * 200_000, "a line is longer"),
         ("a.log", b"(1.0) can0 100#00\n(nan) can0 100#00\n", "frame 2 has no time"),
         ("a.log", b"(9.0) can0 100#00\n(1.0) can0 100#00\n", "the time runs back by 8.000 s at frame 2"),
-        ("a.log", b"\xff\xfe\x00", "not a frame"),
-        ("a.blf", b"LOGG" + bytes(20), "not a frame of a .blf log"),
+        ("a.log", b"\xff\xfe\x00", "`candump -L` or `candump -l` writes"),
+        ("a.blf", b"LOGG" + bytes(20), "export it as BLF again"),
         ("a.trc", b"no trace\n", "holds no CAN frame"),
         ("a.asc", b"date\n", "holds no CAN frame"),
-        ("a.csv", b"timestamp,id\n1,x\n", "not a frame of a .csv log"),
-        ("a.txt", b"(1.0) can0 100#00\n", "no log of a CAN bus ends in '.txt'"),
+        ("a.csv", b"timestamp,id\n1,x\n", "save it again as CSV of python-can"),
+        ("a.dat", b"(1.0) can0 100#00\n", "no log of a CAN bus ends in '.dat'"),
         ("a.log.gz", gzip.compress(b"(1.0) can0 100#00\n" * 99, mtime=0)[:-9], "not a whole .gz file"),
         ("a.log.gz", b"no gzip", "cannot read"),
     ],

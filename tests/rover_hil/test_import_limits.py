@@ -38,7 +38,7 @@ TAKERS = {
     ),
     "one cell": (
         imports.of_bytes("", "table", "drive.parquet", lambda: imports.parquet_cell(400_000_000)),
-        "no column 't'",
+        "no arrays of numbers",
     ),
     "record": (imports.of_bytes("", "can", "drive.mf4", imports.mf4_record), "2,147,483,648 bytes"),
     "metadata": (Bad("", "bag", imports.long_metadata), "metadata.yaml has 16.0 MB"),

@@ -398,7 +398,7 @@ def test_a_damaged_file_ends_with_one_sentence(command: Command, name: str, raw:
 def test_a_pickle_is_not_loaded(command: Command) -> None:
     np.save("drive.npy", np.array([{"t": 1}], object), allow_pickle=True)
     assert import_it(command, TIME + RADIANS + ROVER, "drive.npy") == 2
-    assert_one_sentence(command.error, "drive.npy", "not a table")
+    assert_one_sentence(command.error, "drive.npy", "never loaded")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rover_hil.drives.formats.table.columns import read_columns
-from rover_hil.drives.formats.table.propose import propose
+from rover_hil.drives.formats.table.propose import proposal_text, propose
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.test_import_table import write
 
@@ -52,8 +52,8 @@ def test_the_proposal_of_a_measured_drive_is_imported_after_one_edit(
     text = Path("columns.toml").read_text("utf-8")
     assert "# ? whole numbers" in text
     text = text.replace("ticks_per_turn = 1000", "ticks_per_turn = 64, gear_ratio = 43.7")
-    text = text.replace("y_m = 0.2, radius_m = 0.1", "y_m = Y, radius_m = 0.042")
-    text = text.replace("y_m = -0.2, radius_m = 0.1", "y_m = 0.1, radius_m = 0.042").replace("= Y", "= -0.1")
+    assert "y_m = -0.2, radius_m = 0.1 },  # column 5: right" in text
+    text = re.sub(r"y_m = (-?)0.2, radius_m = 0.1", r"y_m = \g<1>0.1, radius_m = 0.042", text)
     Path("columns.toml").write_text(text, "utf-8")
     arguments = (drive_csv, "--columns", "columns.toml", "--out", "drive.mcap", "--json")
     assert command("import", "table", *arguments) == 0, command.error
@@ -126,3 +126,92 @@ def test_a_table_without_a_time_is_refused(command: Command, text: str, words: s
     assert not Path("columns.toml").exists()
     assert command("import", "table", "drive.csv") == 2
     assert_one_sentence(command.error, "--columns and --out are needed", "--propose")
+
+
+T_S = 0.02 * np.arange(1000)
+SPEED_M_S = np.where(T_S < 1.0, 0.0, 0.4)
+RATE_RAD_S = np.where((T_S > 2.0) & (T_S < 8.0), 0.5, 0.0) - np.where((T_S > 10.0) & (T_S < 14.0), 0.4, 0.0)
+YAW_RAD = np.cumsum(RATE_RAD_S) * 0.02
+X_M, Y_M = (np.cumsum(SPEED_M_S * part(YAW_RAD)) * 0.02 for part in (np.cos, np.sin))
+RIMS_M_S = SPEED_M_S - 0.15 * RATE_RAD_S, SPEED_M_S + 0.15 * RATE_RAD_S
+LEFT_RAD, RIGHT_RAD = (np.cumsum(speed) * 0.02 / 0.05 for speed in RIMS_M_S)
+POSE = {"x": X_M, "y": Y_M, "theta": YAW_RAD}
+
+
+def sides_of(path: Path) -> list[tuple[str, str]]:
+    """Return side and sign of each proposed wheel."""
+    guesses = [guess for guess in propose(path) if guess.key.startswith("wheel.")]
+    assert all(guess.is_doubtful for guess in guesses)
+    return [(guess.side, guess.settings.get("sign", "1")) for guess in guesses]
+
+
+@pytest.mark.parametrize(
+    ("columns", "sides"),
+    [
+        ({"right": RIGHT_RAD, "left": LEFT_RAD}, [("right", "1"), ("left", "1")]),
+        ({"l": LEFT_RAD, "r": RIGHT_RAD}, [("left", "1"), ("right", "1")]),
+        ({"RearRight": RIGHT_RAD, "RearLeft": LEFT_RAD}, [("right", "1"), ("left", "1")]),
+        (
+            {"fl": LEFT_RAD, "rl": LEFT_RAD, "fr": RIGHT_RAD, "rr": RIGHT_RAD},
+            [("left", "1")] * 2 + [("right", "1")] * 2,
+        ),
+        ({"wheel_1": LEFT_RAD, "wheel_2": RIGHT_RAD}, [("", "1"), ("", "1")]),
+        ({"wheel_1": RIGHT_RAD, "wheel_2": LEFT_RAD} | POSE, [("right", "1"), ("left", "1")]),
+        ({"wheel_1": -LEFT_RAD, "wheel_2": RIGHT_RAD} | POSE, [("left", "-1"), ("right", "1")]),
+        (
+            {"wheel_1": LEFT_RAD, "wheel_2": LEFT_RAD, "wheel_3": RIGHT_RAD} | POSE,
+            [("left", "1")] * 2 + [("right", "1")],
+        ),
+    ],
+)
+def test_sides_are_those_of_names_and_of_the_path(
+    tmp_path: Path, columns: dict[str, np.ndarray], sides: list[tuple[str, str]]
+) -> None:
+    path = write(tmp_path / "drive.csv", {"t": T_S} | columns)
+    assert sides_of(path) == sides
+    text = proposal_text(path, propose(path))
+    for number, (side, _) in enumerate(sides):
+        line = text.splitlines()[3 + number]
+        assert side or "? left or right" in line
+        assert ("y_m = -0.2" in line) == (side == "right" or (not side and number % 2 == 1))
+
+
+def test_a_name_that_the_path_contradicts_is_questioned(tmp_path: Path) -> None:
+    path = write(tmp_path / "drive.csv", {"t": T_S, "left": RIGHT_RAD, "right": LEFT_RAD} | POSE)
+    assert sides_of(path) == [("right", "1"), ("left", "1")]
+    assert "as a right wheel, but by its name a left one: exchanged?" in proposal_text(path, propose(path))
+
+
+@pytest.mark.parametrize(
+    ("columns", "column", "unit", "is_doubtful"),
+    [
+        ({"t": T_S}, "t", "s", False),
+        ({"t": 1000.0 * T_S}, "t", "ms", False),
+        ({"t": 50.0 * T_S + 0.0}, "t", "s", True),
+        ({"t": T_S, **POSE}, "x", "m", False),
+        ({"t": T_S, "x": 1000.0 * X_M, "y": 1000.0 * Y_M, "theta": YAW_RAD}, "x", "mm", True),
+        ({"t": T_S, "x": 50.0 * X_M, "y": 50.0 * Y_M, "theta": np.degrees(YAW_RAD)}, "x", "m", True),
+        ({"t": T_S, "x_mm": 50.0 * X_M, "y_mm": 50.0 * Y_M, "theta": YAW_RAD}, "x_mm", "mm", False),
+        ({"t": T_S, "left_rpm": RIMS_M_S[0], "right_rpm": RIMS_M_S[1]}, "left_rpm", "rpm", True),
+        ({"t": T_S, "v_left_m_s": RIMS_M_S[0], "v_right_m_s": RIMS_M_S[1]}, "v_left_m_s", "m/s", True),
+        ({"t": T_S, "ds": 8.0 * SPEED_M_S, "dyaw": RATE_RAD_S}, "ds", "mm", True),
+        ({"t": T_S, "ds_mm": 8.0 * SPEED_M_S, "dyaw": RATE_RAD_S}, "dyaw", "rad", True),
+        ({"t": T_S, "v": SPEED_M_S, "omega_z": RATE_RAD_S}, "v", "m/s", True),
+        ({"t": T_S, "v_km_h": SPEED_M_S, "omega_z": RATE_RAD_S}, "v_km_h", "km/h", False),
+    ],
+)
+def test_a_unit_is_right_or_questioned(
+    tmp_path: Path, columns: dict[str, np.ndarray], column: str, unit: str, is_doubtful: bool
+) -> None:
+    path = write(tmp_path / "drive.csv", columns)
+    number = list(columns).index(column) + 1
+    guess = next(guess for guess in propose(path) if guess.column == number)
+    assert (guess.settings["unit"], guess.is_doubtful) == (f'"{unit}"', is_doubtful)
+
+
+def test_speed_and_yaw_rate_of_a_body_are_proposed(command: Command) -> None:
+    write(Path("drive.csv"), {"t": T_S, "v": SPEED_M_S, "omega_z": RATE_RAD_S})
+    assert command("import", "table", "drive.csv", "--propose", "columns.toml") == 0, command.error
+    body = read_columns(Path("columns.toml")).body
+    assert body is not None
+    assert (body.speed.column, body.yaw_rate.column) == (2, 3)

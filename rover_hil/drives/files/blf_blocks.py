@@ -7,6 +7,7 @@ import can
 import numpy as np
 
 from rover_hil.drives.arrays import Array
+from rover_hil.drives.files.unreadable import UnreadableError
 
 _MARK = b"LOBJ"
 _LEAST_OBJECT, _LEAST_FRAME, _LARGEST_FRAME = 16, 48, 96
@@ -71,11 +72,11 @@ class BlfBlocks(can.BLFReader):
         """Take the frames in a row from `start` on; return their number and the size of the first object.
 
         Raises:
-            ValueError: That size is no possible one.
+            UnreadableError: That size is no possible one.
         """
         size = int.from_bytes(data[start + 8 : start + 12], "little")
         if start + 12 <= len(data) and size < _LEAST_OBJECT:
-            raise ValueError(f"an object of {size} bytes")
+            raise UnreadableError(f"an object of {size} bytes")
         count = min(most, (len(data) - start) // size) if _LEAST_FRAME <= size <= _LARGEST_FRAME else 0
         if not count or size % 4:
             return 0, size

@@ -7,7 +7,6 @@ import struct
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from importlib.util import find_spec
 from operator import or_
 from pathlib import Path
@@ -30,8 +29,10 @@ from drivers.files import (
 from rover_hil.drives.arrays import Array
 from rover_hil.drives.clocks import unwrapped
 from rover_hil.drives.files.blf_blocks import BlfBlocks
+from rover_hil.drives.files.cell_numbers import clock_seconds
 from rover_hil.drives.files.csv_table import header_lines, read_csv
 from rover_hil.drives.files.mf4_blocks import check_blocks
+from rover_hil.drives.files.unreadable import UnreadableError
 
 Identifiers: TypeAlias = NDArray[np.uint32]
 Bytes: TypeAlias = NDArray[np.uint8]
@@ -41,19 +42,33 @@ PORTION = 65_536
 """So many frames are packed at a time."""
 LONGEST_STEP_BACK_S = 1.0
 """Loggers write what several buses or buffers hold out of order by no more than this."""
+CANDUMP_TOO = (".txt", ".candump", ".dump")
+"""What candump prints is sent into files of these names, too."""
 SAVVYCAN = "Time Stamp"
 """First column of a CSV file of SavvyCAN."""
 _BLF_HEADER, _BLF_OBJECT = struct.Struct("<4sL"), struct.Struct("<4sHHLL")
 _BLF_CONTAINER = 10
 _CANDUMP = re.compile(rb"^\((\d+\.\d+)\) (\S+) ([0-9A-Fa-f]+)#([0-9A-Fa-f]*)(?: [RTrt])?\r?$", re.MULTILINE)
 _ASC_TIMED = re.compile(r"^\s*(\d+\.\d+)(?=\s)")
+_LOGGED = re.compile(r"^\s*\([^)]+\)\s+\S+\s+[0-9A-Fa-f]+#")
+"""A frame in a log of candump."""
 _SCREEN = re.compile(
-    r"^\s*\((\d+\.\d+)\)\s+(\S+)\s+([0-9A-Fa-f]{3,8})\s+\[(\d+)\]\s*((?:[0-9A-Fa-f]{2}\s*)*)"
+    r"^\s*\((\d+\.\d+|\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d+)\)\s+(\S+)\s+(?:[RT]X\s+\S+\s+\S+\s+)?"
+    r"([0-9A-Fa-f]{3,8})\s+\[(\d+)\]\s*((?:[0-9A-Fa-f]{2}\s*)*)"
 )
 """What candump prints, where it is not told to write a log."""
 _SCREEN_WITHOUT_TIME = re.compile(r"^\s*\S+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]")
 MOST_BACK = 0.1
 """Share of frames that are not later than the one before, from which on printed times are differences."""
+FORMATS = {
+    ".log": "`candump -L` or `candump -l` writes (1700000000.000000) can0 123#0102",
+    ".asc": "export it as ASC again",
+    ".blf": "export it as BLF again",
+    ".trc": "save the trace again in PCAN-View",
+    ".csv": "save it again as CSV of python-can or SavvyCAN",
+    ".mf4": "a logger that was cut off left it unfinished: finalise it with the converter of its maker",
+}
+"""What helps where a file is no log of the format, or damaged."""
 BLOCK_BYTES = MEGABYTE // 8
 """Of a text log, read at once."""
 
@@ -72,7 +87,8 @@ class CanFrames:
         lengths: Number of data bytes, n.
         data: Data bytes, zero behind the length, n x 8.
         channels: Names of the buses in the file.
-        left_out: Number of frames with more than 8 data bytes, or with other lengths than they say.
+        longer: Number of frames with more than 8 data bytes, which are not read.
+        left_out: Number of frames with other lengths than they say.
         unread: Number of lines in which the reader found no frame: events, or damage.
         swapped: Number of frames that the file held behind a later one.
         findings: What was wrong with the times and was corrected, and how often.
@@ -84,6 +100,7 @@ class CanFrames:
     lengths: Bytes
     data: Bytes
     channels: tuple[str, ...]
+    longer: int = 0
     left_out: int = 0
     unread: int = 0
     swapped: int = 0
@@ -117,6 +134,7 @@ def read_can_log(
         ConfigError: A library is missing.
     """
     suffix = Path(path.name.removesuffix(".gz")).suffix.lower()
+    suffix = ".log" if suffix in CANDUMP_TOO else suffix
     if suffix == ".csv" and header_lines(path, 1)[:1] and header_lines(path, 1)[0].startswith(SAVVYCAN):
         frames = _read_savvycan(path)
     elif suffix in _READERS:
@@ -127,7 +145,12 @@ def read_can_log(
             f"{', '.join(_READERS)}, or so and .gz"
         )
     if not len(frames):
-        raise LogError(f"{path} holds no CAN frame: is it a {suffix} log of a CAN bus?")
+        if frames.frames.longer:
+            raise LogError(
+                f"{path} holds {frames.frames.longer} CAN FD frames of more than {LARGEST_PAYLOAD} data "
+                "bytes and no other: such frames are not supported"
+            )
+        raise LogError(f"{path} holds no CAN frame: {FORMATS[suffix]}")
     return _in_order(_of_channel(frames, channel))
 
 
@@ -138,17 +161,16 @@ class _Collector:
         self.t_s, self.identifiers, self.places = array("d"), array("I"), array("h")
         self.lengths, self.data = bytearray(), bytearray()
         self.channels: dict[str, int] = {}
-        self.left_out = 0
+        self.longer = self.left_out = 0
 
     def add(self, message: can.Message) -> None:
         data = message.data
         length = 0 if message.is_remote_frame else message.dlc
         # A CAN FD frame of up to 8 bytes carries its data as a classic one does.
-        if (
-            len(data) != length
-            or length > LARGEST_PAYLOAD
-            or not 0 <= message.arbitration_id <= EXTENDED_ID_MASK
-        ):
+        if length > LARGEST_PAYLOAD and len(data) == length:
+            self.longer += 1
+            return
+        if len(data) != length or not 0 <= message.arbitration_id <= EXTENDED_ID_MASK:
             self.left_out += 1
             return
         self.t_s.append(message.timestamp)
@@ -167,7 +189,7 @@ class _Collector:
         """Add messages.
 
         Raises:
-            ValueError: They are too many.
+            UnreadableError: They are too many.
         """
         for message in messages:
             self.add(message)
@@ -177,13 +199,13 @@ class _Collector:
 
     def _check_count(self) -> None:
         if len(self.t_s) > CAN_FRAMES:
-            raise ValueError(f"it holds more than {CAN_FRAMES:,} frames, the limit: divide it")
+            raise UnreadableError(f"it holds more than {CAN_FRAMES:,} frames, the limit: divide it")
 
     def add_run(self, t_s: Array, records: np.ndarray[Any, Any]) -> None:
         """Add the frames of a run of `BlfBlocks`.
 
         Raises:
-            ValueError: They are too many.
+            UnreadableError: They are too many.
         """
         identifiers = records["identifier"]
         flags = np.where(identifiers >> 31, np.uint32(EXTENDED_FLAG), np.uint32(0))
@@ -236,8 +258,9 @@ class _Collector:
             lengths=np.frombuffer(bytes(self.lengths), np.uint8),
             data=np.frombuffer(bytes(self.data), np.uint8).reshape(count, LARGEST_PAYLOAD),
             channels=tuple(self.channels),
+            longer=self.longer,
             left_out=self.left_out,
-            unread=0 if lines is None else max(0, lines - count - self.left_out),
+            unread=0 if lines is None else max(0, lines - count - self.longer - self.left_out),
         )
         return frames, np.array(self.places, np.int16)
 
@@ -276,23 +299,31 @@ class _Lines(io.TextIOBase):
     """A text file that counts its lines and refuses endless ones."""
 
     def __init__(self, raw: Any, suffix: str) -> None:
-        self._text = io.TextIOWrapper(raw, "utf-8")
-        self._is_asc = suffix == ".asc"
+        self._text = io.TextIOWrapper(raw, "utf-8", errors="replace")
+        self._suffix = suffix
+        self.kept: re.Pattern[str] | None = None
         self._characters = 0
         self.number = 0
         self.content = 0
         self._elapsed_s: float | None = None
 
     def readline(self, size: int | None = -1, /) -> str:  # type: ignore[override]
+        """Return the next line that holds a frame by `kept`; empty at the end."""
+        while line := self._next_line():
+            if self.kept is None or self.kept.match(line):
+                break
+        return line
+
+    def _next_line(self) -> str:
         line = self._text.readline(CAN_LINE_CHARACTERS)
         if len(line) >= CAN_LINE_CHARACTERS:
-            raise ValueError(f"a line is longer than {CAN_LINE_CHARACTERS:,} characters, the limit")
+            raise UnreadableError(f"a line is longer than {CAN_LINE_CHARACTERS:,} characters, the limit")
         self._characters += len(line)
         if self._characters > CAN_LOG_BYTES:
-            raise ValueError(f"it is larger than {CAN_LOG_BYTES / MEGABYTE:g} MB, the limit: divide it")
+            raise UnreadableError(f"it is larger than {CAN_LOG_BYTES / MEGABYTE:g} MB, the limit: divide it")
         self.number += bool(line)
         self.content += bool(line.strip()) and line[0] not in ";/"
-        if self._is_asc and "timestamps relative" in line.casefold():
+        if self._suffix == ".asc" and "timestamps relative" in line.casefold():
             self._elapsed_s = 0.0
         return line if self._elapsed_s is None else self._since_begin(line, self._elapsed_s)
 
@@ -314,34 +345,43 @@ def _read(path: Path, suffix: str, on_frames: Callable[[int], None]) -> _OfChann
                     return _OfChannels(*collector.frames(path, None))
                 collector = _Collector()
                 raw.seek(0)
-            read = _READERS[suffix]
             if suffix in _TEXT:
                 lines = _Lines(raw, suffix)
-                if suffix == ".log" and (printed := _printed(raw)):
-                    read = printed
-            if suffix == ".blf":
-                _check_containers(raw)
-                read = partial(BlfBlocks, on_run=collector.add_run)
-            collector.add_all(read(lines or raw), on_frames)
+            collector.add_all(_reader_of(raw, suffix, lines, collector), on_frames)
     except OSError as problem:
         raise LogError(f"cannot read {path}: {problem.strerror or problem}: give another file") from problem
-    except ConfigError:
+    except (ConfigError, MemoryError):
         raise
+    except UnreadableError as problem:
+        raise LogError(f"cannot read {path}: {problem}") from problem
     # The readers raise whatever a damaged file makes them stumble over.
     except Exception as problem:
-        place = f"after {len(collector.t_s)} frames" if lines is None else f"line {lines.number}"
-        reason = " ".join(str(problem).split())[:200] or type(problem).__name__
+        place = f"after {len(collector.t_s)} frames" if lines is None else f"in line {lines.number}"
         raise LogError(
-            f"{path} {place}: not a frame of a {suffix} log: {reason}: correct or cut the file there"
+            f"{path}: {place} it is cut, damaged or no {suffix} log: {FORMATS[suffix]}"
         ) from problem
     return _OfChannels(*collector.frames(path, None if lines is None else lines.content))
+
+
+def _reader_of(raw: Any, suffix: str, lines: _Lines | None, collector: _Collector) -> Iterable[can.Message]:
+    """Return the reader of a file; what it does not yield goes to the collector."""
+    if suffix == ".blf":
+        _check_containers(raw)
+        return BlfBlocks(raw, on_run=collector.add_run)
+    if lines is None:
+        return _READERS[suffix](raw)
+    if suffix == ".log":
+        if printed := _printed(raw):
+            return printed(lines)
+        lines.kept = _LOGGED
+    return _READERS[suffix](lines)
 
 
 def _check_containers(raw: Any) -> None:
     """Check that no part of a BLF file unpacks to more than any logger packs.
 
     Raises:
-        ValueError: One may.
+        UnreadableError: One may.
     """
     header = raw.read(_BLF_HEADER.size)
     position = _BLF_HEADER.unpack(header)[1] if len(header) == _BLF_HEADER.size else 0
@@ -354,7 +394,9 @@ def _check_containers(raw: Any) -> None:
         if signature != b"LOBJ" or size < _BLF_OBJECT.size:
             break
         if kind == _BLF_CONTAINER and size > CAN_CONTAINER_BYTES:
-            raise ValueError(f"a container has {size:,} bytes, more than {CAN_CONTAINER_BYTES:,}, the limit")
+            raise UnreadableError(
+                f"a container has {size:,} bytes, more than {CAN_CONTAINER_BYTES:,}, the limit"
+            )
         position += size + size % 4
     raw.seek(0)
 
@@ -363,12 +405,14 @@ def _printed(raw: Any) -> Callable[[Any], Iterable[can.Message]] | None:
     """Return the reader of what candump has printed; None for a log.
 
     Raises:
-        ValueError: It was printed without times.
+        UnreadableError: It was printed without times.
     """
     first = raw.read(CAN_LINE_CHARACTERS).decode("utf-8", "replace").lstrip().partition("\n")[0]
     raw.seek(0)
     if _SCREEN_WITHOUT_TIME.match(first):
-        raise ValueError("candump has printed it without times: record with `candump -L` or `candump -l`")
+        raise UnreadableError(
+            "candump has printed it without times: record with `candump -L` or `candump -l`"
+        )
     return _read_printed if _SCREEN.match(first) else None
 
 
@@ -376,13 +420,14 @@ def _read_printed(lines: Any) -> Iterator[can.Message]:
     """Yield the frames that candump has printed.
 
     Raises:
-        ValueError: The times are differences.
+        UnreadableError: The times are differences.
     """
     before_s, back, count = -float("inf"), 0, 0
     while line := lines.readline():
         if not (printed := _SCREEN.match(line)):
             continue
-        t_s, data = float(printed[1]), bytes.fromhex("".join(printed[5].split()))
+        dated = clock_seconds([printed[1]])
+        t_s, data = dated[0] if dated else float(printed[1]), bytes.fromhex("".join(printed[5].split()))
         count, back, before_s = count + 1, back + (t_s <= before_s), t_s
         identifier = int(printed[3], 16)
         yield can.Message(
@@ -396,7 +441,7 @@ def _read_printed(lines: Any) -> Iterator[can.Message]:
             data=data,
         )
     if back > MOST_BACK * count:
-        raise ValueError(
+        raise UnreadableError(
             "its times are differences, as `candump -t d` prints them: record with `candump -L` or -l"
         )
 
@@ -446,7 +491,7 @@ def _read_savvycan(path: Path) -> _OfChannels:
                 )
             )
         except ValueError as problem:
-            raise LogError(f"{table.where(row)}: not a frame: {problem}: correct or remove it") from problem
+            raise LogError(f"{table.where(row)}: it holds no frame: correct or remove it") from problem
     return _OfChannels(*collector.frames(path, None))
 
 
@@ -489,6 +534,7 @@ def _select(frames: CanFrames, places: NDArray[np.intp], swapped: int) -> CanFra
         lengths=frames.lengths[places],
         data=frames.data[places],
         channels=frames.channels,
+        longer=frames.longer,
         left_out=frames.left_out,
         unread=frames.unread,
         swapped=swapped,

@@ -1,7 +1,6 @@
 """Read a CSV table, plain or packed: names and perhaps units in its header, numbers below."""
 
 import csv
-import io
 import math
 import re
 from collections import Counter
@@ -14,15 +13,18 @@ import numpy as np
 from drivers.errors import LogError, RoverHilError
 from drivers.files import TABLE_BYTES, TABLE_CELLS, TABLE_COLUMNS, TABLE_LINES, read_packed_bytes
 from rover_hil.drives.arrays import Array
+from rover_hil.drives.files.cell_numbers import clock_seconds, number_of, with_decimal_points
+from rover_hil.drives.files.csv_layout import (
+    SAMPLE_BYTES,
+    Header,
+    as_text,
+    header_of,
+    likely_delimiter,
+)
+from rover_hil.drives.files.unreadable import UnreadableError
 
-WORDS = {"": math.nan, "true": 1.0, "false": 0.0}
-DELIMITERS = "\t;,"
-MOST_HEADER_LINES = 3
 CELL_SHOWN = 40
 """Characters of a wrong cell in a message."""
-DECIMAL_COMMA = re.compile(r"^([+-]?\d*),(\d+(?:[eE][+-]?\d+)?)$")
-DECIMAL_POINT = re.compile(r"^[+-]?\d*\.\d+(?:[eE][+-]?\d+)?$")
-THOUSANDS = re.compile(r"^[+-]?[1-9]\d{0,2},\d{3}$")
 NAME_AND_UNIT = re.compile(r"^(?P<name>[^\[\(]+?)\s*(?:[\[\(](?P<unit>[^\]\)]*)[\]\)])?$")
 """`current [A]` or `current (A)`."""
 
@@ -83,6 +85,8 @@ class CsvTable:
     def numbers(self, name: str, *, fix: str = "", is_needed: bool = False) -> Array:
         """Return a column as numbers; NaN where a cell is empty or not finite, 1 and 0 for true and false.
 
+        Dates and times of day become seconds.
+
         Args:
             name: Of the column.
             fix: What to do about a wrong cell, for the message.
@@ -92,11 +96,15 @@ class CsvTable:
             RoverHilError: A cell holds no number.
         """
         cells = self.text(name)
-        numbers = [_number(cell) for cell in cells]
+        numbers = [number_of(cell) for cell in cells]
+        if None in numbers and (times_s := clock_seconds(cells)) is not None:
+            numbers = list(times_s)
         for row, number in enumerate(numbers):
             if number is None or (is_needed and not math.isfinite(number)):
                 advice = f": {fix}" if fix else ""
-                if "," in cells[row]:
+                if ":" in cells[row] or "/" in cells[row]:
+                    advice += "; write dates as 2024-05-31T12:34:56.789, times of day as 12:34:56.789"
+                elif "," in cells[row]:
                     advice += "; a comma may divide thousands or decimals: write decimals with a point"
                 shown = cells[row][:CELL_SHOWN]
                 raise self.error(f"{self.where(row)}, column '{name}': '{shown}' is not a number{advice}")
@@ -117,91 +125,61 @@ def read_csv(
     Args:
         path: The file.
         error: What to raise, here and from the table.
-        delimiter: Between cells, None for the first of tab, semicolon and comma in the file's first line; one
-            at the end of every line is left out.
-        header_lines: 1, with units in brackets behind the names; 3: long names, units, names; None: all above
-            the first number, the last holds the names; without any the columns are called 1, 2 and so on.
+        delimiter: Between cells, None for the one of tab, semicolon, comma and spaces that makes the most
+            cells numbers; one at the end of every line is left out.
+        header_lines: Lines above the numbers, None for all above the first row of numbers. The last holds the
+            names, or the last but one, where the last holds units; units may stand in brackets behind the
+            names, too. Without any the columns are called 1, 2 and so on.
 
     Raises:
         RoverHilError: The file cannot be read, is shorter than its header, has a name twice, or is larger
             than the limits in `drivers.files`.
     """
-    text = _open_text(path, error)
+    raw = _read_raw(path, error)
     try:
-        first = text.readline()
-        text.seek(0)
         if delimiter is None:
-            delimiter = next((each for each in DELIMITERS if each in first), ",")
-        lines, rows = _read_rows(text, delimiter)
-    except (csv.Error, UnicodeDecodeError, _TooLargeError) as problem:
+            delimiter = likely_delimiter(as_text(raw).read(SAMPLE_BYTES))
+        lines, rows = _read_rows(as_text(raw), delimiter)
+    except UnreadableError as problem:
         raise error(f"cannot read {path} as a table: {problem}") from problem
-    if delimiter != ",":
-        rows = _with_decimal_points(rows)
-    if first.rstrip().endswith(delimiter):
+    except csv.Error as problem:
+        raise error(
+            f"cannot read {path} as a table: its quotes or line ends are damaged: save it again"
+        ) from problem
+    header = header_of(rows, header_lines)
+    if len(rows) < header.lines > 1:
+        raise error(f"{path} has {len(rows)} lines, no header of {header.lines}: is it such a file?")
+    names, units = _names_of(rows, header)
+    if names[-1:] == [""] or delimiter == " ":
         rows = [cells[:-1] if cells[-1:] == ("",) else cells for cells in rows]
-    count = _header_lines(rows) if header_lines is None else header_lines
-    if len(rows) < count > 1:
-        raise error(f"{path} has {len(rows)} lines, no header of {count}: is it such a file?")
-    width = len(rows[0]) if rows else 0
-    header = rows[:count] or [tuple(map(str, range(1, width + 1))) if count == 0 else ()]
-    named = [_name_and_unit(cell) for cell in header[-1]]
-    for name, times in Counter(name for name, _ in named).items():
+        names = names[:-1] if names[-1:] == [""] else names
+    for name, times in Counter(names).items():
         if name and times > 1:
             raise error(f"{path} has the column '{name}' twice: leave one out")
-    units = {name: unit for name, unit in named if unit is not None}
-    if count > 1:
-        units |= dict(zip((name for name, _ in named), header[-2], strict=False))
+    data = rows[header.lines :]
     return CsvTable(
         path=path,
-        names=[name for name, _ in named],
+        names=names,
         units=units,
-        header_line=lines[count - 1] if count and rows else 1,
-        lines=lines[count:],
-        rows=rows[count:],
+        header_line=1 if header.names is None or not rows else lines[header.names],
+        lines=lines[header.lines :],
+        rows=with_decimal_points(data) if delimiter != "," or b'"' in raw else data,
         error=error,
     )
 
 
-def _with_decimal_points(rows: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
-    """Return the rows, with a point in the numbers of columns that have decimal commas.
-
-    1,234 alone may be a thousand: a column has decimal commas where another of its numbers cannot be one, and
-    none has a decimal point.
-    """
-    commas: dict[int, bool] = {}
-    for cells in rows:
-        for place, cell in enumerate(cells):
-            if "," in cell and DECIMAL_COMMA.match(cell):
-                commas[place] = commas.get(place, False) or not THOUSANDS.match(cell)
-    decimal = {place for place, is_sure in commas.items() if is_sure}
-    for cells in rows if decimal else ():
-        decimal -= {place for place in decimal if place < len(cells) and DECIMAL_POINT.match(cells[place])}
-    if not decimal:
-        return list(rows)
-    return [
-        tuple(
-            [
-                DECIMAL_COMMA.sub(r"\1.\2", cell) if place in decimal else cell
-                for place, cell in enumerate(cells)
-            ]
-        )
-        for cells in rows
-    ]
-
-
-def _header_lines(rows: Sequence[Sequence[str]]) -> int:
-    """Return the number of rows above the first number."""
-    for count, cells in enumerate(rows[: MOST_HEADER_LINES + 1]):
-        if any(cell.lower() not in WORDS and _number(cell) is not None for cell in cells):
-            return count
-    return len(rows)
-
-
-def _number(cell: str) -> float | None:
-    try:
-        return float(cell)
-    except ValueError:
-        return WORDS.get(cell.lower())
+def _names_of(rows: Sequence[Sequence[str]], header: Header) -> tuple[list[str], dict[str, str]]:
+    """Return the names of the columns, and the units by name."""
+    if header.names is None:
+        return [str(number) for number in range(1, len(rows[0]) + 1)] if rows else [], {}
+    named = [_name_and_unit(cell) for cell in rows[header.names]]
+    names = [name for name, _ in named]
+    units = {name: unit for name, unit in named if unit is not None}
+    if header.units is not None:
+        units |= {
+            name: unit.strip("[]()") for name, unit in zip(names, rows[header.units], strict=False) if unit
+        }
+    return names, units
 
 
 def header_lines(path: Path, count: int, error: type[RoverHilError] = LogError) -> list[str]:
@@ -210,10 +188,9 @@ def header_lines(path: Path, count: int, error: type[RoverHilError] = LogError) 
     Raises:
         RoverHilError: The file cannot be read.
     """
-    text = _open_text(path, error)
     try:
-        return [line for _, line in zip(range(count), text, strict=False)]
-    except UnicodeDecodeError:
+        return [line for _, line in zip(range(count), as_text(_read_raw(path, error)), strict=False)]
+    except UnreadableError:
         return []
 
 
@@ -222,18 +199,15 @@ def _name_and_unit(cell: str) -> tuple[str, str | None]:
     return (cell, None) if match is None else (match["name"], match["unit"])
 
 
-class _TooLargeError(ValueError):
-    """A table has more lines or cells than the limits allow."""
-
-
-def _read_rows(text: io.TextIOWrapper, delimiter: str) -> tuple[list[int], list[tuple[str, ...]]]:
+def _read_rows(text: Iterable[str], delimiter: str) -> tuple[list[int], list[tuple[str, ...]]]:
     """Return line number and cells of each row that is not blank.
 
     Raises:
-        _TooLargeError: There are too many.
-        csv.Error, UnicodeDecodeError: The text is not a table.
+        UnreadableError: There are too many.
+        csv.Error: The text is not a table.
     """
-    reader = csv.reader(text, delimiter=delimiter, skipinitialspace=True)
+    source = (line.strip() for line in text) if delimiter == " " else text
+    reader = csv.reader(source, delimiter=delimiter, skipinitialspace=True)
     lines: list[int] = []
     # Tuples of text, because lists of them keep the garbage collector busy.
     rows: list[tuple[str, ...]] = []
@@ -241,11 +215,11 @@ def _read_rows(text: io.TextIOWrapper, delimiter: str) -> tuple[list[int], list[
     for row in reader:
         cells += len(row)
         if cells > TABLE_CELLS or len(rows) >= TABLE_LINES:
-            raise _TooLargeError(
+            raise UnreadableError(
                 f"it has more than {TABLE_LINES:,} lines or {TABLE_CELLS:,} cells, the limits: divide it"
             )
         if len(row) > TABLE_COLUMNS:
-            raise _TooLargeError(
+            raise UnreadableError(
                 f"line {reader.line_num} has {len(row):,} cells, more than {TABLE_COLUMNS:,}, the limit: "
                 "leave columns out"
             )
@@ -255,10 +229,9 @@ def _read_rows(text: io.TextIOWrapper, delimiter: str) -> tuple[list[int], list[
     return lines, rows
 
 
-def _open_text(path: Path, error: type[RoverHilError]) -> io.TextIOWrapper:
+def _read_raw(path: Path, error: type[RoverHilError]) -> bytes:
     try:
-        raw = read_packed_bytes(path, TABLE_BYTES)
+        return read_packed_bytes(path, TABLE_BYTES)
     except OSError as problem:
         reason = problem.strerror or str(problem)
         raise error(f"cannot read {path}: {reason}: give a .csv or .csv.gz file") from problem
-    return io.TextIOWrapper(io.BytesIO(raw), "utf-8-sig")

@@ -19,6 +19,7 @@ from drivers.errors import ConfigError, LogError, RoverHilError
 from drivers.files import FLIGHT_LOG_BYTES, MEGABYTE, TABLE_LINES
 from rover_hil.drives.arrays import Array
 from rover_hil.drives.files.ulog_formats import check_formats
+from rover_hil.drives.files.unreadable import UnreadableError
 
 ULOG_TIME, DATAFLASH_TIME = "timestamp", "TimeUS"
 FAST_INDEX = "PYMAVLINK_FAST_INDEX"
@@ -133,7 +134,7 @@ def read_flight_log(path: Path, wanted: Collection[str] | None, error: type[Rove
 
 
 def _known(kinds: Collection[str] | None) -> str:
-    return "" if kinds is None else f" of {', '.join(sorted(kinds))}"
+    return "" if not kinds else f" of {', '.join(sorted(kinds))}"
 
 
 class _Complaints(io.TextIOBase):
@@ -145,7 +146,7 @@ class _Complaints(io.TextIOBase):
     def write(self, text: str, /) -> int:
         self.count += text.count("\n")
         if self.count > MOST_COMPLAINTS:
-            raise ValueError(f"it is damaged in more than {MOST_COMPLAINTS:,} places")
+            raise UnreadableError(f"it is damaged in more than {MOST_COMPLAINTS:,} places")
         return len(text)
 
 

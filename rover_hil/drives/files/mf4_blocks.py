@@ -7,6 +7,8 @@ import struct
 from collections.abc import Iterator
 from typing import BinaryIO
 
+from rover_hil.drives.files.unreadable import UnreadableError
+
 MOST_RECORD_BYTES = 16 * 2**20
 """Of one group; a record of a CAN bus has about 100."""
 _FIRST_BLOCK = 64
@@ -49,7 +51,7 @@ def check_blocks(file: BinaryIO) -> None:
     """Check the blocks of an MF4 file; the place in the file is its start again.
 
     Raises:
-        ValueError: A list contains itself, or a record is larger than `MOST_RECORD_BYTES`.
+        UnreadableError: A list contains itself, or a record is larger than `MOST_RECORD_BYTES`.
     """
     seen: set[int] = set()
     waiting = [(_FIRST_BLOCK, False)]
@@ -63,7 +65,7 @@ def check_blocks(file: BinaryIO) -> None:
                 _check_conversion(file, place)
             continue
         if place in seen:
-            raise ValueError(f"the list of block {kind[2:].decode()} at byte {place} contains itself")
+            raise UnreadableError(f"the list of block {kind[2:].decode()} at byte {place} contains itself")
         seen.add(place)
         if kind == _GROUP:
             _check_record(file, place, len(links))
@@ -88,7 +90,7 @@ def _block(file: BinaryIO, place: int) -> tuple[bytes, tuple[int, ...]]:
     if kind not in _OWNED and kind not in _SHARED:
         return kind, ()
     if count > _MOST_LINKS:
-        raise ValueError(f"block {kind[2:].decode()} at byte {place} has {count:,} links")
+        raise UnreadableError(f"block {kind[2:].decode()} at byte {place} has {count:,} links")
     raw = file.read(count * _LINK_BYTES)
     return kind, struct.unpack(f"<{len(raw) // _LINK_BYTES}Q", raw[: len(raw) // _LINK_BYTES * _LINK_BYTES])
 
@@ -105,7 +107,7 @@ def _check_conversion(file: BinaryIO, place: int) -> None:
         if kind != _CONVERSION:
             continue
         if place in path:
-            raise ValueError(f"the conversion at byte {place} contains itself")
+            raise UnreadableError(f"the conversion at byte {place} contains itself")
         path.add(place)
         waiting += [(place, True), *((link, False) for link in links[3:] if link)]
 
@@ -117,7 +119,7 @@ def _check_record(file: BinaryIO, place: int, links: int) -> None:
         return
     _, _, flags, _, _, data, invalidation = _GROUP_RECORD.unpack(raw)
     if data + invalidation > MOST_RECORD_BYTES and not flags & _IS_VARIABLE:
-        raise ValueError(
+        raise UnreadableError(
             f"a record of the group at byte {place} has {data + invalidation:,} bytes, more than "
             f"{MOST_RECORD_BYTES:,}, the limit"
         )

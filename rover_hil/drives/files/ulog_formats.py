@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from drivers.files import NESTING
+from rover_hil.drives.files.unreadable import UnreadableError
 
 MOST_FIELDS = 200_000
 """Of all messages that a log announces; a log of PX4 has about 10,000."""
@@ -27,7 +28,7 @@ def check_formats(path: Path) -> None:
     """Check the first messages of a ULog.
 
     Raises:
-        ValueError: They expand to too many fields, contain themselves, or are empty.
+        UnreadableError: They expand to too many fields, contain themselves, or are empty.
     """
     formats: dict[str, _Fields] = {}
     sizes: dict[str, int] = {}
@@ -35,7 +36,7 @@ def check_formats(path: Path) -> None:
     for kind, content in _messages(path):
         empty += len(content) < 2
         if empty > MOST_EMPTY:
-            raise ValueError(f"more than {MOST_EMPTY:,} of its messages are empty")
+            raise UnreadableError(f"more than {MOST_EMPTY:,} of its messages are empty")
         if kind == _FORMAT:
             name, _, text = content.decode("utf-8", "ignore").partition(":")
             formats[name] = [_field(each) for each in text.split(";") if each]
@@ -43,7 +44,7 @@ def check_formats(path: Path) -> None:
             name = content[_FIRST_NAME_BYTE:].decode("utf-8", "ignore")
             fields += _size(name, formats, sizes, NESTING)
             if fields > MOST_FIELDS:
-                raise ValueError(f"its messages have more than {MOST_FIELDS:,} fields, the limit")
+                raise UnreadableError(f"its messages have more than {MOST_FIELDS:,} fields, the limit")
 
 
 def _messages(path: Path) -> Iterator[tuple[int, bytes]]:
@@ -66,7 +67,7 @@ def _field(text: str) -> tuple[str, int]:
 def _size(name: str, formats: dict[str, _Fields], sizes: dict[str, int], levels: int) -> int:
     """Return the number of fields of a format with those of the formats in it, at most beyond the limit."""
     if levels == 0:
-        raise ValueError(f"its formats are nested deeper than {NESTING} levels")
+        raise UnreadableError(f"its formats are nested deeper than {NESTING} levels")
     if name not in sizes:
         total = 0
         for kind, count in formats.get(name, ()):

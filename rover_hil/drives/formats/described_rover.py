@@ -8,7 +8,7 @@ from rover_hil.drives.formats.table.columns import Columns, read_columns, rover_
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 
-OF_COLUMNS = ("time", "wheel", "increments", "tricycle")
+OF_COLUMNS = ("time", "wheel", "increments", "body", "tricycle")
 """Keys of a file of columns that no configuration has."""
 
 

@@ -76,15 +76,15 @@ class Contents:
     has_estimate: bool = True
 
     def __post_init__(self) -> None:
-        self._unusable: Counter[str] = Counter()
+        self._unusable: Counter[tuple[str, str]] = Counter()
         self.evidence = Evidence(sections=frozenset())
 
-    def count(self, section: str, *, is_used: bool) -> None:
-        """Count a message."""
+    def count(self, section: str, *, is_used: bool, why_not: str = "no usable numbers") -> None:
+        """Count a message; of one that is not used `why_not`."""
         if is_used:
             self.used[section] = self.used.get(section, 0) + 1
         else:
-            self._unusable[section] += 1
+            self._unusable[why_not, section] += 1
 
     def finish(self, kinematics: Kinematics, turned_rad: float) -> None:
         """Count what was left out, and equal findings together; add what the drive cannot show.
@@ -93,8 +93,9 @@ class Contents:
         """
         if self.has_estimate:
             self.oddities += unseen(kinematics, self.evidence, turned_rad)
-        what = "no usable numbers"
-        unusable = [Oddity(what=what, where=name, count=count) for name, count in self._unusable.items()]
+        unusable = [
+            Oddity(what=what, where=name, count=count) for (what, name), count in self._unusable.items()
+        ]
         self.oddities = merged([*self.oddities, *unusable])
 
 

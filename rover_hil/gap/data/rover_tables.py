@@ -22,8 +22,9 @@ def check_wheels_measured(columns: Columns, source: str) -> None:
     Raises:
         ConfigError: They hold the motion of the rover, from which the angles of the wheels would be computed.
     """
-    computed = "increments" if columns.increments is not None else "tricycle"
     if not columns.wheel:
+        paths = ("increments", "body", "tricycle")
+        computed = next(name for name in paths if getattr(columns, name) is not None)
         raise ConfigError(
             f"gap rover {source}: [{computed}] holds no angles of the wheels of [rover], and angles computed "
             "from it would agree with any radius: describe each wheel by a [[wheel]]; a wheel without an "

@@ -18,6 +18,7 @@ from rover_hil.console.options import ForceOption, JsonOption, out_option
 from rover_hil.console.steps import show_steps
 from rover_hil.drives.files.can_frames import read_can_log
 from rover_hil.drives.formats.can.listing import ListedIdentifier, absence_of, list_frames, motion_kinds
+from rover_hil.drives.formats.can.places import read_places
 from rover_hil.drives.formats.can.rover import rover_of_log
 from rover_hil.drives.formats.can.to_log import write_can_as_log
 from rover_hil.drives.formats.drive import Contents
@@ -34,6 +35,7 @@ class _Listing:
     path: Path
     frames: int
     duration_s: float
+    longer: int
     left_out: int
     unread: int
     listed: Sequence[ListedIdentifier]
@@ -58,8 +60,13 @@ def import_can_logs(
         Path | None,
         typer.Option("--map", help="Mapping of the wheels: which signal is what."),
     ] = None,
+    places_path: Annotated[
+        Path | None,
+        typer.Option("--places", help="TOML file: which signals or tables are ground truth and positions."),
+    ] = None,
     dbc: Annotated[
-        list[Path] | None, typer.Option(help="With --list: a DBC file; may be given several times.")
+        list[Path] | None,
+        typer.Option(help="With --list or --places: a DBC file; may be given several times."),
     ] = None,
     channel: Annotated[str | None, typer.Option(help="The bus to use, where a log holds several.")] = None,
     list_only: Annotated[
@@ -91,10 +98,17 @@ def import_can_logs(
 
     def make_write() -> WriteDrive:
         config = rover_of_log(config_name, mapping)
+        places = None if places_path is None else read_places(places_path)
+        dbc_files = (*(dbc or ()), *_dbc_files(config_name, mapping))
 
         def write(file: Path, part: Path) -> Iterator[Contents]:
             return write_can_as_log(
-                read_can_log(file, channel=channel), config, part, with_estimate=not no_estimate
+                read_can_log(file, channel=channel),
+                config,
+                part,
+                places=places,
+                dbc_files=dbc_files,
+                with_estimate=not no_estimate,
             )
 
         return write
@@ -142,6 +156,7 @@ def _listing(
             path=frames.path,
             frames=len(frames),
             duration_s=float(frames.t_s[-1] - frames.t_s[0]),
+            longer=frames.longer,
             left_out=frames.left_out,
             unread=frames.unread,
             listed=list_frames(frames, databases),
@@ -166,6 +181,7 @@ def _record(listing: _Listing) -> dict[str, object]:
         "log": str(listing.path),
         "frames": listing.frames,
         "duration_s": listing.duration_s,
+        "longer": listing.longer,
         "left_out": listing.left_out,
         "unread": listing.unread,
         "motion": sorted(kinds),
@@ -195,8 +211,10 @@ def _print(listing: _Listing) -> None:
         f"{listing.path}: {listing.frames} frames of {len(listing.listed)} identifiers "
         f"in {listing.duration_s:.3f} s"
     )
+    if listing.longer:
+        console.print(f"{listing.longer} CAN FD frames have more than 8 data bytes, and are left out")
     if listing.left_out:
-        console.print(f"{listing.left_out} frames are no classic CAN frames")
+        console.print(f"{listing.left_out} frames have another length than they state, and are left out")
     if listing.unread:
         console.print(f"{listing.unread} lines hold no frame")
     if not listing.has_dbc:

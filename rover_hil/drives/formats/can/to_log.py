@@ -1,7 +1,9 @@
 """Write a log of a CAN bus as a log of a rover: its frames pass through the drivers, and replay exactly."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from heapq import merge
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +16,16 @@ from drivers.device_settings import CanDeviceSettings, DriveSettings
 from drivers.driver import Codec, Rejection
 from drivers.errors import ConfigError, LogError
 from drivers.link import Received
-from drivers.samples import RateSample, Sample, WheelSample
+from drivers.samples import PoseFixSample, RateSample, Sample, WheelSample
 from rover_hil.config import Config
+from rover_hil.config.ros2_settings import Ros2Settings
 from rover_hil.drives.files.can_frames import CanFrames, timed_payloads
 from rover_hil.drives.formats.can.listing import absence_of, identifier_text
+from rover_hil.drives.formats.can.places import CanPlaces, drive_of_places
 from rover_hil.drives.formats.drive import LONGEST_GAP_NS, START_NS, Contents, check_steering, write_drive
 from rover_hil.drives.formats.oddities import LEFT_OUT, NO_FAULT, REPAIRED, Evidence, Oddity
+from rover_hil.drives.formats.table.drive_table import Row
+from rover_hil.drives.formats.table.place_feed import PlaceFeed
 from rover_hil.drives.formats.to_log import observing_config
 from rover_hil.recording.schema import TruthRecord
 from rover_hil.run.composition import ReplayLinks, find_wheel_count_conflict
@@ -72,7 +78,13 @@ def can_config(config: Config) -> Config:
 
 
 def write_can_as_log(
-    frames: CanFrames, config: Config, out: Path, *, with_estimate: bool = True
+    frames: CanFrames,
+    config: Config,
+    out: Path,
+    *,
+    places: CanPlaces | None = None,
+    dbc_files: Sequence[Path] = (),
+    with_estimate: bool = True,
 ) -> Iterator[Contents]:
     """Write the log `out` of a log of a CAN bus, cycle by cycle; yields what was used so far.
 
@@ -80,6 +92,8 @@ def write_can_as_log(
         frames: The frames.
         config: As `can_config` returns it.
         out: The log; must not exist.
+        places: Ground truth and positions, if any.
+        dbc_files: With the signals of `places`.
         with_estimate: As for `write_drive`.
 
     Raises:
@@ -89,19 +103,31 @@ def write_can_as_log(
     contents = Contents()
     answers = _ask_devices(frames, config)
     _check_motion(frames, config, answers)
-    places = np.flatnonzero(np.isin(frames.identifiers, np.array(answers.identifiers, np.uint32)))
-    _note_rest(frames, places, answers, contents)
-    contents.evidence = Evidence(sections=frozenset({"imu"} if config.roles.gyro else ()))
-    start_s = float(frames.t_s[places[0]])
-    records = (CanRecord(t_ns, payload) for t_ns, payload in timed_payloads(frames, places, start_s))
+    used = np.flatnonzero(np.isin(frames.identifiers, np.array(answers.identifiers, np.uint32)))
+    _note_rest(frames, used, answers, contents)
+    start_s, end_s = float(frames.t_s[used[0]]), float(frames.t_s[used[-1]])
+    rows: Sequence[Row] = ()
+    if places is not None:
+        drive = drive_of_places(frames, places, dbc_files, (start_s, end_s))
+        rows, config = drive.rows, _with_fixes(config, has_fixes=places.fixes is not None)
+        contents.oddities += drive.oddities
+    sections = {row.section for row in rows} | ({"imu"} if config.roles.gyro else set())
+    contents.evidence = Evidence(sections=frozenset(sections))
+    sent = (CanRecord(t_ns, payload) for t_ns, payload in timed_payloads(frames, used, start_s))
+    records: Iterator[CanRecord | Row] = merge(sent, rows, key=attrgetter("t_ns"))
+    place_feed = PlaceFeed(None if places is None else places.fixes)
 
-    def make_feed(links: ReplayLinks) -> Callable[[CanRecord], Iterator[TruthRecord]]:
-        def feed(record: CanRecord) -> Iterator[TruthRecord]:
+    def make_feed(links: ReplayLinks) -> Callable[[CanRecord | Row], Iterable[TruthRecord | PoseFixSample]]:
+        def feed(record: CanRecord | Row) -> Iterable[TruthRecord | PoseFixSample]:
+            if isinstance(record, Row):
+                given = list(place_feed.records(record))
+                contents.count(record.section, is_used=bool(given))
+                return given
             received = Received(START_NS + record.t_ns, record.payload)
             for link in links.bytes_links.values():
                 link.feed(received)
             contents.count("frames", is_used=True)
-            return iter(())
+            return ()
 
         return feed
 
@@ -111,6 +137,10 @@ def write_can_as_log(
         out, origin, config, records, make_feed, contents, with_estimate=with_estimate, wall_start_ns=wall_ns
     ):
         yield contents
+
+
+def _with_fixes(config: Config, *, has_fixes: bool) -> Config:
+    return config.model_copy(update={"ros2": Ros2Settings(pose_fixes=True)}) if has_fixes else config
 
 
 def _ask_devices(frames: CanFrames, config: Config) -> _Found:
@@ -204,11 +234,8 @@ def _note_rest(frames: CanFrames, places: NDArray[np.intp], bus: _Found, content
         count = len(np.unique(frames.identifiers)) - len(bus.identifiers)
         contents.notes.append(f"{others} frames of {count} other identifiers stay out of the log")
     for what, number, done in (
-        (
-            "frames with more than 8 data bytes, or with another length than they say",
-            frames.left_out,
-            LEFT_OUT,
-        ),
+        ("CAN FD frames of more than 8 data bytes", frames.longer, LEFT_OUT),
+        ("frames of another length than they state", frames.left_out, LEFT_OUT),
         ("lines without a frame", frames.unread, LEFT_OUT),
         ("frames behind later ones, put in order", frames.swapped, REPAIRED),
         *((what, count, REPAIRED) for what, count in frames.findings),

@@ -18,8 +18,11 @@ from typing import Any, NamedTuple
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.errors import ConfigError, LogError
 from drivers.files import MEGABYTE
+from rover_hil.drives.files.unreadable import UnreadableError
+from rover_hil.drives.formats.rosbag.cut_mcap import CutMcap, is_cut
 from rover_hil.drives.formats.rosbag.topic_count import check_topic_count
 from rover_hil.drives.formats.rosbag.topics import Topics
+from rover_hil.recording.mcap_records import MAGIC
 
 MOST_MESSAGE_BYTES = 64 * MEGABYTE
 LONGEST_S = 1e6
@@ -32,8 +35,17 @@ LEAST_MESSAGES = 10
 """Before and after it, of each section: a single stamp may be wrong by itself."""
 SAME_TIME_NS = 2_000_000_000
 """Sections show the step at the same time, but for the time between two of their messages."""
+BEGINS = {".bag": b"#ROSBAG V", ".mcap": MAGIC, ".db3": b"SQLite format 3\0"}
+METADATA = "metadata.yaml"
 STORED = (".mcap", ".db3")
-FIX = "record it again, or copy it with `rosbag reindex` or `ros2 bag convert`"
+PACKED = (".zstd", ".zst", ".gz", ".bz2", ".lz4")
+FIXES = {
+    ".bag": "`rosbag reindex {path}` makes its index again, `rosbag fix` copies what is intact",
+    ".mcap": "`mcap recover {path} -o recovered.mcap` saves what is intact",
+    ".db3": "`sqlite3 {path} .recover | sqlite3 recovered.db3` saves what is intact",
+    "": "`ros2 bag reindex {path}` makes its metadata.yaml again",
+}
+"""What helps where a bag is damaged, by the ending of its name; "" for a folder."""
 
 
 class BagMessage(NamedTuple):
@@ -88,6 +100,7 @@ class Bag:
 
     Attributes:
         is_unfinished: Whether the recorder was killed: `metadata.yaml` is missing.
+        cut: Names of its files without their end.
         outside: Number of messages that `messages` leaves out, because they were recorded while the clock was
             not set: at time 0, or more than `LONGEST_S` before or after the others.
 
@@ -99,8 +112,10 @@ class Bag:
     def __init__(self, path: Path, topics: Topics) -> None:
         if not path.exists():
             raise LogError(f"no file or folder {path}: correct the path; it starts at the current folder")
-        self._path = _whole_bag(path)
-        self.is_unfinished = self._path != path
+        self._path = path
+        self._files = _files_of(path)
+        self.is_unfinished = path.is_dir() and not (path / METADATA).exists()
+        self.cut = [file.name for file in self._files if file.suffix == ".mcap" and is_cut(file)]
         self._is_ros1 = path.suffix == ".bag"
         try:
             from rosbags.typesys import Stores, get_typestore
@@ -198,13 +213,12 @@ class Bag:
         for connection, recorded_ns, data in self._stored(section):
             if not first_ns <= recorded_ns <= end_ns:
                 continue
-            with self._named_failures():
-                content = self._content(data, connection.msgtype)
+            content = self._content(data, connection.topic, connection.msgtype)
             t_ns = recorded_ns - first_ns
             if t_ns < last_ns:
                 raise LogError(
                     f"{self._path} is damaged: a message on {connection.topic} was recorded "
-                    f"{(last_ns - t_ns) / 1e9:.6g} s before the one ahead of it: {FIX}"
+                    f"{(last_ns - t_ns) / 1e9:.6g} s before the one ahead of it: {self._fix}"
                 )
             last_ns = t_ns
             stamp = getattr(getattr(content, "header", None), "stamp", None)
@@ -231,101 +245,156 @@ class Bag:
 
     def _stored(self, section: str | None) -> Iterator[tuple[Any, int, bytes]]:
         """Yield connection, time of recording and data of the messages on the mapped topics."""
-        reader = self._reader()
-        with self._named_failures():
-            reader.open()
+        readers = [self._reader(file) for file in self._files]
         try:
-            with self._named_failures():
-                messages = reader.messages(self._connections(reader, section))
-            while True:
+            for reader in readers:
                 with self._named_failures():
-                    first_message = next(messages, None)
-                if first_message is None:
-                    return
-                connection, recorded_ns, _ = first_message
-                if not isinstance(recorded_ns, int):
-                    raise LogError(
-                        f"{self._path} is damaged: the time of a message on {connection.topic} is "
-                        f"{str(recorded_ns)[:40]!r}, not a number: {FIX}"
-                    )
-                yield first_message
+                    reader.open()
+            self._check_topics([each for reader in readers for each in reader.connections])
+            topics = {topic.topic for name, topic, _ in self._topics.mapped() if section in (None, name)}
+            for reader in readers:
+                connections = [each for each in reader.connections if each.topic in topics]
+                if connections:
+                    yield from self._messages_of(reader, connections)
         finally:
             with self._named_failures():
-                reader.close()
+                for reader in readers:
+                    reader.close()
 
-    def _reader(self) -> Any:
+    def _messages_of(self, reader: Any, connections: Sequence[Any]) -> Iterator[tuple[Any, int, bytes]]:
+        with self._named_failures():
+            messages = reader.messages(connections)
+        while True:
+            with self._named_failures():
+                message = next(messages, None)
+            if message is None:
+                return
+            connection, recorded_ns, _ = message
+            if not isinstance(recorded_ns, int):
+                raise LogError(
+                    f"{self._path} is damaged: the time of a message on {connection.topic} is "
+                    f"{str(recorded_ns)[:40]!r}, not a number: {self._fix}"
+                )
+            yield message
+
+    def _reader(self, file: Path) -> Any:
+        if file.name in self.cut:
+            return CutMcap(file)
         with self._named_failures():
             if self._is_ros1:
                 from rosbags.rosbag1 import Reader as Ros1Reader
 
-                return Ros1Reader(self._path)
+                return Ros1Reader(file)
             from rosbags.rosbag2 import Reader as Ros2Reader
 
-            return Ros2Reader(self._path)
+            return Ros2Reader(file)
 
-    def _connections(self, reader: Any, wanted: str | None) -> list[Any]:
-        """Return the connections of the mapped topics; a topic has one for each node that publishes on it."""
-        there: dict[str, list[Any]] = {}
-        for connection in reader.connections:
-            there.setdefault(connection.topic, []).append(connection)
-        connections: list[Any] = []
+    def _check_topics(self, connections: Sequence[Any]) -> None:
+        """Check the mapped topics; a topic has a connection for each node that publishes on it.
+
+        Raises:
+            LogError: The bag lacks one, or one is of another type.
+        """
+        there: dict[str, list[str]] = {}
+        for connection in connections:
+            there.setdefault(connection.topic, []).append(connection.msgtype)
         for section, topic, types in self._topics.mapped():
             if topic.topic not in there:
                 known = ", ".join(sorted(there)[:20]) or "none"
                 raise LogError(
                     f"{self._path} holds no topic {topic.topic}, named by [{section}]; its topics are {known}"
                 )
-            unfit_type = next(
-                (each.msgtype for each in there[topic.topic] if each.msgtype not in types), None
-            )
+            unfit_type = next((kind for kind in there[topic.topic] if kind not in types), None)
             if unfit_type is not None:
                 raise LogError(
                     f"{self._path}: topic {topic.topic} is {unfit_type}, [{section}] needs "
                     f"{' or '.join(types)}: name another topic"
                 )
-            if wanted in (None, section):
-                connections += there[topic.topic]
-        return connections
 
-    def _content(self, data: bytes, kind: str) -> Any:
+    def _content(self, data: bytes, topic: str, kind: str) -> Any:
         if len(data) > MOST_MESSAGE_BYTES:
             raise LogError(
                 f"{self._path}: a {kind} of {len(data)} bytes, "
                 f"{MOST_MESSAGE_BYTES} are allowed: leave the topic out"
             )
-        if self._is_ros1:
-            return self._store.deserialize_ros1(data, kind)
-        return self._store.deserialize_cdr(data, kind)
+        try:
+            if self._is_ros1:
+                return self._store.deserialize_ros1(data, kind)
+            return self._store.deserialize_cdr(data, kind)
+        except MemoryError:
+            raise
+        # The library raises whatever the data make it stumble over.
+        except Exception as error:
+            raise LogError(
+                f"{self._path} is damaged: a message on {topic} does not hold what a {kind} does: {self._fix}"
+            ) from error
+
+    @property
+    def _fix(self) -> str:
+        suffix = self._path.suffix if self._path.is_file() else ""
+        return FIXES[suffix].format(path=self._path)
 
     @contextmanager
     def _named_failures(self) -> Iterator[None]:
         try:
             yield
-        except LogError:
+        except (LogError, MemoryError):
             raise
+        except UnreadableError as error:
+            raise LogError(f"{self._path} is damaged: {error}: {self._fix}") from error
+        # The library raises whatever a damaged bag makes it stumble over.
         except Exception as error:
-            raise LogError(f"{self._path} is damaged or is no bag ({_reason(error)}): {FIX}") from error
+            raise LogError(f"{self._path} is damaged, or was never closed: {self._fix}") from error
 
 
-def _whole_bag(path: Path) -> Path:
-    """Return the bag; of a folder without `metadata.yaml`, as a killed recorder leaves it, its only file.
+def _files_of(path: Path) -> list[Path]:
+    """Return a bag as the library opens it; the files of a folder that a killed recorder left, in order.
 
     Raises:
-        LogError: Such a folder holds no such file, or several.
+        LogError: It is no bag, or not one that can be read as it is.
     """
-    if not path.is_dir() or (path / "metadata.yaml").exists():
-        return path
-    stored = sorted(each for each in path.iterdir() if each.suffix in STORED)
-    if len(stored) == 1:
-        return stored[0]
-    if not stored:
+    if not path.is_dir():
+        _check_file(path)
+        return [path]
+    files = sorted((each for each in path.iterdir() if each.suffix in STORED), key=_number)
+    if not files:
+        packed = next((each for each in path.iterdir() if each.suffix in PACKED), None)
+        if packed is not None:
+            raise LogError(f"{path} is compressed as a whole: unpack {packed.name} with `zstd -d`")
+        raise LogError(f"{path} is no bag: it holds no .mcap or .db3 file of messages: correct the path")
+    if (path / METADATA).exists() and not any(file.suffix == ".mcap" and is_cut(file) for file in files):
+        return [path]
+    for file in files:
+        _check_file(file)
+    return files
+
+
+def _number(file: Path) -> tuple[int, str]:
+    """Return by what the files of a bag are in order: bag_0, bag_1, ..., bag_10."""
+    number = file.stem.rpartition("_")[2]
+    return int(number) if number.isdecimal() else 0, file.name
+
+
+def _check_file(path: Path) -> None:
+    """Check that a file is one of the formats.
+
+    Raises:
+        LogError: It is none.
+    """
+    if path.suffix == ".active":
         raise LogError(
-            f"{path} is no bag: it holds neither metadata.yaml nor a file of messages: correct the path"
+            f"{path} was left by a recorder of ROS 1 that was killed: `rosbag reindex {path}` makes its "
+            "index; then name it .bag"
         )
-    raise LogError(
-        f"{path} has no metadata.yaml, as a killed recorder leaves it, and {len(stored)} files of messages: "
-        f"`ros2 bag reindex {path}` makes it again"
-    )
+    if path.suffix in PACKED:
+        raise LogError(f"{path} is packed: unpack it, with `zstd -d` or `gunzip`")
+    if path.suffix not in BEGINS:
+        raise LogError(f"{path} is no bag: give a .bag, .mcap or .db3 file, or the folder with metadata.yaml")
+    with path.open("rb") as stream:
+        begin = stream.read(len(BEGINS[path.suffix]))
+    if begin != BEGINS[path.suffix]:
+        what = "is empty" if not begin else f"does not begin like a {path.suffix} file"
+        raise LogError(f"{path} {what}: give another file")
 
 
 def _step_back(section: str, stamps_ns: Sequence[int], times_ns: Sequence[int]) -> ClockStep | None:
@@ -345,7 +414,3 @@ def _step_back(section: str, stamps_ns: Sequence[int], times_ns: Sequence[int]) 
     if times_ns[order[place + 1]] >= times_ns[order[place]]:
         return None  # what had waited came at once: the clock itself went on
     return ClockStep(by_ns, times_ns[order[place]], {section: int(median(parts[0]))})
-
-
-def _reason(error: Exception) -> str:
-    return " ".join(f"{type(error).__name__} {error}".split())[:120]

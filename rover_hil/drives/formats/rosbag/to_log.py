@@ -22,6 +22,7 @@ from drivers.samples import PoseFixSample
 from drivers.xsens.settings import XsensSettings
 from rover_hil.config import Config, RoleSettings
 from rover_hil.config.ros2_settings import Ros2Settings
+from rover_hil.drives.arrays import Array
 from rover_hil.drives.formats.drive import (
     CAMERA,
     IMU,
@@ -38,7 +39,7 @@ from rover_hil.drives.formats.fixes import FixMaker, invented_poses
 from rover_hil.drives.formats.oddities import REPAIRED, TOLD, Evidence, Oddity
 from rover_hil.drives.formats.rosbag.bag import Bag, BagMessage
 from rover_hil.drives.formats.rosbag.joints import Joint, JointSurvey, values_of
-from rover_hil.drives.formats.rosbag.topics import NAV_SAT_FIX, ODOMETRY, Topics
+from rover_hil.drives.formats.rosbag.topics import NAV_SAT_FIX, ODOMETRY, POINT, TWISTS, Topics
 from rover_hil.drives.formats.wheel_frames import write_mapping
 from rover_hil.drives.quality.twist_check import twist_fault
 from rover_hil.recording.images import decode_picture
@@ -83,6 +84,9 @@ def write_bag_as_log(
         if bag.is_unfinished:
             what = "metadata.yaml missing, as a killed recorder leaves it: read without it"
             contents.oddities.append(Oddity(what=what, count=1, done=REPAIRED))
+        for name in bag.cut:
+            what = "end of the file missing, as a killed recorder leaves it: read as far as it is intact"
+            contents.oddities.append(Oddity(what=what, where=name, count=1, done=REPAIRED))
         if step := bag.set_back:
             what = (
                 f"clock of the recorder set back by {step.by_ns / 1e9:.1f} s at {step.at_ns / 1e9:.1f} s: "
@@ -265,6 +269,7 @@ class _Feeder:
         self._links = links
         self._drive = DriveLinks(links, kinematics)
         self._pose: tuple[float, float, float] | None = None
+        self._twist: tuple[int, Array] | None = None
 
     def feed(self, message: BagMessage) -> Iterator[TruthRecord | PoseFixSample]:
         """Feed one message into the links; yields the true pose or the fix that it holds, if any."""
@@ -274,7 +279,8 @@ class _Feeder:
             case "wheels":
                 is_used = self._feed_wheels(t_ns, content)
             case "odometry":
-                is_used = self._feed_odometry(t_ns, content)
+                feed = self._feed_twist if message.kind in TWISTS else self._feed_odometry
+                is_used = feed(t_ns, content)
             case "currents":
                 is_used = self._drive.put_wheels(
                     t_ns, "Current", np.asarray(content.data, np.float64).tolist()
@@ -291,7 +297,7 @@ class _Feeder:
                 for record in _truth(t_ns, message):
                     is_used = True
                     yield record
-        self._contents.count(message.section, is_used=is_used)
+        self._contents.count(message.section, is_used=is_used, why_not=_why_not(message))
 
     def _feed_wheels(self, t_ns: int, state: Any) -> bool:
         topic = self._topics.wheels
@@ -357,6 +363,17 @@ class _Feeder:
         self._pose = pose
         return self._drive.move(t_ns, x_m, y_m, turn_rad)
 
+    def _feed_twist(self, t_ns: int, content: Any) -> bool:
+        """Turn the wheels as speeds that go evenly from those of the message before to these."""
+        twist = getattr(content.twist, "twist", content.twist)
+        rates = np.array((twist.linear.x, twist.linear.y, twist.angular.z))
+        if not np.isfinite(rates).all():
+            return False
+        before_ns, before = self._twist or (t_ns, rates)
+        self._twist = t_ns, rates
+        moved = 0.5 * (rates + before) * ((t_ns - before_ns) / NANOSECONDS_PER_SECOND)
+        return self._drive.move(t_ns, *moved.tolist())
+
     def _feed_sensor(self, t_ns: int, message: BagMessage) -> bool:
         if message.section == "imu":
             return self._feed_imu(t_ns, message.content)
@@ -369,17 +386,20 @@ class _Feeder:
             content.orientation,
         )
         rates = (rate.x, rate.y, rate.z)
-        if not all(map(math.isfinite, rates)) or content.angular_velocity_covariance[0] == -1.0:
-            return False
+        has_rates = all(map(math.isfinite, rates)) and content.angular_velocity_covariance[0] != -1.0
         accelerations = (acceleration.x, acceleration.y, acceleration.z)
-        has_acceleration = content.linear_acceleration_covariance[0] != -1.0
+        has_acceleration = (
+            all(map(math.isfinite, accelerations)) and content.linear_acceleration_covariance[0] != -1.0
+        )
         topic = self._topics.imu
         has_orientation = (
             topic is not None and topic.use_orientation and content.orientation_covariance[0] != -1.0
         )
+        if not (has_rates or has_acceleration or has_orientation):
+            return False
         self._drive.put_imu(
             t_ns,
-            rates,
+            rates if has_rates else None,
             accelerations if has_acceleration else None,
             (turned.w, turned.x, turned.y, turned.z) if has_orientation else None,
         )
@@ -395,11 +415,29 @@ def _truth(t_ns: int, message: BagMessage) -> Iterator[TruthRecord]:
     pose = plane_pose(message.kind, message.content)
     if pose is not None:
         x_m, y_m, yaw_rad = pose
-        yield {"t_ns": t_ns, "x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad, "is_new": True}
+        record: TruthRecord = {"t_ns": t_ns, "x_m": x_m, "y_m": y_m, "is_new": True}
+        if math.isfinite(yaw_rad):
+            record["yaw_rad"] = yaw_rad
+        yield record
+
+
+def _why_not(message: BagMessage) -> str:
+    """Return why a message is not used, where it is not."""
+    if message.kind == NAV_SAT_FIX:
+        return "the receiver had no position"
+    if message.section in ("odometry", "fixes", "truth"):
+        return "no finite pose with an orientation"
+    return "no usable numbers"
 
 
 def plane_pose(kind: str, content: Any) -> tuple[float, float, float] | None:
-    """Return x and y in m and yaw in rad of a message with a pose; None where it holds no finite one."""
+    """Return x and y in m and yaw in rad of a message with a pose; None where it holds no finite one.
+
+    The yaw of a point is NaN.
+    """
+    if kind == POINT:
+        point = content.point.x, content.point.y
+        return (*point, math.nan) if all(map(math.isfinite, point)) else None
     if kind.endswith("TransformStamped"):
         place, turned = content.transform.translation, content.transform.rotation
     else:

@@ -22,6 +22,8 @@ POSES = (
     "geometry_msgs/msg/PoseWithCovarianceStamped",
     "geometry_msgs/msg/TransformStamped",
 )
+POINT = "geometry_msgs/msg/PointStamped"
+TWISTS = ("geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/TwistWithCovarianceStamped")
 MOST_WHEELS = 32
 TopicName = Annotated[str, Field(min_length=1, max_length=255)]
 
@@ -90,13 +92,14 @@ class Topics(Settings):
     Attributes:
         rover: Configuration whose wheels and limits are those of the rover: a TOML file, or a shipped one.
         wheels: Angles and speeds of the wheels.
-        odometry: Instead of `wheels`: a path, nav_msgs/Odometry; the wheels get the angles that give it.
+        odometry: Instead of `wheels`: a path, nav_msgs/Odometry, or speed and yaw rate, geometry_msgs/
+            TwistStamped or TwistWithCovarianceStamped; the wheels get the angles that give it.
         imu: Angular rates.
         currents: Motor currents in A, in the order of the rover's wheels, std_msgs/Float64MultiArray or
             Float32MultiArray.
         fixes: Poses or positions that correct the estimate: sensor_msgs/NavSatFix, or as for the truth.
-        truth: True pose, nav_msgs/Odometry, geometry_msgs/PoseStamped, PoseWithCovarianceStamped or
-            TransformStamped.
+        truth: Ground truth, nav_msgs/Odometry, geometry_msgs/PoseStamped, PoseWithCovarianceStamped,
+            TransformStamped, or PointStamped without a yaw.
         camera: Pictures, sensor_msgs/CompressedImage, JPEG or PNG.
     """
 
@@ -127,11 +130,11 @@ class Topics(Settings):
         """Yield section, topic and allowed message types of all that is mapped."""
         for section, topic, types in (
             ("wheels", self.wheels, (JOINT_STATE,)),
-            ("odometry", self.odometry, (ODOMETRY,)),
+            ("odometry", self.odometry, (ODOMETRY, *TWISTS)),
             ("imu", self.imu, (IMU,)),
             ("currents", self.currents, ARRAYS),
-            ("fixes", self.fixes, (NAV_SAT_FIX, *POSES)),
-            ("truth", self.truth, POSES),
+            ("fixes", self.fixes, (NAV_SAT_FIX, POINT, *POSES)),
+            ("truth", self.truth, (POINT, *POSES)),
             ("camera", self.camera, (COMPRESSED_IMAGE,)),
         ):
             if topic is not None:

@@ -9,7 +9,9 @@ from pydantic import Field, model_validator
 from controllers.motion.rover_geometry import RoverSettings
 from controllers.motion.settings import LimitSettings
 from drivers.settings import PathText, Settings, read_toml
+from drivers.units import STANDARD_GRAVITY_M_S2
 from rover_hil.config import Config, load_config, validated
+from rover_hil.drives.files.csv_layout import MOST_HEADER_LINES
 from rover_hil.drives.formats.fixes import FixNoise, MarkerPlace
 
 TURN_RAD = 2.0 * math.pi
@@ -17,11 +19,11 @@ ColumnName = Annotated[str, Field(min_length=1, max_length=255)] | Annotated[int
 """Name in the header, or number from 1."""
 Positive = Annotated[float, Field(gt=0)]
 SI_PER_UNIT = {
-    "ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0,
+    "ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "days": 86400.0,
     "rad": 1.0, "deg": math.pi / 180.0, "rev": TURN_RAD,
     "rad/s": 1.0, "deg/s": math.pi / 180.0, "rev/s": TURN_RAD, "rpm": TURN_RAD / 60.0,
     "m": 1.0, "cm": 1e-2, "mm": 1e-3, "m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1.0 / 3.6,
-    "m/s2": 1.0, "g": 9.80665, "A": 1.0, "mA": 1e-3,
+    "m/s2": 1.0, "g": STANDARD_GRAVITY_M_S2, "A": 1.0, "mA": 1e-3,
 }  # fmt: skip
 """Size of each unit in SI units; ticks have none of their own."""
 LENGTHS = frozenset({"m", "cm", "mm", "m/s", "cm/s", "mm/s", "km/h"})
@@ -41,9 +43,13 @@ class Column(Settings):
 
 
 class TimeColumn(Column):
-    """Time; only its differences matter."""
+    """Time; only its differences matter.
 
-    unit: Literal["s", "ms", "us", "ns"] = "s"
+    Attributes:
+        unit: Of numbers; dates and times of day are in s.
+    """
+
+    unit: Literal["s", "ms", "us", "ns", "min", "days"] = "s"
 
 
 class AngleColumn(Column):
@@ -62,6 +68,19 @@ class AngleColumn(Column):
     def _check_ticks(self) -> Self:
         _check_ticks(self.unit, self.ticks_per_turn)
         return self
+
+
+class SteeringColumn(AngleColumn):
+    """The steering angle of a wheel, or what turns it.
+
+    Attributes:
+        ratio: By how much it turns per turn of the wheel, e.g. 15 for the steering wheel of a car.
+        wrap: The column starts again after this much, in its unit, e.g. 360 deg. In the first row it is
+            within half of that from `zero`.
+    """
+
+    ratio: Positive = 1.0
+    wrap: Positive | None = None
 
 
 class TurnColumn(Column):
@@ -83,6 +102,12 @@ class TurnColumn(Column):
     def _check_ticks(self) -> Self:
         _check_ticks(self.unit, self.ticks_per_turn)
         return self
+
+
+class BodySpeedColumn(Column):
+    """A speed of the rover."""
+
+    unit: Literal["m/s", "cm/s", "mm/s", "km/h"] = "m/s"
 
 
 class SpeedColumn(Column):
@@ -131,7 +156,7 @@ class WheelColumns(Settings):
     step: TurnColumn | None = None
     speed: SpeedColumn | None = None
     current: CurrentColumn | None = None
-    steering: AngleColumn | None = None
+    steering: SteeringColumn | None = None
 
     @model_validator(mode="after")
     def _check_motion(self) -> Self:
@@ -156,6 +181,20 @@ class IncrementColumns(Settings):
     turn_by_gyro: bool = False
 
 
+class BodyColumns(Settings):
+    """Speed and yaw rate of the rover, as a controller or a radar gives them.
+
+    Attributes:
+        speed: Ahead.
+        speed_y: To the left; default: 0.
+        yaw_rate: Counter-clockwise.
+    """
+
+    speed: BodySpeedColumn
+    speed_y: BodySpeedColumn | None = None
+    yaw_rate: RateColumn
+
+
 class SteeredWheelColumns(Settings):
     """One driven and steered wheel of a tricycle, whose other wheels have no encoder.
 
@@ -170,8 +209,8 @@ class SteeredWheelColumns(Settings):
     wheelbase_m: float
     radius_m: Positive
     step: TurnColumn
-    steering: AngleColumn | None = None
-    steering_step: AngleColumn | None = None
+    steering: SteeringColumn | None = None
+    steering_step: SteeringColumn | None = None
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -190,9 +229,15 @@ class ImuColumns(Settings):
         heading: Yaw against the earth, counter-clockwise from east; of a compass, which counts clockwise from
             north, with sign = -1 and zero = 90 deg.
         heading_reference: What it is measured against.
-        acceleration_x, acceleration_y, acceleration_z: All three, or none.
+        acceleration_x, acceleration_y, acceleration_z: Specific force; axes that are left out are those of
+            standstill on level ground.
+        file: Another table, beside the one of the drive and with the same clock, or that file once more;
+            default: the rows of the drive.
+        time: In that table; default: as for the drive.
     """
 
+    file: PathText | None = None
+    time: TimeColumn | None = None
     yaw_rate: RateColumn | None = None
     heading: AngleColumn | None = None
     heading_reference: Literal["magnetic", "true"] = "magnetic"
@@ -202,11 +247,10 @@ class ImuColumns(Settings):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        given = [self.acceleration_x, self.acceleration_y, self.acceleration_z]
-        if any(given) != all(given):
-            raise ValueError("give all three accelerations, or none")
-        if self.yaw_rate is None and self.heading is None:
-            raise ValueError("it has neither yaw_rate nor heading: add one")
+        if not any(isinstance(value, Column) for name, value in self if name != "time"):
+            raise ValueError("it has no column: add yaw_rate, heading or an acceleration")
+        if self.time is not None and self.file is None:
+            raise ValueError("give file with time: the table that the time is in")
         return self
 
 
@@ -279,11 +323,13 @@ class Columns(Settings):
             from the current folder, or a shipped one. Or the section [rover] itself.
         limits: With a section [rover]: how fast its wheels may turn.
         rate_hz: With a section [rover]: cycles of the estimate per second.
-        delimiter: Between cells; default: the first of tab, semicolon and comma in the first line.
-        header_lines: Lines above the numbers, the last holds the names; default: all above the first number.
+        delimiter: Between cells; default: the one of tab, semicolon, comma and spaces that makes numbers.
+        header_lines: Lines above the numbers, the last holds the names, or the last but one, where the last
+            holds units; default: all above the first row of numbers.
         time: Time of each row.
         wheel: In the rover's order.
         increments: Instead of the wheels.
+        body: Instead of the wheels.
         tricycle: Instead of the wheels.
         imu: Inertial sensor.
         fixes: Poses or places that correct the estimate.
@@ -294,10 +340,11 @@ class Columns(Settings):
     limits: LimitSettings | None = None
     rate_hz: Annotated[float, Field(ge=1, le=1000)] = 50.0
     delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
-    header_lines: Literal[0, 1, 3] | None = None
+    header_lines: Annotated[int, Field(ge=0, le=MOST_HEADER_LINES)] | None = None
     time: TimeColumn
     wheel: Annotated[tuple[WheelColumns, ...], Field(max_length=32)] = ()
     increments: IncrementColumns | None = None
+    body: BodyColumns | None = None
     tricycle: SteeredWheelColumns | None = None
     imu: ImuColumns | None = None
     fixes: FixColumns | None = None
@@ -305,8 +352,10 @@ class Columns(Settings):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if sum((bool(self.wheel), self.increments is not None, self.tricycle is not None)) != 1:
-            raise ValueError("give the motion once: [[wheel]] for each wheel, [increments] or [tricycle]")
+        if sum(map(bool, (self.wheel, self.increments, self.body, self.tricycle))) != 1:
+            raise ValueError(
+                "give the motion once: [[wheel]] for each wheel, [increments], [body] or [tricycle]"
+            )
         if self.increments is not None and self.increments.turn_by_gyro and self.imu is not None:
             raise ValueError("[imu] gives a gyro, and increments.turn_by_gyro another one: leave one out")
         if isinstance(self.rover, str) != (self.limits is None):

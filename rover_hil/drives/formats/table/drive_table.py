@@ -1,6 +1,7 @@
 """The table of a drive: its columns in SI units, with their data-quality findings."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -33,6 +34,7 @@ from rover_hil.drives.formats.table.columns import (
     AngleColumn,
     Column,
     Columns,
+    ImuColumns,
     PlaceColumns,
     TimeColumn,
     angle_unit,
@@ -103,9 +105,9 @@ class DriveTable:
     def __init__(self, path: Path, columns: Columns, rover: Config) -> None:
         self.columns = columns
         self.rover = rover
-        self.table = self.open_table(path)
+        self.table = self.open_table(path, columns.time)
         self.drive = Drive()
-        self._others: dict[str, Table] = {}
+        self._others: dict[tuple[str, TimeColumn | None], Table] = {}
         if isinstance(self.table, CsvTable):
             self.table = self._with_set_clock(self._without_cut_row(self.table))
         if isinstance(self.table, FlightTable):
@@ -123,8 +125,8 @@ class DriveTable:
         self._elapsed_s = np.diff(times)
         self.t_ns = self.nanoseconds(times)
 
-    def open_table(self, path: Path) -> Table:
-        """Return a table with the columns that are named."""
+    def open_table(self, path: Path, time: TimeColumn) -> Table:
+        """Return a table with the columns that are named, of the length of its times."""
         columns = self.columns
         named = {column.column for column in _named_columns(columns)}
         wanted = (
@@ -132,7 +134,13 @@ class DriveTable:
             if not any(isinstance(name, int) for name in named)
             else None
         )
-        return read_table(path, delimiter=columns.delimiter, header_lines=columns.header_lines, wanted=wanted)
+        return read_table(
+            path,
+            delimiter=columns.delimiter,
+            header_lines=columns.header_lines,
+            wanted=wanted,
+            time=time.column,
+        )
 
     def _without_cut_row(self, table: CsvTable) -> CsvTable:
         """Return a table without a last row that has fewer cells than all others: the file was cut in it.
@@ -261,7 +269,7 @@ class DriveTable:
         names = [self.name_of(table, column) for column in columns]
         return np.column_stack([table.numbers(name, fix=FIX) for name in names])
 
-    def _not_repeated(self, times_s: Array, values: Array) -> Array:
+    def _not_repeated(self, times_s: Array, values: Array) -> Flags:
         """Return which rows are not the row before once more, time included."""
         same = (np.diff(times_s) == 0.0) & np.all(np.diff(values, axis=0) == 0.0, axis=1)
         if same.any():
@@ -276,13 +284,40 @@ class DriveTable:
         """Return the angles of a column from its zero."""
         return (self.numbers(column) - column.sign * column.zero) * angle_unit(column)
 
-    def table_of(self, place: PlaceColumns) -> Table:
-        """Return the table in which places are: that of the drive, or one of their own."""
-        if place.file is None:
+    def table_of(self, part: PlaceColumns | ImuColumns) -> Table:
+        """Return the table in which a sensor is: that of the drive, or one of its own."""
+        if part.file is None:
             return self.table
-        if place.file not in self._others:
-            self._others[place.file] = self.open_table(self.table.path.parent / place.file)
-        return self._others[place.file]
+        key = part.file, part.time
+        if key not in self._others:
+            path = self.table.path.parent / part.file
+            self._others[key] = self.open_table(path, part.time or self.columns.time)
+        return self._others[key]
+
+    def of_sensor(self, part: ImuColumns) -> "DriveTable":
+        """Return the rows of a sensor's own table that are within the drive; itself, where it has none.
+
+        Raises:
+            LogError: None is.
+        """
+        if part.file is None:
+            return self
+        other = copy(self)
+        other.table = self.table_of(part)
+        times_s = self.times_s(other.table, part.time or self.columns.time)
+        t_ns = np.array(self.nanoseconds(times_s))
+        within = (t_ns >= 0) & (t_ns <= self.t_ns[-1])
+        if not within.any():
+            raise LogError(
+                f"{other.table.path}: no row of [imu] lies between the first and the last row of "
+                f"{self.table.path}: correct the time columns or their units"
+            )
+        if not within.all():
+            outside = "rows of [imu] before the first or behind the last row"
+            self.drive.oddities.append(Oddity(what=outside, count=int((~within).sum())))
+        other.used = within
+        other.t_ns = t_ns[within].tolist()
+        return other
 
     def add(
         self, section: str, tables: Mapping[str, Sequence[Sequence[float]]], held: Flags | None = None
@@ -305,11 +340,11 @@ def _all_columns(columns: Columns) -> Iterator[Column]:
 def _named_columns(columns: Columns, *, is_drive: bool = False) -> Iterator[Column]:
     """Yield all columns, of other tables too unless `is_drive`."""
     yield columns.time
-    groups: list[Settings | None] = [*columns.wheel, columns.increments, columns.tricycle, columns.imu]
+    groups: list[Settings | None] = [*columns.wheel, columns.increments, columns.body, columns.tricycle]
     groups += [
-        place
-        for place in (columns.fixes, columns.truth)
-        if place is not None and not (is_drive and place.file is not None)
+        part
+        for part in (columns.imu, columns.fixes, columns.truth)
+        if part is not None and not (is_drive and part.file is not None)
     ]
     for group in groups:
         for _, value in group or ():

@@ -6,10 +6,12 @@ import numpy as np
 
 from controllers.motion.kinematics import make_kinematics
 from drivers.clock import NANOSECONDS_PER_SECOND
+from drivers.errors import LogError
 from rover_hil.drives.arrays import Array
 from rover_hil.drives.formats.drive import check_straight
 from rover_hil.drives.formats.table.columns import (
     SI_PER_UNIT,
+    BodyColumns,
     Column,
     IncrementColumns,
     SteeredWheelColumns,
@@ -18,7 +20,7 @@ from rover_hil.drives.formats.table.columns import (
 )
 from rover_hil.drives.formats.table.drive_table import DriveTable
 from rover_hil.drives.formats.table.gyro_rests import GyroRest, learn_bias
-from rover_hil.drives.formats.table.wheels import check_jumps
+from rover_hil.drives.formats.table.wheels import check_jumps, steering_rad
 
 REST_SHARE = 0.005
 """Speeds below this share of the fast ones are jitter of the encoders."""
@@ -108,18 +110,37 @@ def take_tricycle(source: DriveTable, tricycle: SteeredWheelColumns) -> None:
     )
     if tricycle.steering_step is not None:
         column = tricycle.steering_step
-        steering_rad = np.cumsum(source.numbers(column, is_needed=True)) * angle_unit(column)
+        steered_rad = np.cumsum(source.numbers(column, is_needed=True)) * angle_unit(column) / column.ratio
     else:
         assert tricycle.steering is not None  # noqa: S101 the model has checked it
-        column = tricycle.steering
-        steering_rad = (source.numbers(column, is_needed=True) - column.sign * column.zero) * angle_unit(
-            column
-        )
+        steered_rad = steering_rad(source, tricycle.steering, is_needed=True)
     # In the middle of the step, where the wheel pointed on average.
-    middle_rad = steering_rad - 0.5 * np.diff(steering_rad, prepend=steering_rad[0])
+    middle_rad = steered_rad - 0.5 * np.diff(steered_rad, prepend=steered_rad[0])
     forward_m = rolled_m * np.cos(middle_rad)
     turn_rad = rolled_m * np.sin(middle_rad) / tricycle.wheelbase_m
     _take_moves(source, forward_m, np.zeros_like(forward_m), turn_rad, tricycle.step)
+
+
+def take_body(source: DriveTable, body: BodyColumns) -> None:
+    """Take the motion of a body with known speeds: they go evenly from each measured one to the next.
+
+    Raises:
+        LogError: No row holds both speed and yaw rate.
+    """
+    columns = (body.speed, body.speed_y, body.yaw_rate)
+    zeros = np.zeros(len(source.t_ns))
+    rates = [
+        zeros if column is None else source.numbers(column) * SI_PER_UNIT[column.unit] for column in columns
+    ]
+    known = np.flatnonzero(np.isfinite(np.sum(rates, axis=0)))
+    if not known.size:
+        raise LogError(f"{source.table.path}: no row holds both a speed and a yaw rate: name other columns")
+    elapsed_s = np.diff(np.asarray(source.t_ns)[known]) / NANOSECONDS_PER_SECOND
+    moves = np.zeros((3, len(source.t_ns)))
+    for move, rate in zip(moves, rates, strict=True):
+        move[known[1:]] = 0.5 * (rate[known][1:] + rate[known][:-1]) * elapsed_s
+    x_m, y_m, turn_rad = moves
+    _take_moves(source, x_m, y_m, turn_rad, body.speed)
 
 
 def _take_moves(source: DriveTable, x_m: Array, y_m: Array, turn_rad: Array, column: Column) -> None:

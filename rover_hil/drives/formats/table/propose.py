@@ -3,9 +3,10 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,11 +37,26 @@ NAMES = {
     "y": r"^(y|pos_?y|position_?y|py|y_m|gt_?y)$",
     "yaw": r"yaw$|theta|heading|psi|^phi$|yaw_(rad|deg)",
     "gyro": r"gyro|yaw_?rate|omega_?z|^wz$|angular_?velocity_?z",
-    "wheel": r"wheel|enc|tick|count|left|right|motor|\b[fr][lr]\b",
+    "wheel": r"wheel|enc|tick|count|left|right|links|rechts|motor",
+    "speed": r"^(v|vx|v_?x|speed|velocity|geschwindigkeit)(_|$|\b)",
     "distance": r"dist|^ds$|delta_?s|travel",
     "turn": r"^dyaw|dtheta|delta_?(yaw|theta)|turn",
 }
-UNITS = {"seconds": "s", "sec": "s", "msec": "ms", "degrees": "deg", "meter": "m", "rad/sec": "rad/s"}
+SIDES = {
+    "left": {"left", "links", "l", "fl", "rl", "bl", "ml", "wl", "lf", "lr", "lb", "lm"},
+    "right": {"right", "rechts", "r", "fr", "rr", "br", "mr", "wr", "rf", "rb", "rm"},
+}
+"""Words of names: `rl` is rear left."""
+UNITS = {
+    "seconds": "s", "sec": "s", "msec": "ms", "µs": "us", "μs": "us", "degrees": "deg", "°": "deg",
+    "°/s": "deg/s", "dps": "deg/s", "meter": "m", "rad/sec": "rad/s", "kmh": "km/h", "1/min": "rpm",
+    "m/s²": "m/s2", "m/s^2": "m/s2", "a": "A", "ma": "mA",
+}  # fmt: skip
+TIMES = ("s", "ms", "us", "ns")
+USUAL_M_S = (0.03, 30.0)
+"""Speed of a rover in most of a drive; a unit that makes it another one is none."""
+EXPLAINED = 0.5
+"""Of the squares of a wheel's steps, so much is explained by the motion of the path that it is a wheel of."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +69,7 @@ class Guess:
         settings: Further keys, TOML values.
         reason: Why.
         is_doubtful: Whether the user must decide.
+        side: "left" or "right" of a wheel, where something shows it.
     """
 
     key: str
@@ -60,6 +77,14 @@ class Guess:
     settings: Mapping[str, str]
     reason: str
     is_doubtful: bool
+    side: str = ""
+
+
+class _Path(NamedTuple):
+    """Motion ahead, in the unit of the pose, and turn in rad, since the row before; NaN in the first."""
+
+    ahead: Array
+    turn: Array
 
 
 class _Columns:
@@ -82,9 +107,25 @@ class _Columns:
         return re.search(NAMES[kind], self._names[number].strip(), re.IGNORECASE) is not None
 
     def unit(self, number: int) -> str:
-        unit = self._units.get(self._names[number], "").strip().lower()
-        unit = UNITS.get(unit, unit)
-        return unit if unit in SI_PER_UNIT else ""
+        """Return the unit of a column by its header or the end of its name; empty where none is there."""
+        name = self._names[number]
+        parts = name.strip().lower().split("_")
+        stated = self._units.get(name, "").strip().lower()
+        for text in (stated, "/".join(parts[-2:]), parts[-1] if len(parts) > 1 else ""):
+            unit = UNITS.get(text, text)
+            if unit in SI_PER_UNIT or unit == "ticks":
+                return unit
+        return ""
+
+    def side(self, number: int) -> str:
+        """Return "left" or "right" where a word of the name says so."""
+        words = set(re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", self._names[number]).lower()))
+        return next((side for side, names in SIDES.items() if words & names), "")
+
+    def is_wheel(self, number: int) -> bool:
+        """Return whether a column is one of a wheel by its name: also `l` and `r`, if there are both."""
+        sides = {self.side(each) for each in self.values}
+        return self.name_is(number, "wheel") or (bool(self.side(number)) and {"left", "right"} <= sides)
 
     def take(self, guess: Guess) -> None:
         self.guesses.append(guess)
@@ -112,10 +153,11 @@ def propose(path: Path) -> list[Guess]:
     if len(next(iter(columns.values.values()), ())) < 3:
         raise LogError(f"{path} has fewer than three rows of numbers: nothing can be proposed")
     times_s = _take_time(path, columns)
-    path_turn = _take_pose(columns)
-    _take_gyro(columns, times_s, path_turn)
-    _take_increments(columns)
-    _take_wheels(columns, path_turn)
+    path_moves = _take_pose(columns, times_s)
+    _take_gyro(columns, times_s, None if path_moves is None else path_moves.turn)
+    _take_increments(columns, times_s)
+    _take_wheels(columns, path_moves)
+    _take_body(columns)
     return sorted(columns.guesses, key=lambda guess: guess.column)
 
 
@@ -132,12 +174,11 @@ def _take_time(path: Path, columns: _Columns) -> Array:
     others = [_unevenness(columns.values[each]) for each in candidates if each != number]
     is_even = not others or _unevenness(columns.values[number]) < 0.5 * min(others)
     step = float(np.median(np.diff(columns.values[number])))
-    fitting = [
-        unit for unit in ("s", "ms", "us", "ns") if SHORTEST_S <= step * SI_PER_UNIT[unit] <= LONGEST_S
-    ]
-    unit = columns.unit(number) or (fitting or ["s"])[0]
+    fitting = [unit for unit in TIMES if SHORTEST_S <= step * SI_PER_UNIT[unit] <= LONGEST_S]
+    unit = columns.unit(number) if columns.unit(number) in TIMES else (fitting or ["s"])[0]
     is_index = bool((np.diff(columns.values[number]) == 1.0).all())
-    is_doubtful = is_index or not (is_even or len(named) == 1) or not fitting
+    is_known = bool(columns.unit(number)) or len(fitting) == 1
+    is_doubtful = is_index or not (is_even or len(named) == 1) or not is_known
     reason = f"it grows in every row, by {step:.4g} as a median" + (
         ", as a number of rows does" if is_index else ""
     )
@@ -154,8 +195,19 @@ def _unevenness(values: Array) -> float:
     return float((high - low) / middle)
 
 
-def _take_pose(columns: _Columns) -> Array | None:
-    """Take x, y and yaw of a path; return the turn of each row, None without a pose."""
+def _length_unit(lengths: Array, times_s: Array) -> tuple[str, bool]:
+    """Return the unit of what a rover moves from row to row, by its speed; and whether it is the only one."""
+    elapsed_s = np.diff(times_s)
+    speeds = np.abs(lengths[1:][elapsed_s > 0.0]) / elapsed_s[elapsed_s > 0.0]
+    usual = float(np.quantile(speeds, 0.9)) if len(speeds) else 0.0
+    fitting = [
+        unit for unit in ("m", "mm", "cm") if USUAL_M_S[0] <= usual * SI_PER_UNIT[unit] <= USUAL_M_S[1]
+    ]
+    return (fitting or ["m"])[0], len(fitting) == 1
+
+
+def _take_pose(columns: _Columns, times_s: Array) -> _Path | None:
+    """Take x, y and yaw of a path; return its moves, None without a pose."""
     smooth = [number for number, values in columns.values.items() if _is_integral(values)][:MOST_COLUMNS]
     best: tuple[float, int, int, int, float] | None = None
     for x, y in permutations(smooth, 2):
@@ -178,18 +230,20 @@ def _take_pose(columns: _Columns) -> Array | None:
         _take_named_pose(columns)
         return None
     length, x, y, yaw, per_unit = best
-    turn: Array = np.diff(np.unwrap(columns.values[yaw] * per_unit), prepend=np.nan)
+    yaw_rad = columns.values[yaw] * per_unit
+    turn: Array = np.diff(np.unwrap(yaw_rad), prepend=np.nan)
+    steps = np.diff(columns.values[x] + 1j * columns.values[y], prepend=np.nan) * np.exp(-1j * yaw_rad)
+    ahead = np.real(steps * np.exp(-1j * np.angle(np.nansum(steps))))
     reason = f"the course of x and y less this yaw is constant (mean vector {length:.2f} long)"
-    size = float(np.hypot(np.ptp(columns.values[x]), np.ptp(columns.values[y])))
-    unit = "m" if size < 500.0 else "mm"
+    unit, is_only = _length_unit(np.abs(steps), times_s)
     for key, number in (("x", x), ("y", y)):
         known = columns.unit(number)
         columns.take(
-            Guess(f"truth.{key}", number, {"unit": f'"{known or unit}"'}, reason, not known and unit != "m")
+            Guess(f"truth.{key}", number, {"unit": f'"{known or unit}"'}, reason, not known and not is_only)
         )
     angle_unit = "rad" if per_unit == 1.0 else "deg"
     columns.take(Guess("truth.yaw", yaw, {"unit": f'"{angle_unit}"'}, reason, is_doubtful=False))
-    return turn
+    return _Path(ahead, turn)
 
 
 def _take_named_pose(columns: _Columns) -> None:
@@ -237,7 +291,7 @@ def _take_gyro(columns: _Columns, times_s: Array, turn: Array | None) -> None:
             return
 
 
-def _take_increments(columns: _Columns) -> None:
+def _take_increments(columns: _Columns, times_s: Array) -> None:
     """Take distance and turn since the row before: two columns of increments, no more."""
     unused = [
         number for number, values in columns.values.items() if not _is_whole(values) and np.ptp(values) > 0.0
@@ -246,7 +300,7 @@ def _take_increments(columns: _Columns) -> None:
     turn = [number for number in unused if columns.name_is(number, "turn")]
     reason = "by its name"
     if len(distance) != 1 or len(turn) != 1:
-        if any(columns.name_is(number, "wheel") for number in unused):
+        if any(columns.is_wheel(number) for number in unused):
             return
         if (
             len(unused) != 2
@@ -261,18 +315,24 @@ def _take_increments(columns: _Columns) -> None:
         distance, turn = order[:1], order[1:]
         reason = "of two columns of increments the one with one sign is the distance"
     is_doubtful = reason != "by its name"
-    for key, number, usual in (("distance", distance[0], "m"), ("turn", turn[0], "rad")):
-        unit = columns.unit(number) or usual
-        columns.take(Guess(f"increments.{key}", number, {"unit": f'"{unit}"'}, reason, is_doubtful))
+    unit, is_only = _length_unit(columns.values[distance[0]], times_s)
+    for key, number, usual, is_sure in (
+        ("distance", distance[0], unit, is_only),
+        ("turn", turn[0], "rad", False),
+    ):
+        known = columns.unit(number)
+        settings = {"unit": f'"{known or usual}"'}
+        columns.take(
+            Guess(f"increments.{key}", number, settings, reason, is_doubtful or not (known or is_sure))
+        )
 
 
-def _take_wheels(columns: _Columns, turn: Array | None) -> None:
+def _take_wheels(columns: _Columns, path: _Path | None) -> None:
     if any(guess.key.startswith("increments") for guess in columns.guesses):
         return
     moving = {number: values for number, values in columns.values.items() if np.ptp(values) > 0.0}
-    named = [number for number in moving if columns.name_is(number, "wheel")]
+    named = [number for number in moving if columns.is_wheel(number)]
     chosen = [number for number in (named or moving) if _is_whole(moving[number])] or named
-    sides = _sides({number: moving[number] for number in chosen}, turn)
     for place, number in enumerate(chosen):
         values = moving[number]
         is_whole = _is_whole(values)
@@ -287,28 +347,47 @@ def _take_wheels(columns: _Columns, turn: Array | None) -> None:
         if wrap:
             settings["wrap"] = f"{wrap:.0f}"
             reason += f", that start again after {wrap:.0f}"
-        kind = "position" if is_position else ("speed" if "/" in unit or unit == "rpm" else "step")
-        reason += sides.get(number, "")
-        columns.take(Guess(f"wheel.{place}.{kind}", number, settings, reason, is_doubtful=True))
+        is_speed = "/" in unit or unit == "rpm"
+        kind = "speed" if is_speed else ("position" if is_position else "step")
+        steps = np.diff(values, prepend=np.nan) if kind == "position" else values
+        side, sign, evidence = _side_of(columns.side(number), steps, path)
+        if sign < 0:
+            settings["sign"] = "-1"
+        key = f"wheel.{place}.{kind}"
+        columns.take(Guess(key, number, settings, reason + evidence, is_doubtful=True, side=side))
 
 
-def _sides(wheels: Mapping[int, Array], turn: Array | None) -> dict[int, str]:
-    """Return what the difference of a pair of columns in turns says of each."""
-    if turn is None or len(wheels) != 2:
-        return {}
-    (first, first_turns), (second, second_turns) = wheels.items()
-    steps = [
-        np.diff(each, prepend=np.nan) if _is_integral(each) else each for each in (first_turns, second_turns)
-    ]
-    known = np.isfinite(steps[0]) & np.isfinite(steps[1]) & np.isfinite(turn)
-    correlation, slope = _relation(_smoothed(turn[known]), _smoothed((steps[1] - steps[0])[known]))
-    if correlation < PAIR_DIFFERS:
-        return {}
-    right, left = (second, first) if slope > 0.0 else (first, second)
-    return {
-        right: "; faster than the other in turns to the left, as a right wheel",
-        left: "; slower than the other in turns to the left, as a left wheel",
-    }
+def _side_of(named: str, steps: Array, path: _Path | None) -> tuple[str, int, str]:
+    """Return the side of a wheel, its sign, and what shows them: the path rather than the name."""
+    by_name = f"; by its name a {named} wheel" if named else ""
+    if path is None:
+        return named, 1, by_name
+    known = np.isfinite(steps) & np.isfinite(path.ahead)
+    moves = np.column_stack([_smoothed(each[known]) for each in path])
+    turned = _smoothed(steps[known])
+    (ahead, turn), *_ = np.linalg.lstsq(moves, turned, rcond=None)
+    rest = float(np.sum((turned - moves @ (ahead, turn)) ** 2))
+    if rest > (1.0 - EXPLAINED) * float(np.sum(turned**2)) or ahead == 0.0 or turn == 0.0:
+        return named, 1, by_name
+    side, sign = ("right" if turn / ahead > 0.0 else "left"), (1 if ahead > 0.0 else -1)
+    change = "faster" if side == "right" else "slower"
+    evidence = f"; {change} in turns to the left, as a {side} wheel"
+    if named not in ("", side):
+        evidence += f", but by its name a {named} one: exchanged?"
+    return side, sign, evidence + ("; it counts backwards" if sign < 0 else "")
+
+
+def _take_body(columns: _Columns) -> None:
+    """Take speed and yaw rate of the rover where there are no wheels."""
+    if any(guess.key.startswith(("increments", "wheel")) for guess in columns.guesses):
+        return
+    rate = next((guess for guess in columns.guesses if guess.key == "imu.yaw_rate"), None)
+    speed = next((number for number in columns.values if columns.name_is(number, "speed")), None)
+    if rate is None or speed is None:
+        return
+    known = columns.unit(speed)
+    columns.guesses.append(replace(rate, key="body.yaw_rate"))
+    columns.take(Guess("body.speed", speed, {"unit": f'"{known or "m/s"}"'}, "by its name", not known))
 
 
 def _wrap_of(values: Array) -> float:
@@ -340,14 +419,25 @@ def _relation(cause: Array, effect: Array) -> tuple[float, float]:
     return abs(product) / math.sqrt(squares[0] * squares[1]), product / squares[0]
 
 
+def _wheel_lines(wheels: Sequence[Guess]) -> list[str]:
+    """Return a wheel of [rover] for each guessed one, y by its side; two where none is guessed."""
+    if not wheels:
+        return [f"  {{ x_m = 0.0, y_m = {y_m}, radius_m = 0.1 }}," for y_m in (0.2, -0.2)]
+    lines = []
+    for place, wheel in enumerate(wheels):
+        y_m = {"left": 0.2, "right": -0.2}.get(wheel.side, -0.2 if place % 2 else 0.2)
+        side = wheel.side or "? left or right"
+        lines.append(f"  {{ x_m = 0.0, y_m = {y_m}, radius_m = 0.1 }},  # column {wheel.column}: {side}")
+    return lines
+
+
 def proposal_text(path: Path, guesses: Sequence[Guess]) -> str:
     """Return the file of columns for guesses, with their reasons as comments, `# ?` for doubtful ones."""
     lines = [
         f"# Proposed for {path.name}. Check every line; what follows '# ?' is doubtful.",
         "# ? the rover is not in the table: enter its wheels, in the order of [[wheel]], and their limits",
         'rover = { kinematics = "wheels", wheels = [',
-        "  { x_m = 0.0, y_m = 0.2, radius_m = 0.1 },",
-        "  { x_m = 0.0, y_m = -0.2, radius_m = 0.1 },",
+        *_wheel_lines([guess for guess in guesses if guess.key.startswith("wheel.")]),
         "] }",
         "limits = { wheel_speed_rad_s = 100, wheel_acceleration_rad_s2 = 500 }",
     ]

@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
+from drivers.units import STANDARD_GRAVITY_M_S2
 from rover_hil.config import Config
 from rover_hil.drives.arrays import Array
 from rover_hil.drives.formats.table.columns import SI_PER_UNIT, Columns, ImuColumns
 from rover_hil.drives.formats.table.drive_table import Drive, DriveTable
-from rover_hil.drives.formats.table.increments import take_increments, take_tricycle
+from rover_hil.drives.formats.table.increments import take_body, take_increments, take_tricycle
 from rover_hil.drives.formats.table.places import take_fixes, take_truth
 from rover_hil.drives.formats.table.wheels import take_wheels
 
@@ -30,6 +31,8 @@ def read_drive_table(path: Path, columns: Columns, rover: Config) -> Drive:
         take_wheels(source, columns.wheel)
     elif columns.increments is not None:
         take_increments(source, columns.increments)
+    elif columns.body is not None:
+        take_body(source, columns.body)
     elif columns.tricycle is not None:
         take_tricycle(source, columns.tricycle)
     if columns.imu is not None:
@@ -55,7 +58,8 @@ def _is_coarse(rates_rad_s: Array) -> bool:
     return len(steps_rad_s) >= LEAST_CHANGES and float(steps_rad_s.min()) > COARSE_RAD_S
 
 
-def _take_imu(source: DriveTable, imu: ImuColumns) -> None:
+def _take_imu(drive: DriveTable, imu: ImuColumns) -> None:
+    source = drive.of_sensor(imu)
     values: dict[str, list[list[float]]] = {}
     held = np.zeros(len(source.t_ns), bool)
     if imu.yaw_rate is not None:
@@ -68,8 +72,14 @@ def _take_imu(source: DriveTable, imu: ImuColumns) -> None:
         headings = source.angle_rad(imu.heading)
         values["heading"] = headings[:, np.newaxis].tolist()
         held |= np.isfinite(headings)
-    axes = [axis for axis in (imu.acceleration_x, imu.acceleration_y, imu.acceleration_z) if axis]
-    if axes:
-        stack = np.column_stack([source.numbers(axis) * SI_PER_UNIT[axis.unit] for axis in axes])
+    axes = (imu.acceleration_x, imu.acceleration_y, imu.acceleration_z)
+    if any(axes):
+        stack = np.column_stack(
+            [
+                np.full(len(held), level) if axis is None else source.numbers(axis) * SI_PER_UNIT[axis.unit]
+                for axis, level in zip(axes, (0.0, 0.0, STANDARD_GRAVITY_M_S2), strict=True)
+            ]
+        )
         values["acceleration"] = stack.tolist()
+        held |= np.isfinite(stack).all(axis=1)
     source.add("imu", values, held)

@@ -15,10 +15,10 @@ from drivers.xsens.settings import XsensSettings
 from rover_hil.config import Config, RoleSettings
 from rover_hil.config.ros2_settings import Ros2Settings
 from rover_hil.drives.formats.drive import IMU, SILENT_S, START_NS, WHEELS, Contents, DriveLinks, write_drive
-from rover_hil.drives.formats.fixes import FixMaker
 from rover_hil.drives.formats.oddities import Evidence
 from rover_hil.drives.formats.table.columns import Columns, FixColumns
 from rover_hil.drives.formats.table.drive_table import Row
+from rover_hil.drives.formats.table.place_feed import PlaceFeed
 from rover_hil.drives.formats.table.rows import read_drive_table
 from rover_hil.drives.formats.wheel_frames import write_mapping
 from rover_hil.recording.schema import TruthRecord
@@ -100,7 +100,7 @@ def _config(
             interface="virtual", channel="table", mapping=str(mapping), max_age_s=SILENT_S
         )
     }
-    if imu.has_rate or imu.has_heading:
+    if imu.is_there:
         devices[IMU] = XsensSettings(
             port="table", max_age_s=SILENT_S, heading_reference=imu.heading_reference
         )
@@ -113,8 +113,9 @@ def _config(
 
 
 class _ImuRoles(NamedTuple):
-    """What the inertial sensor of a drive measures."""
+    """What the inertial sensor of a drive measures, if there is one."""
 
+    is_there: bool
     has_rate: bool
     has_heading: bool
     heading_reference: Literal["magnetic", "true"]
@@ -124,8 +125,9 @@ def _imu_roles(columns: Columns, held: Collection[str]) -> _ImuRoles:
     imu = columns.imu
     if imu is None:
         # The gyro of the increments.
-        return _ImuRoles("imu" in held, has_heading=False, heading_reference="magnetic")
-    return _ImuRoles(imu.yaw_rate is not None, imu.heading is not None, imu.heading_reference)
+        has_gyro = "imu" in held
+        return _ImuRoles(has_gyro, has_gyro, has_heading=False, heading_reference="magnetic")
+    return _ImuRoles(True, imu.yaw_rate is not None, imu.heading is not None, imu.heading_reference)
 
 
 class _Feeder:
@@ -134,7 +136,7 @@ class _Feeder:
     def __init__(
         self, links: ReplayLinks, kinematics: Kinematics, contents: Contents, fixes: FixColumns | None
     ) -> None:
-        self._fixes = None if fixes is None else FixMaker(fixes, fixes.marker)
+        self._places = PlaceFeed(fixes)
         self._drive = DriveLinks(links, kinematics)
         self._contents = contents
 
@@ -150,18 +152,9 @@ class _Feeder:
                 is_used = self._drive.move(t_ns, x_m, y_m, turn_rad)
             case "imu":
                 is_used = self._feed_imu(t_ns, values)
-            case "fixes":
-                fix = None if self._fixes is None else self._fixes.make(t_ns, *values["fix"])
-                is_used = fix is not None
-                if fix is not None:
-                    yield fix
             case _:
-                x_m, y_m, *yaw_rad = values["pose"]
-                is_used = all(map(math.isfinite, values["pose"]))
-                record: TruthRecord = {"t_ns": t_ns, "x_m": x_m, "y_m": y_m, "is_new": True}
-                if yaw_rad:
-                    record["yaw_rad"] = yaw_rad[0]
-                if is_used:
+                for record in self._places.records(row):
+                    is_used = True
                     yield record
         self._contents.count(row.section, is_used=is_used)
 
@@ -173,7 +166,7 @@ class _Feeder:
             if heading_rad is None
             else (math.cos(0.5 * heading_rad), 0.0, 0.0, math.sin(0.5 * heading_rad))
         )
-        if "rate" in held or orientation is not None:
+        if held:
             self._drive.put_imu(t_ns, held.get("rate"), held.get("acceleration"), orientation)
             return True
         return False

@@ -17,8 +17,10 @@ from rover_hil.drives.formats.table.columns import (
     LENGTHS,
     SI_PER_UNIT,
     SpeedColumn,
+    SteeringColumn,
     TurnColumn,
     WheelColumns,
+    angle_unit,
     turn_unit,
 )
 from rover_hil.drives.formats.table.drive_table import DriveTable
@@ -61,7 +63,7 @@ def take_wheels(source: DriveTable, wheels: Sequence[WheelColumns]) -> None:
             "Current": None
             if wheel.current is None
             else source.numbers(wheel.current) * SI_PER_UNIT[wheel.current.unit],
-            "Steering": None if wheel.steering is None else source.angle_rad(wheel.steering),
+            "Steering": None if wheel.steering is None else steering_rad(source, wheel.steering),
         }
         for quantity, values in measured.items():
             quantities.setdefault(quantity, []).append(none if values is None else values)
@@ -196,6 +198,18 @@ def _speeds_rad_s(source: DriveTable, place: int, column: SpeedColumn, radius_m:
             "the unit or gear_ratio, or raise that limit"
         )
     return speeds
+
+
+def steering_rad(source: DriveTable, column: SteeringColumn, *, is_needed: bool = False) -> Array:
+    """Return the steering angles of a wheel in all rows, NaN where they are not measured."""
+    values = source.numbers(column, is_needed=is_needed) - column.sign * column.zero
+    known = np.isfinite(values)
+    if column.wrap is not None and known.any():
+        half = 0.5 * column.wrap
+        first = (values[known][0] + half) % column.wrap - half
+        turned = np.concatenate(([first], values[known][1:]))
+        values[known] = np.unwrap(turned, period=column.wrap)
+    return values * (angle_unit(column) / column.ratio)
 
 
 def _radii_m(rover: RoverSettings) -> list[float]:
