@@ -45,6 +45,7 @@ class Drive:
 
     Attributes:
         log: The log.
+        name: Of the drive, for results.
         config: Its configuration; files that it names are not there.
         channels: What was measured.
 
@@ -54,6 +55,7 @@ class Drive:
 
     def __init__(self, path: Path, *, with_traces: bool = False) -> None:
         self.log = LogReader(path)
+        self.name = path.stem
         with restore_config(self.log) as config:
             self.config: Config = config
             self.channels = Channels(config, with_traces=with_traces)

@@ -21,7 +21,7 @@ encoders on the two surfaces with the least slip.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -79,6 +79,22 @@ class RobotinoRecord:
         """Return the error that names a cell."""
         number, unit = self.columns[column][row], self.table.units[column]
         return LogError(f"{self.table.where(row)}, column '{column}': {number:g} {unit} {what}: {FIX}")
+
+
+class Averages(NamedTuple):
+    """The rows of a file of averages, shape (n, 3) each, in m, rad and s.
+
+    Attributes:
+        command: Commanded motion of the body: forward, to the left, yaw rate.
+        wheel_rad_s: Speed of each wheel.
+        current_a: Magnitude of the current of each motor.
+        velocity: Motion of the body by the camera, like `command`.
+    """
+
+    command: Array
+    wheel_rad_s: Array
+    current_a: Array
+    velocity: Array
 
 
 class BoardCounts(NamedTuple):
@@ -180,17 +196,28 @@ def is_averages(path: Path) -> bool:
     return path.suffix == ".csv" and "".join(header_lines(path, 1)).startswith(AVERAGES_BEGIN)
 
 
-def read_averages(path: Path, names: Sequence[str]) -> dict[str, Array]:
-    """Return columns of a file of averages by name.
+def read_averages(path: Path, *, with_camera: bool) -> Averages:
+    """Return the rows of a file of averages.
+
+    Args:
+        path: The file.
+        with_camera: Its camera's columns are needed too; else `velocity` is NaN.
 
     Raises:
         LogError: The file cannot be read, a column is missing, or a cell holds no number.
     """
     fix = "fetch the file again"
     table = read_csv(path, delimiter=";")
-    table.require(names, fix)
+    groups = (COMMANDS, SPEEDS, CURRENTS, *((STEPS,) if with_camera else ()))
+    table.require([name for names in groups for name in names], fix)
     table.check_shape(fix)
-    return {name: table.numbers(name, fix=fix, is_needed=True) for name in names}
+    command, rpm, current_a, *steps = (
+        np.column_stack([table.numbers(name, fix=fix, is_needed=True) for name in names]) for names in groups
+    )
+    units = (1e-3, 1e-3, math.pi / 180.0)
+    wheel_rad_s = rpm * (math.tau / 60.0 / ROBOTINO_BOARD.gear_ratio)
+    velocity = steps[0] * units / AVERAGE_S if steps else np.full_like(command, np.nan)
+    return Averages(command * units, wheel_rad_s, current_a, velocity)
 
 
 def _counted(record: RobotinoRecord, name: str, unit: float, low: int, high: int) -> Times:

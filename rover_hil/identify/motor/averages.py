@@ -17,7 +17,7 @@ from scipy.stats import t as student
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
 from rover_hil.drives.arrays import Array, rms
-from rover_hil.drives.robotino_csv import COMMANDS, CURRENTS, ROBOTINO, SPEEDS, read_averages
+from rover_hil.drives.robotino_csv import MOTORS, ROBOTINO, read_averages
 from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.record import cut_set_point
 from rover_hil.identify.motor.report import UNITS, Estimate, MotorReport, estimate
@@ -29,8 +29,8 @@ CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class MotorDrives:
-    """Steady drives of one motor, n of them; everything at the motor and positive.
+class SteadyMeans:
+    """Means over steady drives with one motor, n of them; everything at the motor and positive.
 
     Attributes:
         log: Name of the file.
@@ -47,23 +47,22 @@ class MotorDrives:
     current: Array
 
 
-def read_drives(path: Path) -> list[MotorDrives]:
-    """Return the drives of the three motors in a file of averages; the first row of a drive is left out.
+def read_means(path: Path) -> list[SteadyMeans]:
+    """Return the means of the three motors in a file of averages; the first row of a drive is left out.
 
     Raises:
         LogError: A column is missing or a cell holds no number.
     """
-    columns = read_averages(path, (*COMMANDS, *SPEEDS, *CURRENTS))
+    read = read_averages(path, with_camera=False)
     gear_ratio, full_scale_a = MotorSettings().gear_ratio, MotorSettings().current_full_scale_a
-    commands = np.column_stack([columns[name] for name in COMMANDS])
-    body = commands * (1e-3, 1e-3, math.pi / 180.0)
-    set_points = cut_set_point(body @ to_wheels(ROBOTINO).T * gear_ratio, SCALE.speed_rad_s)
+    set_points = cut_set_point(read.command @ to_wheels(ROBOTINO).T * gear_ratio, SCALE.speed_rad_s)
     groups = [
-        list(rows)[1:] for _, rows in groupby(range(len(set_points)), key=lambda row: tuple(commands[row]))
+        list(rows)[1:]
+        for _, rows in groupby(range(len(set_points)), key=lambda row: tuple(read.command[row]))
     ]
-    drives: list[MotorDrives] = []
-    for motor, (speed_name, current_name) in enumerate(zip(SPEEDS, CURRENTS, strict=True), start=1):
-        speed, current = columns[speed_name] * math.tau / 60.0, columns[current_name]
+    means: list[SteadyMeans] = []
+    for motor in MOTORS:
+        speed, current = read.wheel_rad_s[:, motor - 1] * gear_ratio, read.current_a[:, motor - 1]
         rows: list[tuple[float, float, float]] = []
         for group in groups:
             set_point = float(set_points[group[0], motor - 1]) if group else 0.0
@@ -72,15 +71,15 @@ def read_drives(path: Path) -> list[MotorDrives]:
                 forward = math.copysign(1.0, set_point)
                 rows.append((abs(set_point), forward * speed[group].mean(), current[group].mean()))
         table = np.array(rows).reshape(-1, 3)
-        drives.append(
-            MotorDrives(
+        means.append(
+            SteadyMeans(
                 log=path.name, motor=motor, set_point=table[:, 0], speed=table[:, 1], current=table[:, 2]
             )
         )
-    return drives
+    return means
 
 
-def report_drives(parts: Sequence[MotorDrives]) -> MotorReport:
+def report_means(parts: Sequence[SteadyMeans]) -> MotorReport:
     """Identify one motor from all its drives.
 
     Raises:

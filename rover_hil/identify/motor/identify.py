@@ -5,7 +5,7 @@ from pathlib import Path
 
 from drivers.errors import LogError
 from rover_hil.drives.robotino_csv import is_averages
-from rover_hil.identify.motor.averages import MotorDrives, read_drives, report_drives
+from rover_hil.identify.motor.averages import SteadyMeans, read_means, report_means
 from rover_hil.identify.motor.log import read_log
 from rover_hil.identify.motor.record import MotorRecord
 from rover_hil.identify.motor.report import MotorReport, report_motor
@@ -14,7 +14,7 @@ from rover_hil.parallel.calls import HERE, Calls
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
 
-Record = MotorRecord | MotorDrives
+Record = MotorRecord | SteadyMeans
 """One motor in one log: reading by reading, or as averages."""
 
 
@@ -44,7 +44,7 @@ def read_records(path: Path) -> list[Record]:
     """
     if path.suffix == ".mcap":
         return [*read_log(path)]
-    return [*read_drives(path)] if is_averages(path) else [*read_table(path)]
+    return [*read_means(path)] if is_averages(path) else [*read_table(path)]
 
 
 def identify(
@@ -58,7 +58,7 @@ def identify(
     motors: list[Sequence[Record]] = []
     for motor in sorted({record.motor for record in records}):
         whole = [item for item in records if isinstance(item, MotorRecord) and item.motor == motor]
-        averaged = [item for item in records if isinstance(item, MotorDrives) and item.motor == motor]
+        averaged = [item for item in records if isinstance(item, SteadyMeans) and item.motor == motor]
         if whole and averaged:
             raise LogError(
                 f"{averaged[0].log} holds averages and {whole[0].log} does not: identify them one by one"
@@ -77,5 +77,5 @@ def _report(records: Sequence[Record]) -> MotorReport:
     return (
         report_motor(whole)
         if whole
-        else report_drives([item for item in records if isinstance(item, MotorDrives)])
+        else report_means([item for item in records if isinstance(item, SteadyMeans)])
     )
