@@ -1,6 +1,6 @@
 """Reading of drives and parameters, writing of parameters and paths."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from controllers.slip.scomp.parameters import RoverGeometry, ScompParameters
@@ -12,11 +12,9 @@ from rover_hil.drives.toml_text import toml_text
 from rover_hil.scomp.columns import KNOWN, drive_of
 from rover_hil.scomp.drive import DriveRows, Track
 from rover_hil.scomp.read_csv import read_columns
-from rover_hil.scomp.read_log import log_columns, log_fixes
+from rover_hil.scomp.read_log import log_columns
 
 DIGITS = 6
-LEAST_FIX_SD_M = 0.005
-"""A camera's own estimate may be smaller than its error."""
 COLUMNS = ("t_s", "x_m", "y_m", "heading_rad", "slip", "slip_angle_rad", "sigma_x_m", "sigma_y_m")
 
 
@@ -39,10 +37,7 @@ def read_drive(path: Path) -> ReadDrive:
     if path.suffix == ".mcap":
         recorded = read_log(path, with_traces=True)
         columns, rover = log_columns(recorded)
-        fixes, fix_sd_m = log_fixes(recorded)
-        drive, notes = drive_of({**columns, **fixes}, str(path))
-        if fixes:
-            drive = replace(drive, fix_sd_m=max(fix_sd_m, LEAST_FIX_SD_M))
+        drive, notes = drive_of(columns, str(path))
         return ReadDrive(drive=drive, notes=tuple(notes), rover=rover, recorded=recorded)
     columns, others = read_columns(path, KNOWN)
     drive, notes = drive_of(columns, str(path))

@@ -1,11 +1,14 @@
 """Read a drive, and its true path, from one of our own logs."""
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
 from controllers.motion.rover_geometry import has_four_wheels, track_of
 from controllers.slip.scomp.parameters import RoverGeometry
 from drivers.errors import LogError
+from rover_hil.config import Config
 from rover_hil.drives.arrays import Array, Flags
 from rover_hil.drives.drive import Drive
 from rover_hil.drives.ground_truth import TruePoses
@@ -25,15 +28,25 @@ def log_columns(drive: Drive) -> tuple[dict[str, Array], RoverGeometry]:
     Raises:
         LogError: The log is of another kind of rover, or lacks wheel positions.
     """
-    path, rover = drive.log.path, drive.config.rover
+    path, rover = drive.log.path, geometry_of(drive.config, drive.log.path)
+    if len(drive.channels["position1_rad"]) < 2:
+        raise LogError(f"log {path} holds no positions of the first wheel: give the log of a drive")
+    return drive.table(NAMES), rover
+
+
+def geometry_of(config: Config, path: Path) -> RoverGeometry:
+    """Return the rover of a log.
+
+    Raises:
+        LogError: It has no four wheels.
+    """
+    rover = config.rover
     if not has_four_wheels(rover):
         raise LogError(
             f"{path} is of a rover of the kind {rover.kinematics}: sComp needs four wheels: front left, "
             "front right, rear left, rear right"
         )
-    if len(drive.channels["position1_rad"]) < 2:
-        raise LogError(f"log {path} holds no positions of the first wheel: give the log of a drive")
-    return drive.table(NAMES), RoverGeometry(wheel_radius_m=rover.wheel_radius_m, track_m=track_of(rover))
+    return RoverGeometry(wheel_radius_m=rover.wheel_radius_m, track_m=track_of(rover))
 
 
 def log_truth(drive: Drive) -> tuple[TruePath, str]:
@@ -57,29 +70,6 @@ def log_truth(drive: Drive) -> tuple[TruePath, str]:
     moved_m, start_rad = _from_start_m(true, at_start)
     path = TruePath(t_s=t_s, x_m=moved_m.real, y_m=moved_m.imag, yaw_rad=yaw_rad - start_rad)
     return path, true.source
-
-
-def log_fixes(drive: Drive) -> tuple[dict[str, Array], float]:
-    """Return the pose fixes of the camera in `roles.fixes` as columns in the frame of the pose at start.
-
-    Returns:
-        `fix_x_m` and `fix_y_m`, one row per position of the first wheel, empty without fixes; and their
-        standard deviation in m, with that of the direction at start at the farthest fix.
-    """
-    fixes = drive.fixes()
-    if fixes is None or not len(fixes.t_ns):
-        return {}, 0.0
-    at_start = _at_start(drive, fixes)
-    moved_m, _ = _from_start_m(fixes, at_start)
-    turned_m = float(fixes.yaw_sd_rad[at_start].mean() / np.sqrt(at_start.sum()) * np.abs(moved_m).max())
-    sd_m = float(np.hypot(np.median(fixes.position_sd_m), turned_m))
-    rows_ns = np.unique(drive.channels[drive.clock].t_ns)
-    row = np.searchsorted(rows_ns, fixes.t_ns)
-    inside = row < len(rows_ns)
-    columns = {name: np.full(len(rows_ns), np.nan) for name in ("fix_x_m", "fix_y_m")}
-    columns["fix_x_m"][row[inside]] = moved_m.real[inside]
-    columns["fix_y_m"][row[inside]] = moved_m.imag[inside]
-    return columns, sd_m
 
 
 def _at_start(drive: Drive, poses: TruePoses) -> Flags:

@@ -9,11 +9,12 @@ import pytest
 
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import LogError
-from rover_hil.config import load_config
+from rover_hil.config import Config, load_config
 from rover_hil.drives.drive import read_drive
 from rover_hil.recording.data_files import collect_data_files, restore_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.writer import LogWriter
+from rover_hil.run.driving import run_virtual
 from rover_hil.scomp.command import run_scomp
 from rover_hil.scomp.drive import Track
 from rover_hil.scomp.files import parameters_text
@@ -103,6 +104,24 @@ def test_without_parameters_those_of_the_log_are_used(
     note = "no --params: those of [scomp] and [filter] in the log are used"
     assert [note in each["notes"] for each in found] == [True, False]
     assert abs(found[0]["mean_slip"] - found[1]["mean_slip"]) > 0.005
+
+
+@pytest.mark.slow
+def test_a_rover_that_drove_without_scomp_is_replayed_with_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = load_config("el-dorado").model_dump(by_alias=True)
+    camera, table["roles"]["camera"], table["scomp"] = table["roles"]["camera"], None, None
+    table["roles"]["require_camera"] = False
+    for devices in (table["devices"], table["simulation"]["devices"]):
+        devices.pop(camera, None)
+    run_virtual(Config.model_validate(table), tmp_path / "run.mcap", 12.0, None)
+    assert run_scomp(tmp_path / "run.mcap", out=tmp_path / "path.csv", as_json=True) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert "no --params: lunar soil simulant is assumed" in found["notes"]
+    path, _ = log_truth(read_drive(tmp_path / "run.mcap"))
+    assert abs(found["x_m"] - path.x_m[-1]) < 3.0 * found["sigma_x_m"]
+    assert found["mean_slip"] > 0.01
 
 
 def test_a_log_without_cycles_is_refused(tmp_path: Path) -> None:

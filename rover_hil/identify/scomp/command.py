@@ -1,7 +1,6 @@
 """`rover-hil identify scomp`: parameters of the slip-compensated odometry from a drive with known truth."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -58,11 +57,7 @@ def identify_scomp(
         progress.advance(task)
         origin = Provenance(log=log.name, truth=truth_name, fitted_on=wall_time_text()[:8])
         parameters = identification.parameters.model_copy(update={"provenance": origin})
-        drive = source.drive
-        if source.recorded is not None:
-            # Its pose fixes may be the truth: a path through them would show nothing of the parameters.
-            drive = replace(drive, fix_m=None)
-        result = estimate_track(drive, parameters)
+        result = estimate_track(source.drive, parameters)
     error_m = final_error_m(result.track, path)
     notes = [*source.notes, *identification.notes, *result.notes]
     if truth is None:
