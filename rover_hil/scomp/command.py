@@ -16,9 +16,8 @@ from rover_hil.console.steps import show_progress
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
-from rover_hil.scomp.files import read_drive, read_parameters, track_text
+from rover_hil.scomp.files import geometry_of, read_parameters, read_rows, track_text
 from rover_hil.scomp.odometry import Result, estimate_track, sensor_noise
-from rover_hil.scomp.read_log import geometry_of
 from rover_hil.scomp.replayed import replay_track
 from rover_hil.scomp.summary import summary_of
 from rover_hil.terminal import Terminal
@@ -79,16 +78,15 @@ def _replay(log: LogReader, given: ScompParameters | None, *, online: bool) -> t
 
 def _by_columns(table: Path, given: ScompParameters | None, *, online: bool) -> tuple[Result, list[str]]:
     """Return the path of a table by its columns, and notes."""
-    source = read_drive(table)
-    notes = list(source.notes)
+    rows, notes = read_rows(table)
     if given is None:
         notes.append("no --params: lunar soil simulant and the rover of the paper are assumed")
     with show_progress() as progress:
-        task = progress.add_task("estimating", total=len(source.drive.t_s))
+        task = progress.add_task("estimating", total=len(rows.t_s))
         result = estimate_track(
-            source.drive,
+            rows,
             given or ScompParameters(),
-            lambda rows: progress.update(task, completed=rows),
+            lambda count: progress.update(task, completed=count),
             online=online,
         )
     return result, notes

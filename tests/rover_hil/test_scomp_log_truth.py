@@ -11,11 +11,11 @@ import pytest
 from drivers.errors import ConfigError, LogError
 from drivers.samples import AttitudeSample, PoseFixSample, RateSample, Sample, WheelSample
 from rover_hil.config import Config, load_config
+from rover_hil.drives.drive import read_drive
 from rover_hil.identify.scomp.command import identify_scomp
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
-from rover_hil.scomp.files import read_drive
-from rover_hil.scomp.read_log import log_truth
+from rover_hil.scomp.files import log_truth
 from tests.rover_hil.test_overhead_run import CAMERA
 
 START_NS = 1_000_000_000
@@ -101,10 +101,8 @@ def test_pose_fixes_are_the_truth_of_a_real_drive(tmp_path: Path, capsys: pytest
 
 
 def test_fixes_are_turned_into_the_frame_of_the_start(tmp_path: Path) -> None:
-    recorded = read_drive(write_drive(tmp_path / "run.mcap")).recorded
-    assert recorded is not None
-    truth, source = log_truth(recorded)
-    assert source == "pose fixes of 'overhead'"
+    truth = log_truth(read_drive(write_drive(tmp_path / "run.mcap")))
+    assert truth.source == "pose fixes of 'overhead'"
     assert (truth.x_m[0], truth.y_m[0], truth.yaw_rad[0]) == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
     assert truth.x_m[-1] > 2.5
     assert abs(truth.y_m[-1]) < 0.02

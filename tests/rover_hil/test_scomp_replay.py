@@ -17,9 +17,8 @@ from rover_hil.recording.writer import LogWriter
 from rover_hil.run.driving import run_virtual
 from rover_hil.scomp.command import run_scomp
 from rover_hil.scomp.drive import Track
-from rover_hil.scomp.files import parameters_text
+from rover_hil.scomp.files import log_truth, parameters_text
 from rover_hil.scomp.odometry import Result
-from rover_hil.scomp.read_log import log_truth
 from rover_hil.scomp.replayed import replay_track
 
 
@@ -53,7 +52,7 @@ def recorded(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 def off_m(track: Track, log: Path) -> np.ndarray:
     """Return the error of the position at the times of the ground truth."""
-    path, _ = log_truth(read_drive(log))
+    path = log_truth(read_drive(log))
     use = (path.t_s >= track.t_s[0]) & (path.t_s <= track.t_s[-1])
     t_s = path.t_s[use]
     x_m, y_m = np.interp(t_s, track.t_s, track.x_m), np.interp(t_s, track.t_s, track.y_m)
@@ -119,7 +118,7 @@ def test_a_rover_that_drove_without_scomp_is_replayed_with_it(
     assert run_scomp(tmp_path / "run.mcap", out=tmp_path / "path.csv", as_json=True) == 0
     found = json.loads(capsys.readouterr().out)
     assert "no --params: lunar soil simulant is assumed" in found["notes"]
-    path, _ = log_truth(read_drive(tmp_path / "run.mcap"))
+    path = log_truth(read_drive(tmp_path / "run.mcap"))
     assert abs(found["x_m"] - path.x_m[-1]) < 3.0 * found["sigma_x_m"]
     assert found["mean_slip"] > 0.01
 

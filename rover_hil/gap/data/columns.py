@@ -8,9 +8,9 @@ from typing import Protocol, TypeAlias, runtime_checkable
 import numpy as np
 
 from drivers.errors import ConfigError
-from rover_hil.drives.column_names import with_present_names
+from rover_hil.drives.column_names import read_named_table
 from rover_hil.drives.drive import Drive
-from rover_hil.drives.files.csv_table import CsvTable, read_csv
+from rover_hil.drives.files.csv_table import CsvTable
 from sim_backends.models.interface import Array, Run
 
 Columns: TypeAlias = Mapping[str, Array]
@@ -62,16 +62,12 @@ def table_files(path: Path) -> list[Path]:
 
 
 def read_columns(path: Path) -> dict[str, Array]:
-    """Return the columns of a table by their names; empty cells are NaN.
-
-    The delimiter is a comma, a semicolon or a tab. One header line with names, or three of which the last
-    has the short names, as in the Robotino data sets. Text behind a name in brackets is its unit and left
-    out.
+    """Return the columns of a table by their names, see `read_named_table`; empty cells are NaN.
 
     Raises:
         ConfigError: The file cannot be read, has rows of different lengths, or a cell holds no number.
     """
-    return _columns(_read(path))
+    return _columns(read_named_table(path, ConfigError))
 
 
 def read_runs_by_name(path: Path) -> dict[str, dict[str, Array]]:
@@ -80,7 +76,7 @@ def read_runs_by_name(path: Path) -> dict[str, dict[str, Array]]:
     Raises:
         ConfigError: See `read_columns`.
     """
-    table = _read(path)
+    table = read_named_table(path, ConfigError)
     columns = _columns(table)
     if RUN_COLUMN not in table.names:
         return {path.name.split(".csv")[0]: columns}
@@ -89,14 +85,6 @@ def read_runs_by_name(path: Path) -> dict[str, dict[str, Array]]:
         str(name): {key: values[names == name] for key, values in columns.items()}
         for name in dict.fromkeys(names)
     }
-
-
-def _read(path: Path) -> CsvTable:
-    table = read_csv(path, ConfigError, delimiter=None, header_lines=None)
-    if not table.names or not table.rows:
-        raise ConfigError(f"{path} is not a table of measurements: it needs a header and rows of numbers")
-    table.check_shape("repair the line")
-    return with_present_names(table)
 
 
 def _columns(table: CsvTable) -> dict[str, Array]:
