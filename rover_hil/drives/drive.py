@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from controllers.motion.kinematics import make_kinematics
 from drivers.link import CameraImage
 from rover_hil.config import Config
 from rover_hil.drives.arrays import Array, Times
@@ -107,6 +108,20 @@ class Drive:
     def fixes(self) -> TruePoses | None:
         """Return the measured poses, see `ground_truth.measured_poses`."""
         return measured_poses(self.channels)
+
+    def rolled(self, least: int) -> tuple[Times, Array] | None:
+        """Return times of the first wheel's readings, (n,), and the motion of the body by its wheels, (n, 3).
+
+        The motion is the sum of all steps ahead and to the left in m, whatever the yaw meanwhile, and the yaw
+        in rad. None where a wheel has fewer readings than `least`.
+        """
+        kinematics = make_kinematics(self.config.rover)
+        angles = [self.channels[f"position{wheel}_rad"] for wheel in range(1, kinematics.wheel_count + 1)]
+        if any(len(each) < least for each in angles):
+            return None
+        t_ns = np.unique(angles[0].t_ns)
+        rows = np.column_stack([np.interp(t_ns, each.t_ns, each.value) for each in angles])
+        return t_ns, np.array([kinematics.body_motion(row) for row in rows.tolist()])
 
     def table(self, names: Sequence[str], *, outside: float | None = None) -> dict[str, Array]:
         """Return quantities at the times of the first wheel's readings, with `t_s` since the start.

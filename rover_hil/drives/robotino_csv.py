@@ -59,7 +59,7 @@ AVERAGE_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class RobotinoRecord:
+class RobotinoTable:
     """A measured record, n rows.
 
     Attributes:
@@ -121,7 +121,7 @@ class CameraPoses(NamedTuple):
     is_new: Flags
 
 
-def read_record(path: Path, *, with_camera: bool) -> RobotinoRecord:
+def read_record(path: Path, *, with_camera: bool) -> RobotinoTable:
     """Read a record from a `.csv` or `.csv.gz` file.
 
     Args:
@@ -139,7 +139,7 @@ def read_record(path: Path, *, with_camera: bool) -> RobotinoRecord:
         if table.units.get(name) != unit:
             raise LogError(f"{path} line 2, column '{name}': the unit is not {unit}: convert the column")
     table.check_shape(FIX)
-    record = RobotinoRecord(table, {name: table.numbers(name, fix=FIX, is_needed=True) for name in units})
+    record = RobotinoTable(table, {name: table.numbers(name, fix=FIX, is_needed=True) for name in units})
     # Times become whole nanoseconds.
     t_ns = np.round(np.clip(record.columns["t"], -1.0, MAX_T_MS + 1.0) * 1e6)
     wrong = np.flatnonzero((t_ns < 0.0) | (t_ns > MAX_T_MS * 1e6) | (np.diff(t_ns, prepend=-1.0) <= 0.0))
@@ -160,7 +160,7 @@ def record_names(path: Path) -> list[str]:
     return lines[-1].split(";") if len(lines) == 3 else []
 
 
-def board_counts(record: RobotinoRecord) -> BoardCounts:
+def board_counts(record: RobotinoTable) -> BoardCounts:
     """Return the counts that an EA05 board would have sent for a record.
 
     Raises:
@@ -220,7 +220,7 @@ def read_averages(path: Path, *, with_camera: bool) -> Averages:
     return Averages(command * units, wheel_rad_s, current_a, velocity)
 
 
-def _counted(record: RobotinoRecord, name: str, unit: float, low: int, high: int) -> Times:
+def _counted(record: RobotinoTable, name: str, unit: float, low: int, high: int) -> Times:
     for motor in MOTORS:
         values = record.columns[f"m{motor}{name}"]
         outside = np.flatnonzero((values < low * unit) | (values > high * unit))

@@ -1,4 +1,4 @@
-"""A measured run in one form, and cut into windows."""
+"""What slip is identified from: readings of a drive at common times, and means in windows."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,8 +16,8 @@ WHEELS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeasuredRun:
-    """Measurements of wheels and camera; n readings, m frames, three wheels.
+class AlignedReadings:
+    """Readings of a drive at the times of its first wheel, and poses; n readings, m frames, three wheels.
 
     Attributes:
         path: Where it was read from.

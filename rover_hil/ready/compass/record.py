@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from controllers.motion.kinematics import make_kinematics
 from drivers.angles import wrap_rad
 from drivers.errors import ConfigError, LogError
 from drivers.link import Received
@@ -16,18 +15,16 @@ from drivers.samples import AttitudeSample, RateSample
 from drivers.witmotion.settings import WitMotionSettings
 from rover_hil.config import Config
 from rover_hil.drives.arrays import Array
-from rover_hil.drives.channels import Channels
 from rover_hil.drives.drive import Drive
 from rover_hil.ready.compass.parameters import COMPASS_FIT
 from rover_hil.recording import schema
-from rover_hil.recording.reader import LogReader
 
 CompassSettings = NmeaCompassSettings | WitMotionSettings
 LEAST_READINGS = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CompassRecord:
+class CompassTurns:
     """Turns of a compass.
 
     Attributes:
@@ -98,7 +95,7 @@ def compass_of(config: Config, device: str | None) -> tuple[str, CompassSettings
     return name, compasses[name].model_copy(update={"calibration": None})
 
 
-def read_record(path: Path, device: str | None) -> CompassRecord:
+def read_record(path: Path, device: str | None) -> CompassTurns:
     """Return what a log holds for the calibration of a compass.
 
     The turns are those of `roles.gyro`, else of the gyro in the compass, else of another gyro, else of the
@@ -130,7 +127,7 @@ def read_record(path: Path, device: str | None) -> CompassRecord:
         t_s, rate_rad_s = _yaw_rate(rates[gyros[0]], attitudes[gyros[0]], log.start_ns)
     else:
         reference = "wheels"
-        t_s, rate_rad_s = _wheel_rate(config, drive.channels, log)
+        t_s, rate_rad_s = _wheel_rate(drive)
     t_s, keep = np.unique(t_s, return_index=True)
     rate_rad_s = rate_rad_s[keep]
     if len(t_s) < LEAST_READINGS or not np.isfinite(rate_rad_s).all():
@@ -139,7 +136,7 @@ def read_record(path: Path, device: str | None) -> CompassRecord:
     parts = np.where(
         steps_s <= COMPASS_FIT.longest_gap_s, 0.5 * steps_s * (rate_rad_s[1:] + rate_rad_s[:-1]), 0.0
     )
-    return CompassRecord(
+    return CompassTurns(
         path=path,
         device=name,
         settings=settings,
@@ -168,17 +165,12 @@ def _yaw_rate(rates: list[RateSample], attitudes: list[AttitudeSample], start_ns
     return t_s, turned
 
 
-def _wheel_rate(config: Config, rows: Channels, log: LogReader) -> tuple[Array, Array]:
-    kinematics = make_kinematics(config.rover)
-    positions = [rows[f"position{wheel + 1}_rad"] for wheel in range(kinematics.wheel_count)]
-    if any(len(each) < LEAST_READINGS for each in positions):
+def _wheel_rate(drive: Drive) -> tuple[Array, Array]:
+    rolled = drive.rolled(LEAST_READINGS)
+    if rolled is None:
         return np.zeros(0), np.zeros(0)
-    t_ns = np.unique(positions[0].t_ns)
-    angles = np.column_stack([np.interp(t_ns, each.t_ns, each.value) for each in positions])
-    t_s = (t_ns - log.start_ns) / 1e9
-    turned = [kinematics.body_motion(row)[2] for row in np.diff(angles, axis=0).tolist()]
-    rate: Array = np.array(turned) / np.diff(t_s)
-    return 0.5 * (t_s[1:] + t_s[:-1]), rate
+    t_s, motion = drive.seconds(rolled[0]), rolled[1]
+    return 0.5 * (t_s[1:] + t_s[:-1]), np.diff(motion[:, 2]) / np.diff(t_s)
 
 
 def aligned(angles_rad: Array, near_rad: Array) -> Array:

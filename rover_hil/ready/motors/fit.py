@@ -20,7 +20,7 @@ from drivers.errors import LogError
 from rover_hil.drives.arrays import Array, Flags, rms, wrap_angles
 from rover_hil.drives.drive import Drive
 from rover_hil.ready.compass.fit import reference_columns, solve_columns, waves_of
-from rover_hil.ready.compass.record import CompassRecord, aligned, read_record
+from rover_hil.ready.compass.record import CompassTurns, aligned, read_record
 from rover_hil.ready.motors.parameters import MOTOR_FIELD
 from rover_hil.recording import schema
 
@@ -59,7 +59,7 @@ class MotorFieldFit:
 class MotorDrive:
     """Headings with the currents at them; yaw in rad, near that of the reference."""
 
-    record: CompassRecord
+    record: CompassTurns
     t_s: Array
     yaw_rad: Array
     current_a: Array
@@ -141,7 +141,7 @@ def read_motor_drive(path: Path, device: str | None) -> MotorDrive:
     return MotorDrive(record, t_s, aligned(yaw, near), current_a)
 
 
-def _headings(path: Path, record: CompassRecord) -> Array:
+def _headings(path: Path, record: CompassTurns) -> Array:
     """Return time, yaw and the currents of the motors at each heading, (n, 2 + m)."""
     drive = Drive(path)
     config = drive.config

@@ -21,7 +21,7 @@ AXES: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InertialRecord:
+class InertialTurns:
     """Readings of a sensor, in its own axes and without scale and bias.
 
     Attributes:
@@ -69,7 +69,7 @@ def sensor_of(config: Config, device: str | None) -> tuple[str, InertialSettings
     return name, sensors[name]
 
 
-def read_inertial(path: Path, device: str | None) -> InertialRecord:
+def read_inertial(path: Path, device: str | None) -> InertialTurns:
     """Return what a log holds of an inertial sensor.
 
     Raises:
@@ -112,7 +112,7 @@ def read_inertial(path: Path, device: str | None) -> InertialRecord:
         references = {"overhead camera": _yaw_of(fixes, log), **references}
     if log.origin == "virtual":
         references = {"simulated turns": _yaw_of(drive.true_poses(), log), **references}
-    return InertialRecord(
+    return InertialTurns(
         path=path,
         device=name,
         settings=settings,

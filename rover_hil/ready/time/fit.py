@@ -20,7 +20,6 @@ from scipy.optimize import minimize_scalar
 
 from controllers.ground_motion.ground_patch import GroundPatch
 from controllers.ground_motion.rolling_shutter import rolling_shutter
-from controllers.motion.kinematics import make_kinematics
 from drivers.errors import LogError
 from rover_hil.drives.arrays import Array, Flags
 from rover_hil.drives.drive import Drive
@@ -84,7 +83,7 @@ def read_tracks(path: Path) -> list[YawTrack]:
         LogError: The log is damaged, or fewer than two devices show turns.
     """
     drive = Drive(path)
-    log, config, rows = drive.log, drive.config, drive.channels
+    log, config = drive.log, drive.config
     rates: defaultdict[str, list[tuple[int, float]]] = defaultdict(list)
     yaws: defaultdict[tuple[str, str], list[tuple[int, float]]] = defaultdict(list)
 
@@ -101,15 +100,10 @@ def read_tracks(path: Path) -> list[YawTrack]:
         _track("gyro", device, readings, log.start_ns, is_rate=True)
         for device, readings in sorted(rates.items(), key=lambda each: each[0] != config.roles.gyro)
     ]
-    kinematics = make_kinematics(config.rover)
-    positions = [rows[f"position{wheel + 1}_rad"] for wheel in range(kinematics.wheel_count)]
-    if all(len(each) > TIMING.least_readings for each in positions):
-        t_ns = np.unique(positions[0].t_ns)
-        angles = np.column_stack([np.interp(t_ns, each.t_ns, each.value) for each in positions])
-        turned = [kinematics.body_motion(row)[2] for row in angles.tolist()]
-        tracks.append(
-            _track("wheels", config.roles.wheels, list(zip(t_ns.tolist(), turned, strict=True)), log.start_ns)
-        )
+    rolled = drive.rolled(TIMING.least_readings + 1)
+    if rolled is not None:
+        turned = list(zip(rolled[0].tolist(), rolled[1][:, 2].tolist(), strict=True))
+        tracks.append(_track("wheels", config.roles.wheels, turned, log.start_ns))
     tracks += [_track(kind, device, readings, log.start_ns) for (kind, device), readings in yaws.items()]
     ground = read_ground_yaw(drive)
     if ground is not None and config.roles.camera is not None and config.ground_motion is not None:

@@ -10,8 +10,8 @@ import pytest
 
 from drivers.errors import LogError
 from rover_hil.drives.robotino_csv import COMMANDS, CURRENTS, ROBOTINO, SPEEDS
-from rover_hil.identify.motor.averages import read_means, report_means
 from rover_hil.identify.motor.command import identify_motor
+from rover_hil.identify.motor.robotino import read_means, report_means
 from rover_hil.identify.slip.run_data import to_wheels
 
 GAIN, DROOP = 0.98, 8.0

@@ -1,8 +1,9 @@
-"""Identify gain and droop of a motor's speed loop from averages over half a second of driving.
+"""The motors in the files of the Robotino data sets: records reading by reading, and averages.
 
-In steady travel speed = gain * setpoint - droop * current, for any load. Nothing else is determined:
-the averages hold neither voltages nor a motion that changes, and friction of the motor cannot be
-distinguished from the resistance of the ground.
+Averages over half a second of driving give gain and droop of the speed loop. In steady travel
+speed = gain * setpoint - droop * current, for any load. Nothing else is determined: the averages hold neither
+voltages nor a motion that changes, and friction of the motor cannot be distinguished from the resistance of
+the ground.
 """
 
 import math
@@ -16,16 +17,18 @@ from scipy.stats import t as student
 
 from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError
+from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD
 from rover_hil.drives.arrays import Array, rms
-from rover_hil.drives.robotino_csv import MOTORS, ROBOTINO, read_averages
+from rover_hil.drives.robotino_csv import MOTORS, ROBOTINO, RobotinoTable, read_averages, read_record
 from rover_hil.identify.motor.parameters import MOTOR_FIT
-from rover_hil.identify.motor.record import cut_set_point
+from rover_hil.identify.motor.record import MotorSignals, Scale, cut_set_point
 from rover_hil.identify.motor.report import UNITS, Estimate, MotorReport, estimate
-from rover_hil.identify.motor.table import SCALE
 from rover_hil.identify.slip.run_data import to_wheels
+from rover_hil.report.tracks import Series
 
 WHY = "averages of drives hold no voltages and no transients, and friction includes that of the ground"
 CONFIDENCE = 0.95
+SCALE = Scale.of_board(ROBOTINO_BOARD)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,6 +48,37 @@ class SteadyMeans:
     set_point: Array
     speed: Array
     current: Array
+
+
+def read_table(path: Path) -> list[MotorSignals]:
+    """Return the three motors in a record, of a drive or of a motor on a bench.
+
+    Raises:
+        LogError: The file cannot be read or holds something wrong.
+    """
+    record = read_record(path, with_camera=False)
+    count = len(record.columns["t"])
+    if count < MOTOR_FIT.record.least_readings:
+        raise LogError(f"{path}: holds {count} readings of the motors: give the record of a drive")
+    return [_motor(record, motor) for motor in MOTORS]
+
+
+def _motor(record: RobotinoTable, motor: int) -> MotorSignals:
+    columns = record.columns
+    t_s = columns["t"] / 1000.0
+    voltage = columns.get(f"m{motor}volt")
+    return MotorSignals(
+        log=record.table.path.name,
+        motor=motor,
+        is_robotino=True,
+        set_point=Series(t_s, cut_set_point(columns[f"m{motor}setvel"], SCALE.speed_rad_s)),
+        position=Series(t_s, columns[f"m{motor}pos"] * SCALE.position_rad),
+        speed=Series(t_s, columns[f"m{motor}vel"]),
+        current=Series(t_s, columns[f"m{motor}cur"]),
+        current_is_signed=False,
+        voltage=None if voltage is None else Series(t_s, voltage),
+        scale=SCALE,
+    )
 
 
 def read_means(path: Path) -> list[SteadyMeans]:
