@@ -43,6 +43,7 @@ class Drive:
     Args:
         path: Of the log.
         with_traces: Read trace and steering angles too.
+        with_devices: Read all inertial sensors and headings too.
 
     Attributes:
         log: The log.
@@ -54,12 +55,12 @@ class Drive:
         LogError: The log cannot be read, or its configuration is not valid for this version.
     """
 
-    def __init__(self, path: Path, *, with_traces: bool = False) -> None:
+    def __init__(self, path: Path, *, with_traces: bool = False, with_devices: bool = False) -> None:
         self.log = LogReader(path)
         self.name = path.stem
         with restore_config(self.log) as config:
             self.config: Config = config
-            self.channels = Channels(config, with_traces=with_traces)
+            self.channels = Channels(config, with_traces=with_traces, with_devices=with_devices)
 
     def read(
         self, take_samples: TakeSamples | None = None, take_estimate: TakeEstimate | None = None

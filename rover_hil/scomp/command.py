@@ -60,9 +60,9 @@ def run_scomp(
 def _replay(log: LogReader, given: ScompParameters | None, *, online: bool) -> tuple[Result, list[str]]:
     """Return the path of a log, replayed with sComp, and notes."""
     with restore_config(log) as logged:
-        config, notes, parameters = logged, list[str](), given
+        config, notes, parameters, rover = logged, list[str](), given, geometry_of(logged, log.path)
         if parameters is None and logged.scomp is None:
-            parameters = ScompParameters(rover=geometry_of(logged, log.path))
+            parameters = ScompParameters(rover=rover)
             notes.append("no --params: lunar soil simulant is assumed")
         if parameters is None:
             notes.append("no --params: those of [scomp] and [filter] in the log are used")

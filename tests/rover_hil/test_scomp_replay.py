@@ -123,6 +123,14 @@ def test_a_rover_that_drove_without_scomp_is_replayed_with_it(
     assert found["mean_slip"] > 0.01
 
 
+@pytest.mark.parametrize("has_params", [False, True])
+def test_a_rover_with_three_wheels_is_refused(robotino_log: Path, tmp_path: Path, has_params: bool) -> None:
+    params = tmp_path / "sand.toml"
+    params.write_text(parameters_text(ScompParameters()), "utf-8")
+    with pytest.raises(LogError, match="sComp needs four wheels"):
+        run_scomp(robotino_log, params=params if has_params else None, out=tmp_path / "path.csv")
+
+
 def test_a_log_without_cycles_is_refused(tmp_path: Path) -> None:
     config, path = load_config("el-dorado"), tmp_path / "run.mcap"
     content = config.model_dump_json(by_alias=True).encode()
