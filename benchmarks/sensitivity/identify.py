@@ -109,7 +109,6 @@ def shaken_drive(seed: int) -> AlignedReadings:
         camera_t_s=t_s[::5],
         camera=poses,
         camera_in_pixels=False,
-        gyro=np.column_stack((t_s, (1.0 - lost) * rates)),
         fix_sd_m=np.full(len(poses), FIX_SD_M),
     )
 

@@ -40,7 +40,6 @@ def read_log_run(path: Path, surface: str) -> AlignedReadings:
                 )
     position = [_series(rows, f"position{wheel}_rad") for wheel in range(1, WHEELS + 1)]
     current = [_series(rows, f"current{wheel}_a") for wheel in range(1, WHEELS + 1)]
-    gyro = _series(rows, "gyro_z_rad_s")
     by_hand = marks_beside(path)
     fix_sd_m: Array | None
     if by_hand is not None:
@@ -53,7 +52,7 @@ def read_log_run(path: Path, surface: str) -> AlignedReadings:
         source = true.source
         fix_sd_m = np.hypot(true.position_sd_m, rover.base_radius_m * true.yaw_sd_rad)
         fix_sd_m = None if true.is_exact else fix_sd_m
-    _check_numbers(path, (*position, *current, truth, gyro))
+    _check_numbers(path, (*position, *current, truth))
     _check_clock(path, (*position, *current, truth))
     t_s = position[0][:, 0]
     _check_positions(path, position, t_s)
@@ -72,8 +71,6 @@ def read_log_run(path: Path, surface: str) -> AlignedReadings:
         camera=truth[:, 1:],
         camera_in_pixels=False,
         rover=rover,
-        gyro=gyro - (origin_s, 0.0),
-        gyro_response=None if drive.config.slip is None else drive.config.slip.gyro_response,
         truth=source,
         fix_sd_m=fix_sd_m,
     )

@@ -24,7 +24,6 @@ class InertialTurns:
     Attributes:
         path: The log.
         device: Name of the sensor.
-        settings: Its settings in the log.
         t_s: Times of the rates, shape (n,).
         rate_rad_s: Rates about x, y, z, (n, 3).
         acceleration_t_s: Times of the accelerations, (m,); empty where it sends none.
@@ -35,7 +34,6 @@ class InertialTurns:
 
     path: Path
     device: str
-    settings: InertialSettings
     t_s: Array
     rate_rad_s: Array
     acceleration_t_s: Array
@@ -94,7 +92,6 @@ def read_inertial(path: Path, device: str | None) -> InertialTurns:
     return InertialTurns(
         path=path,
         device=name,
-        settings=settings,
         t_s=drive.seconds(yaw.t_ns),
         rate_rad_s=_in_sensor(
             # A sensor may report the yaw rate alone.
