@@ -40,9 +40,11 @@ from controllers.ground_motion.rig import RigFile
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.clock import nanoseconds
 from drivers.samples import Image
+from rover_hil.drives.ground_truth import TruePoses
 from rover_hil.identify.scomp.fit import identify
 from rover_hil.scomp.columns import drive_of
-from rover_hil.scomp.drive import DriveRows, Track, TruePath, final_error_m
+from rover_hil.scomp.drive import SensorRows, Track, final_error_m
+from rover_hil.scomp.files import truth_of
 from rover_hil.scomp.odometry import estimate_track
 
 SITES = {"test_1": SIDEWAYS, "test_2": MOUNDS}
@@ -52,7 +54,7 @@ FIRST_SEED = 1000
 STARTED_S = REST_S + 1.5
 ROWS_PER_FRAME = 4
 
-ODOMETRIES: Mapping[str, Callable[[DriveRows, ScompParameters], Track]] = {
+ODOMETRIES: Mapping[str, Callable[[SensorRows, ScompParameters], Track]] = {
     "plain": plain_track,
     "compass": compass_track,
     "scomp_paper": paper_track,
@@ -109,10 +111,9 @@ def with_traces(log: Mapping[str, Floats], traces: Traces) -> dict[str, Floats]:
     }
 
 
-def path_of(recorded: FieldDrive) -> TruePath:
+def path_of(recorded: FieldDrive) -> TruePoses:
     """Return the true path of a drive."""
-    truth = recorded.truth
-    return TruePath(t_s=truth["t_s"], x_m=truth["x_m"], y_m=truth["y_m"], yaw_rad=truth["yaw_rad"])
+    return truth_of(recorded.truth, "simulated")
 
 
 def parameters_of(recorded: FieldDrive, traces: Traces) -> ScompParameters:
@@ -121,7 +122,7 @@ def parameters_of(recorded: FieldDrive, traces: Traces) -> ScompParameters:
     return identify(drive, path_of(recorded)).parameters
 
 
-def score(track: Track, truth: Mapping[str, Floats], path: TruePath) -> dict[str, float]:
+def score(track: Track, truth: Mapping[str, Floats], path: TruePoses) -> dict[str, float]:
     """Return the final error, and the rms of the others while the rover drives."""
     drives = path.t_s > STARTED_S
 

@@ -29,9 +29,10 @@ from controllers.slip.scomp.parameters import ScompParameters
 from controllers.slip.scomp.states import ScompStates
 from drivers.samples import PoseFixSample
 from rover_hil.config import load_config
+from rover_hil.drives.ground_truth import TruePoses
 from rover_hil.identify.scomp.fit import identify
 from rover_hil.scomp.columns import drive_of
-from rover_hil.scomp.drive import TruePath
+from rover_hil.scomp.files import truth_of
 from rover_hil.scomp.recorded_samples import FIXES as FIXES_DEVICE
 from rover_hil.scomp.recorded_samples import RecordedSamples, recorded_estimator
 from tests.nature import four_wheel_drive as nature
@@ -55,10 +56,9 @@ class Recorded:
     truth: Columns
 
     @property
-    def path(self) -> TruePath:
+    def path(self) -> TruePoses:
         """The true path."""
-        truth = self.truth
-        return TruePath(t_s=truth["t_s"], x_m=truth["x_m"], y_m=truth["y_m"], yaw_rad=truth["yaw_rad"])
+        return truth_of(self.truth, "simulated")
 
     def poses(self) -> Array:
         """Return the true poses in the frame of the start, shape (n, 3)."""

@@ -20,11 +20,13 @@ import numpy as np
 
 from benchmarks.four_wheels.scomp_peers import compass_track, paper_track, plain_track
 from controllers.slip.scomp.parameters import ScompParameters
+from rover_hil.drives.ground_truth import TruePoses
 from rover_hil.identify.scomp.fit import identify
 from rover_hil.identify.scomp.pictures import drive_pictures, model_pictures
 from rover_hil.pages.atomic_write import write_files
 from rover_hil.scomp.columns import drive_of
-from rover_hil.scomp.drive import DriveRows, Track, TruePath, final_error_m
+from rover_hil.scomp.drive import SensorRows, Track, final_error_m
+from rover_hil.scomp.files import truth_of
 from rover_hil.scomp.odometry import Result, estimate_track
 from tests.nature.four_wheel_drive import MOUNDS, SIDEWAYS, Recorded, Site, field_test
 
@@ -34,7 +36,7 @@ SLIP_ANGLE_BAR_DEG, SLIP_BAR, HEADING_BAR_DEG = 1.0, 0.05, 0.3
 FIRST_SEED = 100
 STARTED_S = 3.5
 
-Method = Callable[[DriveRows, ScompParameters], Track]
+Method = Callable[[SensorRows, ScompParameters], Track]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,11 +49,11 @@ class Scores:
     heading_deg: float
 
 
-def estimated(drive: DriveRows, parameters: ScompParameters) -> Track:
+def estimated(drive: SensorRows, parameters: ScompParameters) -> Track:
     return estimate_track(drive, parameters).track
 
 
-def online(drive: DriveRows, parameters: ScompParameters) -> Track:
+def online(drive: SensorRows, parameters: ScompParameters) -> Track:
     return estimate_track(drive, parameters, online=True).track
 
 
@@ -69,13 +71,13 @@ METHODS: dict[str, Method] = {
 }
 
 
-def read(recorded: Recorded) -> tuple[DriveRows, TruePath]:
+def read(recorded: Recorded) -> tuple[SensorRows, TruePoses]:
     truth = recorded.truth
-    path = TruePath(t_s=truth["t_s"], x_m=truth["x_m"], y_m=truth["y_m"], yaw_rad=truth["yaw_rad"])
+    path = truth_of(truth, "simulated")
     return drive_of(recorded.log, "simulated")[0], path
 
 
-def score(track: Track, recorded: Recorded, path: TruePath) -> Scores:
+def score(track: Track, recorded: Recorded, path: TruePoses) -> Scores:
     """Return the errors while the rover drives."""
     drives = path.t_s > STARTED_S
 
@@ -100,7 +102,7 @@ def table(scores: Sequence[Scores]) -> dict[str, float]:
     }
 
 
-def honesty(results: Sequence[tuple[Result, TruePath]]) -> dict[str, float]:
+def honesty(results: Sequence[tuple[Result, TruePoses]]) -> dict[str, float]:
     """Return mean NIS by sensor, and the final error over its standard deviation, rms over the drives."""
     shares: list[float] = []
     for result, path in results:
@@ -142,7 +144,7 @@ def main() -> int:
     parser.add_argument("--pictures", type=Path)
     arguments = parser.parse_args()
     scores: dict[str, dict[str, list[Scores]]] = {name: {m: [] for m in METHODS} for name in TESTS}
-    results: dict[str, list[tuple[Result, TruePath]]] = {name: [] for name in TESTS}
+    results: dict[str, list[tuple[Result, TruePoses]]] = {name: [] for name in TESTS}
     for seed in range(FIRST_SEED, FIRST_SEED + arguments.seeds):
         for name, (recorded, parameters) in run_seed(seed, TESTS).items():
             drive, path = read(recorded)

@@ -7,24 +7,24 @@ import numpy as np
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import ModelError
 from rover_hil.drives.arrays import Array
-from rover_hil.scomp.drive import DriveRows, Track
+from rover_hil.scomp.drive import SensorRows, Track
 from rover_hil.scomp.odometry import with_compass_sign
 
 
-def plain_track(drive: DriveRows, parameters: ScompParameters) -> Track:
+def plain_track(drive: SensorRows, parameters: ScompParameters) -> Track:
     """Return wheel odometry: no slip, heading by the difference of the wheels."""
     rover = parameters.rover
     heading = rover.wheel_radius_m * drive.wheel_yaw_rad / (0.5 * rover.track_m)
     return _integrate(drive, parameters, heading - heading[0], np.zeros_like(heading), None)
 
 
-def compass_track(drive: DriveRows, parameters: ScompParameters) -> Track:
+def compass_track(drive: SensorRows, parameters: ScompParameters) -> Track:
     """Return wheel odometry turned by the compass, the paper's "enhanced odometry"."""
     heading = _compass_heading(drive, parameters)
     return _integrate(drive, parameters, heading, np.zeros_like(heading), None)
 
 
-def paper_track(drive: DriveRows, parameters: ScompParameters) -> Track:
+def paper_track(drive: SensorRows, parameters: ScompParameters) -> Track:
     """Return sComp as the paper has it, with eq 15 corrected: V_x = r w (1 - s_x0 - k (|beta| - beta0)).
 
     The slip angle is the trace's, the last one held; the heading is the compass', unfiltered.
@@ -41,7 +41,7 @@ def paper_track(drive: DriveRows, parameters: ScompParameters) -> Track:
     )
 
 
-def _compass_heading(drive: DriveRows, parameters: ScompParameters) -> Array:
+def _compass_heading(drive: SensorRows, parameters: ScompParameters) -> Array:
     """Return the heading by the unfiltered compass.
 
     Raises:
@@ -63,7 +63,7 @@ def _held(values: Array) -> Array:
 
 
 def _integrate(
-    drive: DriveRows,
+    drive: SensorRows,
     parameters: ScompParameters,
     heading_rad: Array,
     slip_angle_rad: Array,

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.gap.drive_logs import write_log
-from benchmarks.gap.rover_of_wheels import HEADER, ROOT, row, verdict_of
+from benchmarks.gap.rover_of_wheels import HEADER, ROOT, row, verdict_on_written
 from rover_hil.config import load_config
 from tests.nature.differential_drive import TrueDifferential, record
 
@@ -51,7 +51,7 @@ def main() -> int:
         def write(path: Path, rover: TrueDifferential = rover, rng: np.random.Generator = rng) -> None:
             write_log(path, config, record(rover, rng, duration_s=arguments.duration))
 
-        print(row(name, verdict_of(text, write, arguments.drives)), flush=True)
+        print(row(name, verdict_on_written(text, write, arguments.drives)), flush=True)
     return 0
 
 

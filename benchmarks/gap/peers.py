@@ -10,9 +10,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_hil.gap.machines.analysis import MachineFindings
-from rover_hil.gap.machines.search import best_shapes
-from rover_hil.gap.statistics.score import Projection
+from rover_hil.gap.decision.analysis import MachineFindings
+from rover_hil.gap.evidence.score import Projection
+from rover_hil.gap.search.search import best_shapes
 
 Floats = NDArray[np.float64]
 FOLDS = 5

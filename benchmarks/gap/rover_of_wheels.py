@@ -17,7 +17,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -197,26 +197,37 @@ def verdict_on(hidden: Hidden, drives: int, seed: int, duration_s: int) -> dict[
     text = (ROOT / CONFIG).read_text("utf-8")
     site = f'site = {{ floor = "{FLOOR}", roughness = 0.0 }}'
     text = text.replace('site = "floor_table"', site)
-    return verdict_of(text, lambda path: write_drive(path, config, hidden, rng, duration_s), drives)
+    return verdict_on_written(text, lambda path: write_drive(path, config, hidden, rng, duration_s), drives)
 
 
-def verdict_of(config_text: str, write: Callable[[Path], None], drives: int) -> dict[str, Any]:
-    """Return the verdict of `rover-hil gap rover` on drives that `write` writes as logs.
-
-    `command_s` are the seconds of the whole command, reading and writing too, and those of the processors.
-    """
+def verdict_on_written(config_text: str, write: Callable[[Path], None], drives: int) -> dict[str, Any]:
+    """Return the verdict of `rover-hil gap rover` on drives that `write` writes as logs."""
     with tempfile.TemporaryDirectory() as folder:
-        runs, out, file = Path(folder) / "runs", Path(folder) / "gap", Path(folder) / "rover.toml"
+        runs, file = Path(folder) / "runs", Path(folder) / "rover.toml"
         for number in range(drives):
             write(runs / str(number) / "run.mcap")
         file.write_text(config_text, "utf-8")
+        return verdict_of(str(file), [runs])
+
+
+def verdict_of(source: str, drives: Sequence[Path]) -> dict[str, Any]:
+    """Return the verdict of `rover-hil gap rover`.
+
+    `command_s` are the seconds of the whole command, reading and writing too, and those of the processors.
+
+    Args:
+        source: Configuration of the rover, or file of columns.
+        drives: Logs, folders of logs, or tables.
+    """
+    with tempfile.TemporaryDirectory() as folder:
         clock, begin_processors_s = SystemClock(), time.process_time()
         begin_ns = clock.now_ns()
-        found = CliRunner().invoke(app, ["gap", "rover", str(file), str(runs), "--out", str(out)])
+        found = CliRunner().invoke(app, ["gap", "rover", source, *map(str, drives), "--out", f"{folder}/gap"])
         took_s = (to_seconds(clock.now_ns() - begin_ns), time.process_time() - begin_processors_s)
-        if not (out / "verdict.json").exists():
+        file = Path(folder) / "gap" / "verdict.json"
+        if not file.exists():
             raise SystemExit(f"gap failed: {found.output}{found.exception}")
-        verdict: dict[str, Any] = json.loads((out / "verdict.json").read_text("utf-8"))
+        verdict: dict[str, Any] = json.loads(file.read_text("utf-8"))
     return {**verdict, "command_s": took_s}
 
 

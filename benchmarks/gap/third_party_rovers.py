@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.gap.drive_logs import write_log
-from benchmarks.gap.measured_rovers import config_text
 from benchmarks.gap.rover_of_wheels import ROOT
+from benchmarks.gap.tricycle import write_config
 from controllers.motion.rover_geometry import WheelsRoverSettings
 from rover_hil.config import Config, load_config
 from rover_hil.gap.data.rover_logs import read_rover_runs
@@ -105,9 +105,7 @@ def configurations() -> dict[str, Config]:
         table["mission"]["heading"] = "along_path"
         found[name] = Config.model_validate(table)
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "tricycle.toml"
-        file.write_text(config_text("tricyc"), "utf-8")
-        found["tricycle"] = load_config(str(file))
+        found["tricycle"] = write_config(Path(folder) / "tricycle.toml")
     return {**found, "six_steered": load_config("docs/examples/six_wheels.toml")}
 
 

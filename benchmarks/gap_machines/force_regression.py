@@ -20,13 +20,13 @@ from benchmarks.gap_machines.models import MODELS
 from benchmarks.gap_machines.models.parts import to_runs
 from benchmarks.gap_machines.truth import mentioned, variables
 from rover_hil.gap.data.problem import split_point
-from rover_hil.gap.machines.analysis import MachineFindings
-from rover_hil.gap.machines.fits.machine_fit import MachineFits
-from rover_hil.gap.machines.missing_terms.free_terms import FreeTerm, free_terms, strength_of
-from rover_hil.gap.machines.missing_terms.tracking import Tracked
-from rover_hil.gap.machines.search import best_shapes, score_effects
-from rover_hil.gap.statistics.random_force import prior_covariance
-from rover_hil.gap.statistics.score import one_sided_z
+from rover_hil.gap.decision.analysis import MachineFindings
+from rover_hil.gap.evidence.score import one_sided_z
+from rover_hil.gap.fit.machine_fit import MachineFits
+from rover_hil.gap.noise.random_force import prior_covariance
+from rover_hil.gap.search.free_terms import FreeTerm, free_terms, strength_of
+from rover_hil.gap.search.search import best_shapes, score_effects
+from rover_hil.gap.search.tracking import Tracked
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.interface import Array
 from sim_backends.state_model.model import StateModel

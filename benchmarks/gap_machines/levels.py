@@ -10,10 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from rover_hil.gap.data.problem import Problem, observe
-from rover_hil.gap.machines.fits.machine_fit import MachineFits
-from rover_hil.gap.machines.misfit.gap_tests import gap_p
-from rover_hil.gap.machines.search import MachineSearch
-from tests.rover_hil.gap_machines.axis import axis_model, measured_runs
+from rover_hil.gap.evidence.gap_tests import gap_p
+from rover_hil.gap.fit.machine_fit import MachineFits
+from rover_hil.gap.search.search import MachineSearch
+from tests.rover_hil.gap.axis import axis_model, measured_runs
 
 LEVELS = (0.05, 0.01)
 

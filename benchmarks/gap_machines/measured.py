@@ -15,13 +15,13 @@ from drivers.errors import ConfigError
 from rover_hil.drives.files.csv_table import read_csv
 from rover_hil.gap import Channel, Parameter, Port, Run, RunParameter, StateModel, effects
 from rover_hil.gap.data.problem import Problem, observe
-from rover_hil.gap.machines.evidence.evidence import MachineFit
-from rover_hil.gap.machines.evidence.sizes import size_of
-from rover_hil.gap.machines.fits.machine_fit import MachineFits
+from rover_hil.gap.evidence.evidence import MachineFit
+from rover_hil.gap.evidence.sizes import size_of
+from rover_hil.gap.fit.machine_fit import MachineFits
 from rover_hil.gap.verdict import Verdict
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.parameter_key import ParameterKey
-from tests.rover_hil.gap_machines.emps import emps_model, emps_runs
+from tests.rover_hil.gap.emps import emps_model, emps_runs
 
 EVERY = 4
 SEED, DRAWS, DRIVES = 20261128, 2000, 200

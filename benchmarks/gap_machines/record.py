@@ -12,7 +12,7 @@ from benchmarks.gap_machines.models.parts import to_runs
 from benchmarks.gap_machines.truth import hidden_cards
 from drivers.clock import SystemClock, seconds
 from rover_hil.gap.data.problem import Problem, observe
-from rover_hil.gap.machines.fits.machine_fit import MachineFits
+from rover_hil.gap.fit.machine_fit import MachineFits
 from rover_hil.gap.verdict import Verdict
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.parameter_key import ParameterKey

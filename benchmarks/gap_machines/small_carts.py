@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.gap import Array, Channel, Parameter, Port, Run, RunParameter, StateModel, effects
-from rover_hil.gap.machines.next_run.allowed import Allowed
-from rover_hil.gap.machines.next_run.planned import PlannedRun
+from rover_hil.gap.next_run.allowed import Allowed
+from rover_hil.gap.next_run.planned import PlannedRun
 
 STEP_S, PARTS = 0.05, 20
 SENSOR_M_S = 0.02

@@ -1,7 +1,7 @@
 """Every number of `gap` and its state models: what it decides, its source, and what a change by 20 % does.
 
     python -m benchmarks.gates.gap_constants > rows.md
-    python -m benchmarks.gates.gap_constants --measure --only rover_hil.gap.machines.fits.descent
+    python -m benchmarks.gates.gap_constants --measure --only rover_hil.gap.fit.descent
 
 Prints a row for each number of the folders, as in docs/contributing/gap_constants.md. What it decides is the
 comment or text at the number itself. With `--measure` the figures of `benchmarks.sensitivity machines` on
@@ -29,7 +29,7 @@ LEAST_CHANGE = 1e-3
 """Smallest relative change of a figure that is reported."""
 COMPILED = "sim_backends.state_model.tape_kernel"
 BY_KIND = {
-    "definition": "HALF_WIDTHS NORMAL_95 CLEAR_T MINUTE_S RPM_TO_WHEEL VOTE",
+    "definition": "HALF_WIDTHS NORMAL_95 CLEAR_T MINUTE_S VOTE",
     "arithmetic": "ROUNDING RIDGE LARGEST FAR FAR_NOISES STILL NULL_TOLERANCE CLOSE SATURATED LEAST_SPREAD "
     "FLOOR_SHARE MOST_DIGITS",
     "memory": "VALUES_AT_ONCE POINTS_AT_ONCE VALUES_TOGETHER POINTS_OF_A_DESCENT MOST_DENSE "

@@ -35,7 +35,7 @@ WHEEL_RADIUS_M = 0.040
 
 def slip_ratio(csv_path: Path, log_path: Path, config: Config) -> float | None:
     """Return the slip ratio of one run as the report has it."""
-    for _ in write_run_as_log(read_run(csv_path, MILLIMETRES_PER_PIXEL), config, log_path):
+    for _ in write_run_as_log(read_run(csv_path, MILLIMETRES_PER_PIXEL), csv_path.name, config, log_path):
         pass
     return summarise(read_log(log_path)).slip_ratio
 

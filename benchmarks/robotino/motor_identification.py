@@ -16,9 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from rover_hil.identify.motor.fit import LOOP_PERIOD_S
-from rover_hil.identify.motor.record import MotorRecord, Series, cut_set_point
+from rover_hil.identify.motor.record import MotorSignals, cut_set_point
 from rover_hil.identify.motor.report import MotorReport, report_motor
-from rover_hil.identify.motor.table import SCALE, read_table
+from rover_hil.identify.motor.robotino import SCALE, read_table
+from rover_hil.report.tracks import Series
 from tests.nature.motor import Measured, TrueMotor, measure, staircase
 
 SPEEDS_RAD_S = (25.0, 50.0, 75.0, 100.0, 125.0, 150.0, 175.0)
@@ -52,10 +53,10 @@ def truth(motor: TrueMotor) -> dict[str, float]:
     }
 
 
-def record(measured: Measured, motor: int, *, voltage: bool) -> MotorRecord:
+def record(measured: Measured, motor: int, *, voltage: bool) -> MotorSignals:
     """Return one of the simulated motors as the identification reads it."""
     t_s = measured.t_s
-    return MotorRecord(
+    return MotorSignals(
         log="simulated",
         motor=motor + 1,
         is_robotino=True,

@@ -22,8 +22,8 @@ from benchmarks.gap_machines.small_carts import make_model as make_cart_model
 from benchmarks.sensitivity.subject import Score, Subject
 from drivers.errors import ConfigError
 from rover_hil.gap.data.parameters import DATA
-from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.statistics.parameters import STATISTICS
+from rover_hil.gap.noise.parameters import STATISTICS
+from rover_hil.gap.parameters import MACHINES
 from rover_hil.gap.verdict import Answer, Verdict
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.side_slope.model import make_model

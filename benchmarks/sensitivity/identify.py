@@ -28,14 +28,14 @@ from controllers.slip.effort.motor_model import MotorSettings
 from drivers.errors import LogError, ModelError
 from rover_hil.drives.robotino_csv import ROBOTINO
 from rover_hil.identify.motor.parameters import MOTOR_FIT
-from rover_hil.identify.motor.record import MotorRecord
+from rover_hil.identify.motor.record import MotorSignals
 from rover_hil.identify.motor.report import report_motor
 from rover_hil.identify.scomp.fit import identify
 from rover_hil.identify.scomp.parameters import SCOMP_FIT
 from rover_hil.identify.slip.form_windows import form_windows
 from rover_hil.identify.slip.identification import identify_slip_maps, read_all
 from rover_hil.identify.slip.parameters import SLIP_FIT
-from rover_hil.identify.slip.run_data import MeasuredRun
+from rover_hil.identify.slip.run_data import AlignedReadings
 from rover_hil.identify.slip.runs import find_runs
 from rover_hil.identify.slip.scores import Score
 from rover_hil.ready.imu.calibration import GyroCalibration
@@ -68,7 +68,7 @@ def prepare_motors(cases: Sequence[str]) -> subject.Score:
     return partial(motor_figures, records)
 
 
-def motor_figures(records: Mapping[str, tuple[MotorRecord, dict[str, float]]]) -> Figures:
+def motor_figures(records: Mapping[str, tuple[MotorSignals, dict[str, float]]]) -> Figures:
     """Return for each motor the rms error and the rms half interval of the parameters with an interval."""
     figures = {}
     for label, (item, true) in records.items():
@@ -86,7 +86,7 @@ def motor_figures(records: Mapping[str, tuple[MotorRecord, dict[str, float]]]) -
     return figures
 
 
-def shaken_drive(seed: int) -> MeasuredRun:
+def shaken_drive(seed: int) -> AlignedReadings:
     """Return a drive to the left with yaw excitation; each stretch has another transmission loss."""
     rng, period_s = np.random.default_rng(seed), 0.02
     t_s = np.asarray(period_s * np.arange(1, round(len(LOSSES) * STRETCH_S / period_s)), np.float64)
@@ -98,7 +98,7 @@ def shaken_drive(seed: int) -> MeasuredRun:
     place = np.cumsum(1j * SPEED_M_S * (1.0 - 2.0 * lost) * np.exp(1j * yaw_rad)) * period_s
     fixes = rng.normal(scale=FIX_SD_M, size=(t_s.size, 2))
     poses = np.column_stack((place.real + fixes[:, 0], place.imag + fixes[:, 1], yaw_rad))[::5]
-    return MeasuredRun(
+    return AlignedReadings(
         path=Path("shaken"),
         surface="",
         t_s=t_s,
@@ -109,7 +109,6 @@ def shaken_drive(seed: int) -> MeasuredRun:
         camera_t_s=t_s[::5],
         camera=poses,
         camera_in_pixels=False,
-        gyro=np.column_stack((t_s, (1.0 - lost) * rates)),
         fix_sd_m=np.full(len(poses), FIX_SD_M),
     )
 
@@ -122,7 +121,7 @@ def prepare_slip(cases: Sequence[str]) -> subject.Score:
     return partial(slip_figures, files, [shaken_drive(seed) for seed in seeds])
 
 
-def slip_figures(files: Sequence[Path], shaken: Sequence[MeasuredRun]) -> Figures:
+def slip_figures(files: Sequence[Path], shaken: Sequence[AlignedReadings]) -> Figures:
     """Return scale and cross-validated errors of the measured runs, and windows of the drives with fixes."""
     figures: dict[str, float] = {}
     if files:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controllers.motion.steering import mean_steering_rad
-from drivers.samples import PoseFixSample, RateSample
+from drivers.samples import AttitudeSample, PoseFixSample, RateSample
 from rover_hil.config import Config
 from rover_hil.drives.arrays import Array, Times
 from rover_hil.recording import schema
@@ -43,12 +43,14 @@ class Channels:
     `gyro_z_rad_s` (and x, y), `pitch_rad` (nose up), `roll_rad` (left side up), `heading_rad` of the
     first heading device, `heading_rad DEVICE REFERENCE` of each, and on request `trace_rad`, the angles
     of the rear left wheel's trace that the run itself found, and `steering_rad`, the mean steering angle
-    of the wheels. Truth: `x_m`, `y_m`, `yaw_rad`, `true_slip1`, `true_speed1_rad_s`,
+    of the wheels; of any device, `gyro_z_rad_s DEVICE`, `pitch_rad DEVICE`, `acceleration_x_m_s2 DEVICE`,
+    `fix_yaw_rad DEVICE` and so on. Truth: `x_m`, `y_m`, `yaw_rad`, `true_slip1`, `true_speed1_rad_s`,
     `true_steering1_rad`, `true_forward_m_s`, `true_left_m_s`.
 
     Args:
         config: Of the log.
         with_traces: Read trace and steering angles too.
+        with_devices: Read rates, tilts, accelerations and headings of all devices too.
 
     Attributes:
         unsigned_wheels: Wheels, from 1, whose currents are magnitudes.
@@ -56,12 +58,12 @@ class Channels:
         fixes: Pose measurements of each device in `roles.fixes`, in the order of the log.
     """
 
-    def __init__(self, config: Config, *, with_traces: bool = False) -> None:
+    def __init__(self, config: Config, *, with_traces: bool = False, with_devices: bool = False) -> None:
         self.unsigned_wheels: set[int] = set()
         self.has_computed_wheels = False
         self._roles = config.roles
         self._fix_sources = config.fix_sources
-        self._with_traces = with_traces
+        self._with_traces, self._with_devices = with_traces, with_devices
         # Arrays, because a number in a list takes five times the memory.
         self._rows: defaultdict[str, tuple[array[int], array[float]]] = defaultdict(_no_readings)
         self.fixes: defaultdict[str, list[PoseFixSample]] = defaultdict(list)
@@ -77,6 +79,12 @@ class Channels:
         """Return what there is."""
         return list(self._rows)
 
+    def of_devices(self, name: str) -> dict[str, Readings]:
+        """Return a quantity of each device that has it; of headings, of each device and reference."""
+        return {
+            each.removeprefix(f"{name} "): self[each] for each in self._rows if each.startswith(f"{name} ")
+        }
+
     def take(self, message: LogMessage, log: LogReader) -> None:
         """Take one message; those of other topics have no effect.
 
@@ -88,6 +96,8 @@ class Channels:
                 samples = log.parse(message, schema.SAMPLES_SHAPE)
                 self._take_wheels(samples)
                 self._take_body(samples)
+                if self._with_devices:
+                    self._take_devices(samples)
                 for fix in samples.fixes:
                     if fix.device in self._fix_sources:
                         self.fixes[fix.device].append(fix)
@@ -143,23 +153,36 @@ class Channels:
         for heading in samples.headings:
             if heading.device in roles.headings[:1]:
                 self._add("heading_rad", heading.t_ns, heading.heading_rad)
-            if heading.device in roles.headings:
+            if self._with_devices or heading.device in roles.headings:
                 name = f"{HEADING}{heading.device} {heading.reference}"
                 self._add(name, heading.t_ns, heading.heading_rad)
         for rate in samples.rates:
             if rate.device == roles.gyro:
                 self._take_rates(rate)
         for attitude in samples.attitudes:
-            # A sample counts nose down.
-            nose_up_rad = None if attitude.pitch_rad is None else -attitude.pitch_rad
-            for name, value in (("pitch_rad", nose_up_rad), ("roll_rad", attitude.roll_rad)):
-                if value is not None:
-                    self._add(name, attitude.t_ns, value)
+            self._take_attitude(attitude)
 
-    def _take_rates(self, rate: RateSample) -> None:
+    def _take_devices(self, samples: schema.SamplesRecord) -> None:
+        for rate in samples.rates:
+            self._take_rates(rate, f" {rate.device}")
+        for attitude in samples.attitudes:
+            self._take_attitude(attitude, f" {attitude.device}")
+        for fix in samples.fixes:
+            self._add(f"fix_yaw_rad {fix.device}", min(fix.t_capture_ns, fix.t_ns), fix.yaw_rad)
+        for force in samples.accelerations:
+            for axis, value in (("x", force.x_m_s2), ("y", force.y_m_s2), ("z", force.z_m_s2)):
+                self._add(f"acceleration_{axis}_m_s2 {force.device}", force.t_ns, value)
+
+    def _take_rates(self, rate: RateSample, of: str = "") -> None:
         for axis, value in (("x", rate.rate_x_rad_s), ("y", rate.rate_y_rad_s), ("z", rate.rate_z_rad_s)):
             if value is not None:
-                self._add(f"gyro_{axis}_rad_s", rate.t_ns, value)
+                self._add(f"gyro_{axis}_rad_s{of}", rate.t_ns, value)
+
+    def _take_attitude(self, attitude: AttitudeSample, of: str = "") -> None:
+        if attitude.pitch_rad is not None:
+            self._add(f"pitch_rad{of}", attitude.t_ns, -attitude.pitch_rad)  # a sample counts nose down
+        if attitude.roll_rad is not None:
+            self._add(f"roll_rad{of}", attitude.t_ns, attitude.roll_rad)
 
     def _take_truth(self, truth: schema.TruthRecord) -> None:
         t_ns = truth["t_ns"]

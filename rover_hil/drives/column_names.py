@@ -8,8 +8,10 @@ import re
 import sys
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
-from rover_hil.drives.files.csv_table import CsvTable
+from drivers.errors import LogError, RoverHilError
+from rover_hil.drives.files.csv_table import CsvTable, read_csv
 
 FORMER = {
     r"enc(\d+)_rad": r"position\1_rad",
@@ -20,7 +22,26 @@ FORMER = {
 """Patterns of the names of the version before, and the names of today."""
 
 
-def with_present_names(table: CsvTable) -> CsvTable:
+def read_named_table(path: Path, error: type[RoverHilError] = LogError) -> CsvTable:
+    """Return a table with such names.
+
+    The delimiter is a comma, a semicolon or a tab. One header line with names, or three of which the last
+    has the short names, as in the Robotino data sets. Text behind a name in brackets is its unit and left
+    out.
+
+    Raises:
+        RoverHilError: The file cannot be read, has no data, or rows of different lengths.
+    """
+    table = read_csv(path, error, delimiter=None, header_lines=None)
+    if not table.names or not table.rows:
+        raise error(
+            f"{path} is not a table of measurements, it has no data: give a header line and rows below"
+        )
+    table.check_shape("correct the row")
+    return _with_present_names(table)
+
+
+def _with_present_names(table: CsvTable) -> CsvTable:
     """Return a table with the column names of today; names of the version before give a warning.
 
     Raises:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from controllers.motion.kinematics import make_kinematics
 from drivers.link import CameraImage
 from rover_hil.config import Config
 from rover_hil.drives.arrays import Array, Times
@@ -42,9 +43,11 @@ class Drive:
     Args:
         path: Of the log.
         with_traces: Read trace and steering angles too.
+        with_devices: Read all inertial sensors and headings too.
 
     Attributes:
         log: The log.
+        name: Of the drive, for results.
         config: Its configuration; files that it names are not there.
         channels: What was measured.
 
@@ -52,11 +55,12 @@ class Drive:
         LogError: The log cannot be read, or its configuration is not valid for this version.
     """
 
-    def __init__(self, path: Path, *, with_traces: bool = False) -> None:
+    def __init__(self, path: Path, *, with_traces: bool = False, with_devices: bool = False) -> None:
         self.log = LogReader(path)
+        self.name = path.stem
         with restore_config(self.log) as config:
             self.config: Config = config
-            self.channels = Channels(config, with_traces=with_traces)
+            self.channels = Channels(config, with_traces=with_traces, with_devices=with_devices)
 
     def read(
         self, take_samples: TakeSamples | None = None, take_estimate: TakeEstimate | None = None
@@ -105,6 +109,20 @@ class Drive:
     def fixes(self) -> TruePoses | None:
         """Return the measured poses, see `ground_truth.measured_poses`."""
         return measured_poses(self.channels)
+
+    def rolled(self, least: int) -> tuple[Times, Array] | None:
+        """Return times of the first wheel's readings, (n,), and the motion of the body by its wheels, (n, 3).
+
+        The motion is the sum of all steps ahead and to the left in m, whatever the yaw meanwhile, and the yaw
+        in rad. None where a wheel has fewer readings than `least`.
+        """
+        kinematics = make_kinematics(self.config.rover)
+        angles = [self.channels[f"position{wheel}_rad"] for wheel in range(1, kinematics.wheel_count + 1)]
+        if any(len(each) < least for each in angles):
+            return None
+        t_ns = np.unique(angles[0].t_ns)
+        rows = np.column_stack([np.interp(t_ns, each.t_ns, each.value) for each in angles])
+        return t_ns, np.array([kinematics.body_motion(row) for row in rows.tolist()])
 
     def table(self, names: Sequence[str], *, outside: float | None = None) -> dict[str, Array]:
         """Return quantities at the times of the first wheel's readings, with `t_s` since the start.

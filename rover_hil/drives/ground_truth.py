@@ -36,9 +36,23 @@ class TruePoses:
     arm_m: complex = 0j
 
     @property
+    def t_s(self) -> Array:
+        """The times in s."""
+        t_s: Array = self.t_ns / 1e9
+        return t_s
+
+    @property
     def is_exact(self) -> bool:
         """Whether the poses have no noise."""
         return not (self.position_sd_m.any() or self.yaw_sd_rad.any())
+
+
+def exact_poses(source: str, t_ns: Times, x_m: Array, y_m: Array, yaw_rad: Array) -> TruePoses:
+    """Return poses without noise; see `TruePoses`."""
+    exact, yaw_rad = np.zeros(len(t_ns)), np.unwrap(yaw_rad)
+    return TruePoses(
+        source=source, t_ns=t_ns, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, position_sd_m=exact, yaw_sd_rad=exact
+    )
 
 
 def true_poses(channels: Channels, log: LogReader) -> TruePoses:
@@ -56,16 +70,8 @@ def true_poses(channels: Channels, log: LogReader) -> TruePoses:
         raise LogError(f"log {log.path}: its ground truth has positions, but no yaw, which is needed here")
     if POSE[0] in channels:
         x, y, yaw = (channels[name] for name in POSE)
-        exact = np.zeros(len(x.t_ns))
-        return TruePoses(
-            source="simulated pose" if log.origin == "virtual" else f"pose on /truth, {log.origin}",
-            t_ns=x.t_ns,
-            x_m=x.value,
-            y_m=y.value,
-            yaw_rad=np.unwrap(yaw.value),
-            position_sd_m=exact,
-            yaw_sd_rad=exact,
-        )
+        source = "simulated pose" if log.origin == "virtual" else f"pose on /truth, {log.origin}"
+        return exact_poses(source, x.t_ns, x.value, y.value, yaw.value)
     fixes = measured_poses(channels) or _marks_of(log)
     if fixes is None:
         raise LogError(

@@ -21,7 +21,7 @@ encoders on the two surfaces with the least slip.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -59,7 +59,7 @@ AVERAGE_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class RobotinoRecord:
+class RobotinoTable:
     """A measured record, n rows.
 
     Attributes:
@@ -79,6 +79,22 @@ class RobotinoRecord:
         """Return the error that names a cell."""
         number, unit = self.columns[column][row], self.table.units[column]
         return LogError(f"{self.table.where(row)}, column '{column}': {number:g} {unit} {what}: {FIX}")
+
+
+class Averages(NamedTuple):
+    """The rows of a file of averages, shape (n, 3) each, in m, rad and s.
+
+    Attributes:
+        command: Commanded motion of the body: forward, to the left, yaw rate.
+        wheel_rad_s: Speed of each wheel.
+        current_a: Magnitude of the current of each motor.
+        velocity: Motion of the body by the camera, like `command`.
+    """
+
+    command: Array
+    wheel_rad_s: Array
+    current_a: Array
+    velocity: Array
 
 
 class BoardCounts(NamedTuple):
@@ -105,7 +121,7 @@ class CameraPoses(NamedTuple):
     is_new: Flags
 
 
-def read_record(path: Path, *, with_camera: bool) -> RobotinoRecord:
+def read_record(path: Path, *, with_camera: bool) -> RobotinoTable:
     """Read a record from a `.csv` or `.csv.gz` file.
 
     Args:
@@ -123,7 +139,7 @@ def read_record(path: Path, *, with_camera: bool) -> RobotinoRecord:
         if table.units.get(name) != unit:
             raise LogError(f"{path} line 2, column '{name}': the unit is not {unit}: convert the column")
     table.check_shape(FIX)
-    record = RobotinoRecord(table, {name: table.numbers(name, fix=FIX, is_needed=True) for name in units})
+    record = RobotinoTable(table, {name: table.numbers(name, fix=FIX, is_needed=True) for name in units})
     # Times become whole nanoseconds.
     t_ns = np.round(np.clip(record.columns["t"], -1.0, MAX_T_MS + 1.0) * 1e6)
     wrong = np.flatnonzero((t_ns < 0.0) | (t_ns > MAX_T_MS * 1e6) | (np.diff(t_ns, prepend=-1.0) <= 0.0))
@@ -144,7 +160,7 @@ def record_names(path: Path) -> list[str]:
     return lines[-1].split(";") if len(lines) == 3 else []
 
 
-def board_counts(record: RobotinoRecord) -> BoardCounts:
+def board_counts(record: RobotinoTable) -> BoardCounts:
     """Return the counts that an EA05 board would have sent for a record.
 
     Raises:
@@ -180,20 +196,31 @@ def is_averages(path: Path) -> bool:
     return path.suffix == ".csv" and "".join(header_lines(path, 1)).startswith(AVERAGES_BEGIN)
 
 
-def read_averages(path: Path, names: Sequence[str]) -> dict[str, Array]:
-    """Return columns of a file of averages by name.
+def read_averages(path: Path, *, with_camera: bool) -> Averages:
+    """Return the rows of a file of averages.
+
+    Args:
+        path: The file.
+        with_camera: Its camera's columns are needed too; else `velocity` is NaN.
 
     Raises:
         LogError: The file cannot be read, a column is missing, or a cell holds no number.
     """
     fix = "fetch the file again"
     table = read_csv(path, delimiter=";")
-    table.require(names, fix)
+    groups = (COMMANDS, SPEEDS, CURRENTS, *((STEPS,) if with_camera else ()))
+    table.require([name for names in groups for name in names], fix)
     table.check_shape(fix)
-    return {name: table.numbers(name, fix=fix, is_needed=True) for name in names}
+    command, rpm, current_a, *steps = (
+        np.column_stack([table.numbers(name, fix=fix, is_needed=True) for name in names]) for names in groups
+    )
+    units = (1e-3, 1e-3, math.pi / 180.0)
+    wheel_rad_s = rpm * (math.tau / 60.0 / ROBOTINO_BOARD.gear_ratio)
+    velocity = steps[0] * units / AVERAGE_S if steps else np.full_like(command, np.nan)
+    return Averages(command * units, wheel_rad_s, current_a, velocity)
 
 
-def _counted(record: RobotinoRecord, name: str, unit: float, low: int, high: int) -> Times:
+def _counted(record: RobotinoTable, name: str, unit: float, low: int, high: int) -> Times:
     for motor in MOTORS:
         values = record.columns[f"m{motor}{name}"]
         outside = np.flatnonzero((values < low * unit) | (values > high * unit))

@@ -8,8 +8,8 @@ import numpy as np
 
 from rover_hil.gap.data.parameters import DATA
 from rover_hil.gap.data.problem import Group, group_runs, is_steady
-from rover_hil.gap.statistics.parameters import STATISTICS
-from rover_hil.gap.statistics.replicates import pooled_freedom
+from rover_hil.gap.noise.parameters import STATISTICS
+from rover_hil.gap.noise.replicates import pooled_freedom
 from sim_backends.models.interface import Array, DrivenModel, Machine, Model, Run
 
 SHOWN = 3

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from rover_hil.gap.machines.analysis import MachineFindings
-from rover_hil.gap.machines.next_run.proposal import Proposal
+from rover_hil.gap.decision.analysis import MachineFindings
+from rover_hil.gap.next_run.proposal import Proposal
 from rover_hil.gap.plan import Plan
 from rover_hil.gap.verdict import Verdict
 from sim_backends.models.interface import Model, Run

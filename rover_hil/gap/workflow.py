@@ -10,20 +10,20 @@ from rover_hil.gap.checks import missing_values, object_to
 from rover_hil.gap.data.observed_model import ObservedModel
 from rover_hil.gap.data.pieces import stable_pieces
 from rover_hil.gap.data.problem import is_steady, split_point
+from rover_hil.gap.decision.analysis import analyse_machine
+from rover_hil.gap.decision.base_trial import machine_bases, machine_trial
+from rover_hil.gap.decision.verdict import decide_machine
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.machines.analysis import analyse_machine
-from rover_hil.gap.machines.base_parameters import Trial, judged, with_base_parameters
-from rover_hil.gap.machines.base_trial import machine_bases, machine_trial
-from rover_hil.gap.machines.called.called_machine import CalledMachine, called_machine
-from rover_hil.gap.machines.called.steady import steady_machine
-from rover_hil.gap.machines.fits.released_fit import released_fit
-from rover_hil.gap.machines.next_run.allowed import Allowed
-from rover_hil.gap.machines.next_run.conditions import propose_conditions
-from rover_hil.gap.machines.next_run.planned import require_durations
-from rover_hil.gap.machines.next_run.proposal import propose_run
-from rover_hil.gap.machines.next_run.words import option_table, proposal_sentence
-from rover_hil.gap.machines.parameters import MACHINES
-from rover_hil.gap.machines.verdict import decide_machine
+from rover_hil.gap.fit.base_parameters import Trial, judged, with_base_parameters
+from rover_hil.gap.fit.called_machine import CalledMachine, called_machine
+from rover_hil.gap.fit.released_fit import released_fit
+from rover_hil.gap.fit.steady import steady_machine
+from rover_hil.gap.next_run.allowed import Allowed
+from rover_hil.gap.next_run.conditions import propose_conditions
+from rover_hil.gap.next_run.planned import require_durations
+from rover_hil.gap.next_run.proposal import propose_run
+from rover_hil.gap.next_run.words import option_table, proposal_sentence
+from rover_hil.gap.parameters import MACHINES
 from rover_hil.gap.plan import Plan, TooFewRunsError, make_plan, require_runs
 from rover_hil.gap.verdict import Answer, refuse
 from sim_backends.models.interface import Machine, Model, Run

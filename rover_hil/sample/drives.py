@@ -23,6 +23,7 @@ from rover_hil.ftrace.telemetry import NEEDED, RATES, SPEED
 from rover_hil.recording.reader import LogReader
 from rover_hil.run.driving import run_virtual
 from rover_hil.scomp.columns import WHEELS
+from rover_hil.scomp.files import TRUTH
 
 ROBOTINO_S = 16.0
 MM_PER_PX = 1.84
@@ -69,7 +70,6 @@ DRIVE_S = 100.0
 DRIVE_POINTS_M = ((2.0, 0.0), (4.0, 1.5), (6.0, 0.5))
 DRIVE_NAMES = ("position_rad", "heading_rad", "gyro_z_rad_s", "pitch_rad", "roll_rad")
 DRIVE_COLUMNS = (*WHEELS, "heading_deg", "yaw_rate_deg_s", "pitch_deg", "roll_deg")
-TRUTH_COLUMNS = ("t_s", "x_m", "y_m", "yaw_rad")
 FRAMES_S = 14.0
 
 
@@ -152,7 +152,7 @@ def write_drive(folder: Path) -> None:
     _write(folder / "drive.csv", {name: table[name] for name in ("t_s", *DRIVE_COLUMNS)})
     true = drive.true_poses()
     columns = (drive.seconds(true.t_ns), true.x_m, true.y_m, true.yaw_rad)
-    _write(folder / "tracker.csv", dict(zip(TRUTH_COLUMNS, columns, strict=True)))
+    _write(folder / "tracker.csv", dict(zip(TRUTH, columns, strict=True)))
 
 
 def write_frames(folder: Path) -> None:

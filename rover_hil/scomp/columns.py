@@ -1,4 +1,4 @@
-"""Turn the columns of a recorded drive into a `DriveRows`, for any set of sensors."""
+"""Turn the columns of a recorded drive into a `SensorRows`, for any set of sensors."""
 
 from collections.abc import Mapping
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.errors import LogError
 from rover_hil.drives.arrays import Array
-from rover_hil.scomp.drive import DriveRows
+from rover_hil.scomp.drive import SensorRows
 
 WHEELS = ("position1_rad", "position2_rad", "position3_rad", "position4_rad")
 """Front left, front right, rear left, rear right; the order matters without a gyro only."""
@@ -31,7 +31,7 @@ LONGEST_FILLED_S = 1.0
 LARGEST_ENCODER_DIFFERENCE = 0.3
 
 
-def drive_of(columns: Mapping[str, Array], where: str) -> tuple[DriveRows, list[str]]:
+def drive_of(columns: Mapping[str, Array], where: str) -> tuple[SensorRows, list[str]]:
     """Return the drive, and a sentence for each change to the data.
 
     Args:
@@ -49,7 +49,7 @@ def drive_of(columns: Mapping[str, Array], where: str) -> tuple[DriveRows, list[
     right = [turned[name] for name in turned if name not in LEFT]
     difference = np.zeros_like(t_s) if not (left and right) else 0.5 * (_mean(right) - _mean(left))
     fix = [columns[name] for name in FIXES if name in columns]
-    drive = DriveRows(
+    drive = SensorRows(
         t_s=t_s,
         wheel_rad=_mean(list(turned.values())),
         wheel_yaw_rad=difference,

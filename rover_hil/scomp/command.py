@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from controllers.slip.scomp.parameters import ScompParameters
+from controllers.slip.scomp.settings import ScompSettings
 from rover_hil.console.exit_codes import EXIT_OK
 from rover_hil.console.json_text import print_json
 from rover_hil.console.options import DriveArgument, ForceOption, JsonOption, out_option
@@ -15,7 +16,7 @@ from rover_hil.console.steps import show_progress
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
-from rover_hil.scomp.files import ReadDrive, read_drive, read_parameters, track_text
+from rover_hil.scomp.files import geometry_of, read_parameters, read_rows, track_text
 from rover_hil.scomp.odometry import Result, estimate_track, sensor_noise
 from rover_hil.scomp.replayed import replay_track
 from rover_hil.scomp.summary import summary_of
@@ -42,8 +43,10 @@ def run_scomp(
     """
     check_file(out, force=force)
     given = None if params is None else read_parameters(params)
-    replayed = None if log.suffix != ".mcap" else _replay(LogReader(log), given, online=online)
-    result, notes = replayed or _by_columns(log, given, online=online)
+    if log.suffix == ".mcap":
+        result, notes = _replay(LogReader(log), given, online=online)
+    else:
+        result, notes = _by_columns(log, given, online=online)
     write_file(out, track_text(result.track))
     notes += result.notes
     summary = summary_of(result)
@@ -54,19 +57,18 @@ def run_scomp(
     return EXIT_OK
 
 
-def _replay(
-    log: LogReader, given: ScompParameters | None, *, online: bool
-) -> tuple[Result, list[str]] | None:
-    """Return the path of a log by the estimator that drove, and notes; None where that was without sComp."""
+def _replay(log: LogReader, given: ScompParameters | None, *, online: bool) -> tuple[Result, list[str]]:
+    """Return the path of a log, replayed with sComp, and notes."""
     with restore_config(log) as logged:
-        if logged.scomp is None:
-            return None
-        config, notes = logged, []
-        if given is None:
+        config, notes, parameters, rover = logged, list[str](), given, geometry_of(logged, log.path)
+        if parameters is None and logged.scomp is None:
+            parameters = ScompParameters(rover=rover)
+            notes.append("no --params: lunar soil simulant is assumed")
+        if parameters is None:
             notes.append("no --params: those of [scomp] and [filter] in the log are used")
         else:
-            scomp = logged.scomp.model_copy(update={"parameters": given})
-            config = logged.model_copy(update={"scomp": scomp, "filter": sensor_noise(given)})
+            scomp = (logged.scomp or ScompSettings()).model_copy(update={"parameters": parameters})
+            config = logged.model_copy(update={"scomp": scomp, "filter": sensor_noise(parameters)})
         with show_progress() as progress:
             task = progress.add_task("replaying", total=log.path.stat().st_size)
             update = partial(progress.update, task)
@@ -74,31 +76,20 @@ def _replay(
         return result, notes
 
 
-def _by_columns(log: Path, given: ScompParameters | None, *, online: bool) -> tuple[Result, list[str]]:
-    """Return the path of a table, or of a log without sComp, by its columns; and notes."""
-    source = read_drive(log)
-    notes = list(source.notes)
-    parameters = given
-    if parameters is None:
-        parameters, note = _parameters_of(source)
-        notes.append(f"no --params: {note}")
+def _by_columns(table: Path, given: ScompParameters | None, *, online: bool) -> tuple[Result, list[str]]:
+    """Return the path of a table by its columns, and notes."""
+    rows, notes = read_rows(table)
+    if given is None:
+        notes.append("no --params: lunar soil simulant and the rover of the paper are assumed")
     with show_progress() as progress:
-        task = progress.add_task("estimating", total=len(source.drive.t_s))
+        task = progress.add_task("estimating", total=len(rows.t_s))
         result = estimate_track(
-            source.drive,
-            parameters,
-            lambda rows: progress.update(task, completed=rows),
+            rows,
+            given or ScompParameters(),
+            lambda count: progress.update(task, completed=count),
             online=online,
         )
     return result, notes
-
-
-def _parameters_of(source: ReadDrive) -> tuple[ScompParameters, str]:
-    """Return the parameters for a drive without any given, and what they are."""
-    parameters = ScompParameters()
-    if source.rover is not None:
-        parameters = parameters.model_copy(update={"rover": source.rover})
-    return parameters, "lunar soil simulant and the rover of the paper are assumed"
 
 
 def _print(summary: Mapping[str, float], notes: Sequence[str]) -> None:

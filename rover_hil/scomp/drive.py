@@ -1,15 +1,16 @@
-"""A recorded drive, its true path, and the estimated track."""
+"""The rows of a drive as sComp reads them, and the estimated path."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from rover_hil.drives.arrays import Array
+from rover_hil.drives.ground_truth import TruePoses
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DriveRows:
-    """A recorded drive; n rows. NaN means no new reading, None no such sensor.
+class SensorRows:
+    """Readings of a drive; n rows. NaN means no new reading, None no such sensor.
 
     Attributes:
         t_s: Increasing times, shape (n,) as all other arrays.
@@ -23,7 +24,6 @@ class DriveRows:
         steering_rad: Mean steering angle of the wheels, counter-clockwise, without NaN; None for wheels that
             do not steer.
         fix_m: Absolute positions in the frame of the pose at start, shape (n, 2).
-        fix_sd_m: Their standard deviation.
     """
 
     t_s: Array
@@ -36,7 +36,6 @@ class DriveRows:
     trace_rad: Array | None = None
     steering_rad: Array | None = None
     fix_m: Array | None = None
-    fix_sd_m: float = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,17 +59,7 @@ class Track:
     sigma_y_m: Array
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TruePath:
-    """True path: position in m and unwrapped heading in rad over time."""
-
-    t_s: Array
-    x_m: Array
-    y_m: Array
-    yaw_rad: Array
-
-
-def final_error_m(track: Track, truth: TruePath) -> float:
+def final_error_m(track: Track, truth: TruePoses) -> float:
     """Return the distance between the two ends, eq 18, both paths counted from their own start position."""
     end = min(float(track.t_s[-1]), float(truth.t_s[-1]))
     start = max(float(track.t_s[0]), float(truth.t_s[0]))

@@ -1,7 +1,7 @@
 """Path of a recorded drive by the estimator that drives, smoothed backwards."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -11,15 +11,15 @@ from controllers.estimation.filter.guarded_filter import FilterStep, Innovation
 from controllers.estimation.filter.state_layout import YAW, StateLayout, X, Y
 from controllers.estimation.settings import FilterSettings
 from controllers.motion.planar import wrap_angle
-from controllers.slip.scomp.motion_model import FIRST, SECOND, Tilt
+from controllers.slip.scomp.motion_model import FIRST, SECOND, MotionModel, Tilt
 from controllers.slip.scomp.parameters import ScompParameters
 from controllers.slip.scomp.states import ScompStates
 from drivers.errors import ModelError
 from drivers.samples import HeadingReference
 from rover_hil.drives.arrays import Array
-from rover_hil.scomp.drive import DriveRows, Track
+from rover_hil.scomp.drive import SensorRows, Track
 from rover_hil.scomp.recorded_samples import COMPASS, RecordedSamples, recorded_estimator
-from rover_hil.scomp.smoother import smooth
+from rover_hil.scomp.smoother import Estimate, smooth
 
 Source = tuple[str, HeadingReference]
 """Device and reference of headings."""
@@ -44,15 +44,26 @@ class Result:
     notes: tuple[str, ...] = field(default=())
 
 
-class _Row(NamedTuple):
-    """What a row of the drive leaves: the number of steps of the filter so far, and the tilt."""
+class Row(NamedTuple):
+    """What a time of the drive leaves.
 
+    Attributes:
+        t_s: The time.
+        steps: Number of steps of the filter before the newest one.
+        tilt: Of the rover.
+        steering_rad: Mean steering angle.
+        is_turning: Whether a wheel has turned since the row before.
+    """
+
+    t_s: float
     steps: int
     tilt: Tilt
+    steering_rad: float
+    is_turning: bool
 
 
 def estimate_track(
-    drive: DriveRows,
+    drive: SensorRows,
     parameters: ScompParameters,
     progress: Callable[[int], None] = lambda _: None,
     *,
@@ -81,18 +92,22 @@ def estimate_track(
     samples = RecordedSamples(drive, parameters, start_rad)
     estimator = recorded_estimator(samples, parameters, sensor_noise(parameters), states)
     steps = estimator.pose_filter.keep_steps()
-    rows: list[_Row] = []
+    turns = np.diff(drive.wheel_rad, prepend=2.0 * drive.wheel_rad[0] - drive.wheel_rad[1]) != 0.0
+    rows: list[Row] = []
     innovations: list[Innovation] = []
     for index in range(len(drive.t_s)):
         for sample in samples.of_row(index):
             estimator.take(sample, sample.t_ns)
         innovations += estimator.advance(samples.t_ns(index))
-        rows.append(_Row(len(steps) - 1, states.tilt))
+        steering_rad = 0.0 if drive.steering_rad is None else float(drive.steering_rad[index])
+        rows.append(
+            Row(float(drive.t_s[index]), len(steps) - 1, states.tilt, steering_rad, bool(turns[index]))
+        )
         if index % 200 == 0:
             progress(index)
     layout = estimator.pose_filter.layout
     estimates = [step.estimate for step in steps] if online else smooth(steps, layout.angles)
-    track = _track(drive, states, layout, [(estimates[row.steps], row.tilt) for row in rows])
+    track = path_of(rows, [(0, estimates)], states.model, layout)
     if start_rad is not None:
         source = (COMPASS, HeadingReference.MAGNETIC)
         track = _turned(track, *_start_by_compass(parameters, layout, steps[-1], start_rad, source))
@@ -123,25 +138,37 @@ def sensor_noise(parameters: ScompParameters) -> FilterSettings:
     )
 
 
-def _track(
-    drive: DriveRows,
-    states: ScompStates,
+def path_of(
+    rows: Sequence[Row],
+    blocks: Iterable[tuple[int, Sequence[Estimate]]],
+    model: MotionModel,
     layout: StateLayout,
-    rows: Sequence[tuple[tuple[Array, Array], Tilt]],
 ) -> Track:
-    estimates = np.array([state for (state, _), _ in rows])
-    variances = np.array([np.diag(covariance)[:2] for (_, covariance), _ in rows])
-    model = states.model
-    slips = [model.slip(state[layout.block], tilt) for (state, _), tilt in rows]
-    drifts = [model.drift(state[layout.block], tilt) for (state, _), tilt in rows]
-    turns = np.diff(drive.wheel_rad, prepend=2.0 * drive.wheel_rad[0] - drive.wheel_rad[1]) != 0.0
+    """Return a path.
+
+    Args:
+        rows: In the order of their times.
+        blocks: Estimates of the steps of the filter, the newest block first, each with the number of its
+            first step.
+        model: Of the slip.
+        layout: Of the states.
+    """
+    states, variances = np.zeros((len(rows), layout.size)), np.zeros((len(rows), 2))
+    unread = len(rows)
+    for first, estimates in blocks:
+        while unread and rows[unread - 1].steps >= first:
+            unread -= 1
+            state, covariance = estimates[rows[unread].steps - first]
+            states[unread], variances[unread] = state, np.diag(covariance)[:2]
+    slips = [model.slip(state[layout.block], row.tilt) for state, row in zip(states, rows, strict=True)]
+    drifts = [model.drift(state[layout.block], row.tilt) for state, row in zip(states, rows, strict=True)]
     return Track(
-        t_s=drive.t_s,
-        x_m=estimates[:, X],
-        y_m=estimates[:, Y],
-        heading_rad=np.unwrap(estimates[:, YAW]),
-        slip=np.where(turns, slips, 0.0),
-        slip_angle_rad=np.array(drifts) + (0.0 if drive.steering_rad is None else drive.steering_rad),
+        t_s=np.array([row.t_s for row in rows]),
+        x_m=states[:, X],
+        y_m=states[:, Y],
+        heading_rad=np.unwrap(states[:, YAW]),
+        slip=np.where([row.is_turning for row in rows], slips, 0.0),
+        slip_angle_rad=np.array(drifts) + np.array([row.steering_rad for row in rows]),
         sigma_x_m=np.sqrt(variances[:, 0]),
         sigma_y_m=np.sqrt(variances[:, 1]),
     )
@@ -218,7 +245,7 @@ def _turned(track: Track, start_rad: float, sd_rad: float) -> Track:
     )
 
 
-def start_heading(drive: DriveRows, parameters: ScompParameters) -> tuple[float | None, tuple[str, ...]]:
+def start_heading(drive: SensorRows, parameters: ScompParameters) -> tuple[float | None, tuple[str, ...]]:
     """Return the heading at start by the compass, and a note; None where the start defines the frame.
 
     The frame of the path is the pose at start, x ahead, unless the parameters are from a truth in another
@@ -234,7 +261,7 @@ def start_heading(drive: DriveRows, parameters: ScompParameters) -> tuple[float 
     return by_compass, (_start_note(by_compass),)
 
 
-def _missing(drive: DriveRows) -> list[str]:
+def _missing(drive: SensorRows) -> list[str]:
     """Return a note for each missing sensor, with its replacement."""
     notes: list[str] = []
     if drive.gyro_rad_s is None and drive.compass_rad is None:
@@ -255,7 +282,7 @@ def _missing(drive: DriveRows) -> list[str]:
 
 
 def with_compass_sign(
-    drive: DriveRows, parameters: ScompParameters
+    drive: SensorRows, parameters: ScompParameters
 ) -> tuple[ScompParameters, tuple[str, ...]]:
     """Return the parameters with the sign of the compass, found by the gyro where it is unknown."""
     if parameters.compass.sign is not None or drive.compass_rad is None:
@@ -266,7 +293,7 @@ def with_compass_sign(
     return parameters.model_copy(update={"compass": compass}), notes
 
 
-def _turns_clockwise(drive: DriveRows, rate_rad_s: Array, readings_rad: Array) -> bool:
+def _turns_clockwise(drive: SensorRows, rate_rad_s: Array, readings_rad: Array) -> bool:
     """Return whether the negative compass agrees better with the gyro; constant drifts do not matter."""
     new = np.isfinite(readings_rad)
     steps = np.diff(drive.t_s, prepend=drive.t_s[0]) * rate_rad_s

@@ -28,12 +28,14 @@ from drivers.samples import (
     Sample,
     WheelSample,
 )
-from rover_hil.scomp.drive import DriveRows
+from rover_hil.scomp.drive import SensorRows
 
 WHEELS, GYRO, COMPASS, CAMERA, FIXES = "wheels", "gyro", "compass", "camera", "fixes"
 START_NS = nanoseconds(1.0)
 START_SD = 1e-3
 """Of the pose at the start in its own frame, m and rad."""
+FIX_SD_M = 0.05
+"""Of an absolute position in a table."""
 ROWS_OF_SILENCE = 1.5
 """A sensor is silent after so many of the drive's longest rows."""
 
@@ -64,7 +66,7 @@ class RecordedSamples:
         start_rad: Heading at the start in the frame of the fixes; None where it is along x.
     """
 
-    def __init__(self, drive: DriveRows, parameters: ScompParameters, start_rad: float | None) -> None:
+    def __init__(self, drive: SensorRows, parameters: ScompParameters, start_rad: float | None) -> None:
         self.drive = drive
         self.trace = RecordedTrace()
         self._compass_sign = parameters.compass.sign or 1
@@ -153,7 +155,7 @@ class RecordedSamples:
                 x_m=float(fix_m[0]),
                 y_m=float(fix_m[1]),
                 yaw_rad=0.0,
-                position_std_m=self.drive.fix_sd_m,
+                position_std_m=FIX_SD_M,
                 yaw_std_rad=UNKNOWN_YAW_STD_RAD,
             )
 

@@ -4,16 +4,12 @@ import math
 import tempfile
 from collections import Counter
 from collections.abc import Callable
-from typing import BinaryIO, NamedTuple
-
-import numpy as np
+from typing import BinaryIO
 
 from controllers.control_loop import StepOutput
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.pose_filter import PoseFilter
-from controllers.estimation.filter.state_layout import YAW, X, Y
 from controllers.motion.steering import mean_steering_rad
-from controllers.slip.scomp.motion_model import Tilt
 from controllers.slip.scomp.states import ScompStates
 from drivers.clock import seconds
 from drivers.errors import LogError
@@ -21,33 +17,14 @@ from drivers.samples import HeadingReference
 from rover_hil.config import Config
 from rover_hil.recording.reader import LogReader
 from rover_hil.run.replay import estimate_again
-from rover_hil.scomp.drive import Track
 from rover_hil.scomp.kept_steps import KeptSteps
-from rover_hil.scomp.odometry import Result, learnt_of, turned_by_compass
+from rover_hil.scomp.odometry import Result, Row, learnt_of, path_of, turned_by_compass
 
 LEAST_SHARE = 0.01
 """A reason that leaves the slip uncertain in a smaller share of the cycles is not reported."""
 
 KNOWN_RAD = 1.0
 """An offset of headings with a greater standard deviation was never measured."""
-
-
-class _Row(NamedTuple):
-    """What a cycle leaves.
-
-    Attributes:
-        t_s: Time of the wheel positions, since the start of the log.
-        steps: Number of steps of the filter before the newest one.
-        tilt: Of the rover.
-        steering_rad: Mean steering angle.
-        is_turning: Whether a wheel has turned since the row before.
-    """
-
-    t_s: float
-    steps: int
-    tilt: Tilt
-    steering_rad: float
-    is_turning: bool
 
 
 class _Cycles:
@@ -58,7 +35,7 @@ class _Cycles:
         self._filter: PoseFilter | None = None
         self._odometry: object = None
         self._steps: KeptSteps | None = None
-        self.rows: list[_Row] = []
+        self.rows: list[Row] = []
         self.innovations: list[Innovation] = []
         self.reasons: Counter[str] = Counter()
 
@@ -99,7 +76,7 @@ class _Cycles:
         self.reasons[output.scomp.reason] += 1
         odometry, self._odometry = self._odometry, output.odometry
         self.rows.append(
-            _Row(
+            Row(
                 t_s=t_s,
                 steps=len(self.steps) - 1,
                 tilt=self.states.tilt,
@@ -132,8 +109,9 @@ def replay_track(
             raise LogError(
                 f"log {log.path} has fewer than two cycles with wheel positions: give a longer log"
             )
-        track = _track(cycles, online=online)
-    layout, last = cycles.pose_filter.layout, cycles.steps.last
+        layout, last = cycles.pose_filter.layout, cycles.steps.last
+        blocks = cycles.steps.estimates(layout.angles, online=online)
+        track = path_of(cycles.rows, blocks, cycles.states.model, layout)
     notes = _notes(cycles.reasons)
     compass = _compass(config, cycles.pose_filter)
     if config.scomp is not None and compass is not None:
@@ -155,29 +133,6 @@ def _compass(config: Config, pose_filter: PoseFilter) -> tuple[str, HeadingRefer
             if device == name and covariance[index][index] < KNOWN_RAD**2:
                 return device, reference
     return None
-
-
-def _track(cycles: _Cycles, *, online: bool) -> Track:
-    layout, model, rows = cycles.pose_filter.layout, cycles.states.model, cycles.rows
-    states, variances = np.zeros((len(rows), layout.size)), np.zeros((len(rows), 2))
-    unread = len(rows)
-    for first, estimates in cycles.steps.estimates(layout.angles, online=online):
-        while unread and rows[unread - 1].steps >= first:
-            unread -= 1
-            state, covariance = estimates[rows[unread].steps - first]
-            states[unread], variances[unread] = state, np.diag(covariance)[:2]
-    slips = [model.slip(state[layout.block], row.tilt) for state, row in zip(states, rows, strict=True)]
-    drifts = [model.drift(state[layout.block], row.tilt) for state, row in zip(states, rows, strict=True)]
-    return Track(
-        t_s=np.array([row.t_s for row in rows]),
-        x_m=states[:, X],
-        y_m=states[:, Y],
-        heading_rad=np.unwrap(states[:, YAW]),
-        slip=np.where([row.is_turning for row in rows], slips, 0.0),
-        slip_angle_rad=np.array(drifts) + np.array([row.steering_rad for row in rows]),
-        sigma_x_m=np.sqrt(variances[:, 0]),
-        sigma_y_m=np.sqrt(variances[:, 1]),
-    )
 
 
 def _notes(reasons: Counter[str]) -> list[str]:

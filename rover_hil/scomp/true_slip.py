@@ -6,8 +6,9 @@ import numpy as np
 
 from drivers.errors import ModelError
 from rover_hil.drives.arrays import Array, in_body_frame
+from rover_hil.drives.ground_truth import TruePoses
 from rover_hil.drives.windows import Windows, body_steps
-from rover_hil.scomp.drive import DriveRows, TruePath
+from rover_hil.scomp.drive import SensorRows
 
 WINDOW_S = 2.0
 SLOWEST_RIM_M_S = 0.01
@@ -51,7 +52,7 @@ def smoothed(t_s: Array, values: Array, memory_s: float) -> Array:
     return result
 
 
-def cut(drive: DriveRows, truth: TruePath, wheel_radius_m: float) -> SlipWindows:
+def cut(drive: SensorRows, truth: TruePoses, wheel_radius_m: float) -> SlipWindows:
     """Divide a drive into windows of two seconds and compare its wheels with the truth.
 
     Raises:
@@ -100,7 +101,7 @@ class TrueVelocity:
     yaw_rate_rad_s: Array
 
 
-def true_velocity(truth: TruePath, t_s: Array) -> TrueVelocity:
+def true_velocity(truth: TruePoses, t_s: Array) -> TrueVelocity:
     """Return the true motion at times, from parabolas through three seconds of the truth around each."""
     # Imported here because scipy takes a second that `--help` must not cost.
     from scipy.signal import savgol_filter

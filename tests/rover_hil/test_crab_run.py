@@ -8,6 +8,7 @@ import pytest
 
 from drivers.errors import ConfigError
 from rover_hil.config import Config, load_config
+from rover_hil.drives.drive import read_drive
 from rover_hil.recording.reader import LogReader
 from rover_hil.report.read_run import read_run
 from rover_hil.report.summary import Summary, summarise
@@ -16,7 +17,7 @@ from rover_hil.report.write import write_report
 from rover_hil.run.checks import VIRTUAL_RUN_CHECKS
 from rover_hil.run.driving import run_virtual
 from rover_hil.run.executive import End
-from rover_hil.scomp.files import read_drive
+from rover_hil.scomp.files import log_rows
 from rover_hil.scomp.odometry import estimate_track
 from tests.rover_hil.test_virtual_run import records, replay_file
 
@@ -116,11 +117,11 @@ def test_with_the_camera_the_trace_gives_the_slip_angle(tmp_path: Path) -> None:
 
 
 def test_the_recorded_drive_is_corrected_with_its_steering(log: Path) -> None:
-    source = read_drive(log)
-    assert source.drive.steering_rad is not None
+    rows, _ = log_rows(read_drive(log, with_traces=True))
+    assert rows.steering_rad is not None
     config = load_config("el-dorado-crab")
     assert config.scomp is not None
-    track = estimate_track(source.drive, config.scomp.parameters).track
+    track = estimate_track(rows, config.scomp.parameters).track
     truth = read_run(log).truth
     assert truth is not None
     end_m = np.hypot(track.x_m[-1] - truth.x_m[-1], track.y_m[-1] - truth.y_m[-1])

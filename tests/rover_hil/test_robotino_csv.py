@@ -13,7 +13,7 @@ from drivers.robotino_board.codec import RobotinoBoardCodec, parse_reply
 from drivers.robotino_board.scales import scales
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from drivers.samples import BumperSample, WheelSample
-from rover_hil.drives.formats.robotino_csv import START_NS, RobotinoRun, read_run
+from rover_hil.drives.formats.robotino_csv import START_NS, BoardRow, read_run
 
 BOARD = RobotinoBoardSettings(type="robotino_board", port="p")
 SCALES = scales(BOARD)
@@ -42,9 +42,9 @@ def with_cell(row: int, column: str, cell: str) -> tuple[str, ...]:
     return (*ROWS[:row], ";".join(cells), *ROWS[row + 1 :])
 
 
-def decoded_wheels(run: RobotinoRun) -> list[WheelSample]:
+def decoded_wheels(run: list[BoardRow]) -> list[WheelSample]:
     codec = RobotinoBoardCodec("board", BOARD)
-    samples = [sample for row in run.rows for sample in codec.decode(Received(row.t_ns, row.reply_frame))]
+    samples = [sample for row in run for sample in codec.decode(Received(row.t_ns, row.reply_frame))]
     assert not [sample for sample in samples if isinstance(sample, Rejection)]
     assert {type(sample) for sample in samples} == {WheelSample, BumperSample}
     return [sample for sample in samples if isinstance(sample, WheelSample)]
@@ -59,27 +59,26 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
 
 def test_rows_carry_what_the_file_says(tmp_path: Path) -> None:
     run = read_run(write_run(tmp_path / "run.csv"), 2.0)
-    assert run.path == tmp_path / "run.csv"
-    first, second, third = run.rows
-    assert [row.t_ns for row in run.rows] == [START_NS + 9_800, START_NS + 31_500_000, START_NS + 62_700_000]
+    first, second, third = run
+    assert [row.t_ns for row in run] == [START_NS + 9_800, START_NS + 31_500_000, START_NS + 62_700_000]
     assert second.set_speed_rad_s == pytest.approx((-34.641 / 16, 0.0, 34.641 / 16))
     reply = parse_reply(second.reply_frame)
     assert reply.ticks == (-131, 1, 125)
     assert reply.speed_steps == (-6, 0, 9)
     assert reply.current_raw == (176, 4, 36)
     assert reply.time_ms == 32
-    assert [row.truth_is_new for row in run.rows] == [True, False, True]
-    assert (first.truth_x_m, first.truth_y_m) == pytest.approx((1.001, -1.6005))
-    assert (third.truth_x_m, third.truth_y_m) == pytest.approx((1.002, -1.596))
-    assert first.truth_yaw_rad == pytest.approx(math.radians(359 + 90))
-    assert third.truth_yaw_rad == pytest.approx(math.radians(362 + 90))
+    assert [row.truth["is_new"] for row in run] == [True, False, True]
+    assert (first.truth["x_m"], first.truth["y_m"]) == pytest.approx((1.001, -1.6005))
+    assert (third.truth["x_m"], third.truth["y_m"]) == pytest.approx((1.002, -1.596))
+    assert first.truth["yaw_rad"] == pytest.approx(math.radians(359 + 90))
+    assert third.truth["yaw_rad"] == pytest.approx(math.radians(362 + 90))
 
 
 def test_packed_file_gives_the_same_rows(tmp_path: Path) -> None:
     plain = write_run(tmp_path / "run.csv")
     packed = tmp_path / "run.csv.gz"
     packed.write_bytes(gzip.compress(plain.read_bytes()))
-    assert read_run(packed, 2.0).rows == read_run(plain, 2.0).rows
+    assert read_run(packed, 2.0) == read_run(plain, 2.0)
 
 
 @pytest.mark.parametrize(
@@ -164,11 +163,11 @@ def test_measured_runs_survive_the_wire(shared_data: Path, surface: str) -> None
             assert currents == pytest.approx(columns[f"m{motor + 1}cur"], abs=1e-5)
 
 
-def encoder_path(run: RobotinoRun) -> complex:
+def encoder_path(run: list[BoardRow]) -> complex:
     """Add up the encoders' steps in the camera's frame, x + iy in metres, on true headings."""
     angles = np.array([sample.position_rad for sample in decoded_wheels(run)], dtype=float).reshape(-1, 3)
     v1, v2, v3 = 0.040 * np.diff(angles, axis=0).T
-    yaws = np.array([(old.truth_yaw_rad + new.truth_yaw_rad) / 2 for old, new in pairwise(run.rows)])
+    yaws = np.array([(old.truth["yaw_rad"] + new.truth["yaw_rad"]) / 2 for old, new in pairwise(run)])
     steps = (v3 - v1) / math.sqrt(3) + 1j * (v1 + v3 - 2 * v2) / 3
     return complex(np.sum(steps * np.exp(1j * yaws)))
 
@@ -178,8 +177,8 @@ def test_camera_frame_agrees_with_the_encoders(shared_data: Path, surface: str, 
     folder = shared_data / "robotino_2023" / "one_surface_type" / surface
     for path in sorted(folder.glob("*.csv.gz"))[::4]:
         run = read_run(path, 1.84)
-        start, end = run.rows[0], run.rows[-1]
-        seen = complex(end.truth_x_m - start.truth_x_m, end.truth_y_m - start.truth_y_m)
+        start, end = run[0], run[-1]
+        seen = complex(end.truth["x_m"] - start.truth["x_m"], end.truth["y_m"] - start.truth["y_m"])
         ratio = seen / encoder_path(run)
         assert 0.7 < abs(ratio) < 1.0
         assert abs(math.degrees(np.angle(ratio))) < tolerance_deg
@@ -193,6 +192,6 @@ def test_camera_yaw_turns_with_the_encoders(shared_data: Path) -> None:
         wheels = decoded_wheels(run)
         turned = [(last.position_rad or 0.0) for last in wheels[-3:]]
         by_encoders.append(0.040 * sum(turned) / 3 / 0.125)
-        by_camera.append(run.rows[-1].truth_yaw_rad - run.rows[0].truth_yaw_rad)
+        by_camera.append(run[-1].truth["yaw_rad"] - run[0].truth["yaw_rad"])
     slope, _ = np.polyfit(by_encoders, by_camera, 1)
     assert slope == pytest.approx(1.01, abs=0.03)

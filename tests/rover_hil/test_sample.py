@@ -84,12 +84,12 @@ def test_the_slope_differs_from_the_model_as_it_says(command: Command, tmp_path:
 def test_the_robotino_file_is_the_drive_it_was_made_from(command: Command, tmp_path: Path) -> None:
     assert command("sample", "robotino") == 0
     run = read_run(tmp_path / "exp00.csv", MM_PER_PX)
-    first, last = run.rows[0], run.rows[-1]
+    first, last = run[0], run[-1]
     # It drives to (1.5, 0.6) m with its nose ahead.
-    x_m, y_m = last.truth_x_m - first.truth_x_m, last.truth_y_m - first.truth_y_m
+    x_m, y_m = last.truth["x_m"] - first.truth["x_m"], last.truth["y_m"] - first.truth["y_m"]
     assert np.degrees(np.arctan2(y_m, x_m)) == pytest.approx(21.8, abs=3.0)
     assert 0.5 < np.hypot(x_m, y_m) < 1.7
-    assert first.truth_yaw_rad == pytest.approx(0.0, abs=0.02)
+    assert first.truth["yaw_rad"] == pytest.approx(0.0, abs=0.02)
     assert command("import", "robotino", "exp00.csv", "-o", "exp00.mcap") == 0
     drive = read_drive(tmp_path / "exp00.mcap")
     turned = [drive.channels[f"position{wheel}_rad"].value for wheel in (1, 2, 3)]

@@ -17,9 +17,8 @@ from rover_hil.identify.scomp.pictures import model_pictures
 from rover_hil.pages.atomic_write import write_file
 from rover_hil.scomp.columns import drive_of
 from rover_hil.scomp.command import run_scomp
-from rover_hil.scomp.drive import DriveRows
-from rover_hil.scomp.files import COLUMNS, parameters_text, read_drive, read_parameters
-from rover_hil.scomp.read_csv import read_truth
+from rover_hil.scomp.drive import SensorRows
+from rover_hil.scomp.files import COLUMNS, parameters_text, read_parameters, read_rows, read_truth
 from tests.controllers.scomp.drives import mounds, sideways
 
 Columns = dict[str, np.ndarray]
@@ -150,8 +149,7 @@ def test_empty_cells_stand_for_nothing_new(tmp_path: Path) -> None:
     text += "0,0,,,,,good\n1,1,350,,5,True,good\n2,2,,2,6,False,good\n3,3,10,,7,true,bad\n"
     path = tmp_path / "holes.csv"
     path.write_text(text)
-    source = read_drive(path)
-    drive = source.drive
+    drive, notes = read_rows(path)
     assert drive.compass_rad is not None
     assert np.degrees(drive.compass_rad[[1, 3]]) == pytest.approx([350.0, 370.0])
     assert np.isnan(drive.compass_rad[[0, 2]]).all()
@@ -159,7 +157,7 @@ def test_empty_cells_stand_for_nothing_new(tmp_path: Path) -> None:
     assert drive.trace_rad is not None
     assert np.isfinite(drive.trace_rad).tolist() == [False, True, False, True]
     assert drive.gyro_rad_s is None
-    assert any("mood" in note for note in source.notes)
+    assert any("mood" in note for note in notes)
 
 
 def test_a_repeated_compass_reading_is_no_new_one() -> None:
@@ -185,7 +183,7 @@ def test_a_long_gap_of_a_sensor_is_reported(first: int, last: int) -> None:
     assert not [note for note in drive_of(columns, "gappy")[1] if "no data" in note]
 
 
-def wheels(*ends: float) -> tuple[DriveRows, list[str]]:
+def wheels(*ends: float) -> tuple[SensorRows, list[str]]:
     columns = {"t_s": np.arange(3.0)}
     columns |= {f"position{i + 1}_rad": np.linspace(5.0, 5.0 + end, 3) for i, end in enumerate(ends)}
     return drive_of(columns, "wheels")
@@ -225,7 +223,7 @@ def test_bad_logs(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "bad.csv"
     path.write_text(text)
     with pytest.raises(LogError, match=message):
-        read_drive(path)
+        read_rows(path)
     out = tmp_path / "path.csv"
     with pytest.raises(LogError):
         run_scomp(path, params=None, out=out, online=False, as_json=False)
@@ -234,9 +232,9 @@ def test_bad_logs(tmp_path: Path, text: str, message: str) -> None:
 
 def test_missing_files(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="cannot read"):
-        read_drive(tmp_path / "none.csv")
+        read_rows(tmp_path / "none.csv")
     with pytest.raises(LogError, match="cannot read"):
-        read_drive(tmp_path / "none.mcap")
+        read_rows(tmp_path / "none.mcap")
     with pytest.raises(ConfigError, match="cannot read parameter file"):
         read_parameters(tmp_path / "none.toml")
 
@@ -245,7 +243,10 @@ def test_missing_files(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("t_s,x_m,y_m\n0,0,0\n1,1,1\n", "no column 'yaw_rad'"),
-        ("t_s,x_m,y_m,yaw_rad\n0,0,0,0\n1,,1,0\n", "line 3, column 'x_m' holds no finite"),
+        (
+            "t_s,x_m,y_m,yaw_rad\n0,0,0,0\n1,,1,0\n",
+            "line 3, column 'x_m': '' is not a number: write a number or leave the row out",
+        ),
         ("t_s,x_m,y_m,yaw_rad\n1,0,0,0\n0,1,1,0\n", "time does not increase"),
     ],
 )

@@ -3,22 +3,19 @@
 import json
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import ConfigError, LogError
 from drivers.samples import AttitudeSample, PoseFixSample, RateSample, Sample, WheelSample
 from rover_hil.config import Config, load_config
+from rover_hil.drives.drive import read_drive
 from rover_hil.identify.scomp.command import identify_scomp
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.writer import LogWriter
-from rover_hil.scomp.files import read_drive
-from rover_hil.scomp.odometry import estimate_track
-from rover_hil.scomp.read_log import log_truth
+from rover_hil.scomp.files import log_truth
 from tests.rover_hil.test_overhead_run import CAMERA
 
 START_NS = 1_000_000_000
@@ -104,10 +101,8 @@ def test_pose_fixes_are_the_truth_of_a_real_drive(tmp_path: Path, capsys: pytest
 
 
 def test_fixes_are_turned_into_the_frame_of_the_start(tmp_path: Path) -> None:
-    recorded = read_drive(write_drive(tmp_path / "run.mcap")).recorded
-    assert recorded is not None
-    truth, source = log_truth(recorded)
-    assert source == "pose fixes of 'overhead'"
+    truth = log_truth(read_drive(write_drive(tmp_path / "run.mcap")))
+    assert truth.source == "pose fixes of 'overhead'"
     assert (truth.x_m[0], truth.y_m[0], truth.yaw_rad[0]) == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
     assert truth.x_m[-1] > 2.5
     assert abs(truth.y_m[-1]) < 0.02
@@ -130,19 +125,3 @@ def test_a_log_without_truth_and_a_table_without_one_are_refused(tmp_path: Path)
     table.write_text("t_s,position1_rad\n0,0\n1,1\n", encoding="utf-8")
     with pytest.raises(ConfigError, match="is a CSV file: give its true path with --truth"):
         identify_scomp(table, truth=None, out=None, pictures=None, as_json=True)
-
-
-def test_pose_fixes_in_a_log_correct_its_path(tmp_path: Path) -> None:
-    source = read_drive(write_drive(tmp_path / "run.mcap"))
-    drive = source.drive
-    assert drive.fix_m is not None
-    seen = np.isfinite(drive.fix_m).all(axis=1)
-    true_m = np.cumsum([(1.0 - slip_at(t)) * RIM_M_S * PERIOD_S if t >= STANDS_S else 0.0 for t in drive.t_s])
-    assert drive.fix_m[seen, 0] == pytest.approx(true_m[seen], abs=0.03)
-    assert drive.fix_m[seen, 1] == pytest.approx(0.0, abs=0.05)
-    assert 0.003 < drive.fix_sd_m < 0.02
-    blind = estimate_track(replace(drive, fix_m=None), ScompParameters()).track
-    fixed = estimate_track(drive, ScompParameters()).track
-    assert abs(blind.x_m[-1] - true_m[-1]) > 0.1
-    assert abs(fixed.x_m[-1] - true_m[-1]) < 0.03
-    assert fixed.sigma_x_m[-1] < 0.5 * blind.sigma_x_m[-1]

@@ -9,16 +9,16 @@ import pytest
 
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import LogError
-from rover_hil.config import load_config
+from rover_hil.config import Config, load_config
 from rover_hil.drives.drive import read_drive
 from rover_hil.recording.data_files import collect_data_files, restore_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.writer import LogWriter
+from rover_hil.run.driving import run_virtual
 from rover_hil.scomp.command import run_scomp
 from rover_hil.scomp.drive import Track
-from rover_hil.scomp.files import parameters_text
+from rover_hil.scomp.files import log_truth, parameters_text
 from rover_hil.scomp.odometry import Result
-from rover_hil.scomp.read_log import log_truth
 from rover_hil.scomp.replayed import replay_track
 
 
@@ -52,7 +52,7 @@ def recorded(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 def off_m(track: Track, log: Path) -> np.ndarray:
     """Return the error of the position at the times of the ground truth."""
-    path, _ = log_truth(read_drive(log))
+    path = log_truth(read_drive(log))
     use = (path.t_s >= track.t_s[0]) & (path.t_s <= track.t_s[-1])
     t_s = path.t_s[use]
     x_m, y_m = np.interp(t_s, track.t_s, track.x_m), np.interp(t_s, track.t_s, track.y_m)
@@ -103,6 +103,32 @@ def test_without_parameters_those_of_the_log_are_used(
     note = "no --params: those of [scomp] and [filter] in the log are used"
     assert [note in each["notes"] for each in found] == [True, False]
     assert abs(found[0]["mean_slip"] - found[1]["mean_slip"]) > 0.005
+
+
+@pytest.mark.slow
+def test_a_rover_that_drove_without_scomp_is_replayed_with_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = load_config("el-dorado").model_dump(by_alias=True)
+    camera, table["roles"]["camera"], table["scomp"] = table["roles"]["camera"], None, None
+    table["roles"]["require_camera"] = False
+    for devices in (table["devices"], table["simulation"]["devices"]):
+        devices.pop(camera, None)
+    run_virtual(Config.model_validate(table), tmp_path / "run.mcap", 12.0, None)
+    assert run_scomp(tmp_path / "run.mcap", out=tmp_path / "path.csv", as_json=True) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert "no --params: lunar soil simulant is assumed" in found["notes"]
+    path = log_truth(read_drive(tmp_path / "run.mcap"))
+    assert abs(found["x_m"] - path.x_m[-1]) < 3.0 * found["sigma_x_m"]
+    assert found["mean_slip"] > 0.01
+
+
+@pytest.mark.parametrize("has_params", [False, True])
+def test_a_rover_with_three_wheels_is_refused(robotino_log: Path, tmp_path: Path, has_params: bool) -> None:
+    params = tmp_path / "sand.toml"
+    params.write_text(parameters_text(ScompParameters()), "utf-8")
+    with pytest.raises(LogError, match="sComp needs four wheels"):
+        run_scomp(robotino_log, params=params if has_params else None, out=tmp_path / "path.csv")
 
 
 def test_a_log_without_cycles_is_refused(tmp_path: Path) -> None:

@@ -2,14 +2,21 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from drivers.errors import ConfigError
-from rover_hil.gap.data.columns import DriveLog
-from rover_hil.gap.data.readers.four_wheel_drive import four_wheel_runs_of_log, read_four_wheel_runs
+from rover_hil.config import load_config
+from rover_hil.drives.drive import Drive
+from rover_hil.gap.data.readers.four_wheel_drive import (
+    four_wheel_run,
+    four_wheel_runs_of_log,
+    read_four_wheel_runs,
+)
 from rover_hil.gap.data.readers.robotino_drive import drive_runs_of_log, read_drive_runs
 from rover_hil.gap.data.stretches import stretches, windows_over
 from rover_hil.gap.verdict import Answer
@@ -229,11 +236,14 @@ def test_logs_without_truth_and_of_other_rovers_are_refused(tmp_path: Path) -> N
     write_table(tmp_path / "drive.csv", {"t_s": np.arange(50.0), **wheels})
     with pytest.raises(ConfigError, match="no truth in its folder"):
         read_four_wheel_runs(tmp_path)
-    log = DriveLog(name="drive", columns={}, kind="omni3")
-    with pytest.raises(ConfigError, match="four wheels"):
-        four_wheel_runs_of_log(log)
-    with pytest.raises(ConfigError, match="omnidirectional"):
-        drive_runs_of_log(replace(log, kind="skid_steer_4"))
+    robotino, el_dorado = (
+        cast("Drive", SimpleNamespace(name="drive", config=load_config(name)))
+        for name in ("robotino", "el-dorado")
+    )
+    with pytest.raises(ConfigError, match="of the kind omni3: use the log of four wheels"):
+        four_wheel_runs_of_log(robotino)
+    with pytest.raises(ConfigError, match="of the kind skid_steer_4: use the log of three omnidirectional"):
+        drive_runs_of_log(el_dorado)
 
 
 def test_wheels_that_are_logged_late_do_not_stop_when_the_log_does() -> None:
@@ -276,7 +286,7 @@ def test_ends_at_which_a_wheel_says_nothing_are_left_out() -> None:
     }
     columns |= {"x_m": np.multiply(0.01, steps), "y_m": np.zeros(count), "yaw_rad": np.zeros(count)}
     columns["position4_rad"][-3:] = np.nan
-    (run,) = four_wheel_runs_of_log(DriveLog(name="drive", columns=columns, kind="skid_steer_4"))
+    run = four_wheel_run("drive", columns, columns, {})
     assert np.isfinite(run.inputs["wheel_4_rad_s"]).all()
     assert run.inputs["t_s"][-1] < columns["t_s"][-4]
 

@@ -1,11 +1,14 @@
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from drivers.errors import ConfigError
-from rover_hil.gap.data.columns import DriveLog
+from rover_hil.config import load_config
+from rover_hil.drives.drive import Drive
 from rover_hil.gap.data.observed_model import ObservedModel
 from rover_hil.gap.data.readers.robotino_motor import motor_runs_of_log, read_motor_runs
 from rover_hil.gap.workflow import analyse
@@ -220,8 +223,14 @@ def test_a_log_makes_one_run_per_wheel() -> None:
             f"speed{wheel}_rad_s": np.full(count, 1.9),
             f"current{wheel}_a": np.full(count, 0.3 * wheel),
         }
-    log = DriveLog(name="drive", columns=columns, facts={"gear_ratio": 16.0, "speed_step_rad_s": 0.1767})
-    runs = motor_runs_of_log(log)
+    drive = SimpleNamespace(
+        name="drive",
+        config=load_config("robotino"),
+        clock="speed1_rad_s",
+        channels=columns,
+        table=lambda names, outside: columns,
+    )
+    runs = motor_runs_of_log(cast("Drive", drive))
     assert [run.name for run in runs] == ["drive wheel 1", "drive wheel 2"]
     assert runs[0].inputs["set_point_rad_s"][0] == pytest.approx(32.0)
     assert runs[0].inputs["others_current_a"][0] == pytest.approx(0.6)

@@ -46,10 +46,10 @@ def import_run(
     with unfinished(out) as part:
 
         def work(report: Report[tuple[int, int]]) -> int:
-            run = read_run(file, millimetres_per_pixel)
-            for count in write_run_as_log(run, config, part, with_estimate=not no_estimate):
-                report((count, len(run.rows)))
-            return len(run.rows)
+            rows = read_run(file, millimetres_per_pixel)
+            for count in write_run_as_log(rows, file.name, config, part, with_estimate=not no_estimate):
+                report((count, len(rows)))
+            return len(rows)
 
         rows = read_in_child(file, limits, work, _show_rows())
     if no_estimate:

@@ -2,20 +2,25 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Literal, NamedTuple, Protocol, TypeVar
 
 from controllers.control_loop import StepOutput
 from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.motion.planar import wrap_angle
 from controllers.operator import OperatorInput
+from drivers.camera.settings import CameraSettings
+from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.clock import NANOSECONDS_PER_SECOND, VirtualClock, nanoseconds
 from drivers.errors import LogError
 from drivers.link import Received
+from drivers.registry import AnyDeviceSettings
 from drivers.samples import PoseFixSample
-from rover_hil.config import Config
+from drivers.xsens.settings import XsensSettings
+from rover_hil.config import Config, RoleSettings
+from rover_hil.config.ros2_settings import Ros2Settings
 from rover_hil.drives.formats.imu_message import imu_bytes
 from rover_hil.drives.formats.oddities import Evidence, Oddity, merged, unseen
 from rover_hil.drives.formats.wheel_frames import wheel_frame
@@ -158,6 +163,52 @@ def write_drive(
         oddities = [asdict(oddity) for oddity in contents.oddities]
         is_path = not contents.used.keys().isdisjoint(PATHS)
         log.write_json(IMPORT, contents.end_ns, {"oddities": oddities, "computed_wheels": is_path})
+
+
+class InertialSensor(NamedTuple):
+    """What the inertial sensor of a recorded drive measures."""
+
+    has_rate: bool
+    has_heading: bool = False
+    heading_reference: Literal["magnetic", "true"] = "magnetic"
+
+
+def drive_config(
+    rover: Config,
+    source: str,
+    mapping: Path,
+    sensor: InertialSensor | None,
+    *,
+    has_fixes: bool,
+    cameras: Mapping[str, CameraSettings] | None = None,
+) -> Config:
+    """Return the configuration of a rover with the devices of a recorded drive, and nothing that moves it.
+
+    Args:
+        rover: Its own configuration.
+        source: Kind of the file, as the channel of the devices.
+        mapping: Of the frames of the wheels.
+        sensor: None without one.
+        has_fixes: Whether positions are measured.
+        cameras: By name.
+    """
+    devices: dict[str, AnyDeviceSettings] = {
+        WHEELS: CanWheelsSettings(
+            interface="virtual", channel=source, mapping=str(mapping), max_age_s=SILENT_S
+        )
+    }
+    if sensor is not None:
+        reference = sensor.heading_reference
+        devices[IMU] = XsensSettings(port=source, max_age_s=SILENT_S, heading_reference=reference)
+    roles = RoleSettings(
+        wheels=WHEELS,
+        gyro=IMU if sensor is not None and sensor.has_rate else None,
+        headings=(IMU,) if sensor is not None and sensor.has_heading else (),
+    )
+    ros2 = Ros2Settings(pose_fixes=True) if has_fixes else None
+    none = dict.fromkeys(("mission", "slip", "scomp", "simulation", "tune"))
+    devices |= cameras or {}
+    return rover.model_copy(update={"devices": devices, "roles": roles, "ros2": ros2, **none})
 
 
 def check_straight(kinematics: Kinematics, source: object) -> None:

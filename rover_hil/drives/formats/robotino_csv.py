@@ -1,7 +1,7 @@
 """Measured Robotino 2 runs as replies of their board, so that they can be replayed through its codec."""
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,44 +10,32 @@ from drivers.errors import ConfigError
 from drivers.robotino_board.codec import BoardReply, Counts, build_reply
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD
 from rover_hil.drives.robotino_csv import board_counts, camera_poses, read_record
+from rover_hil.recording.schema import TruthRecord
 
 LARGEST_MM_PER_PX = 1000.0
 START_NS = NANOSECONDS_PER_SECOND
 """Time given to t = 0 of a run: not zero, so that an unset time stamp cannot pass for a real one."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImportedRow:
+class BoardRow(NamedTuple):
     """One row of a measured run.
 
     Attributes:
-        t_ns: Time of the row; the run's t = 0 is `START_NS`.
+        t_ns: Its time; the run's t = 0 is `START_NS`.
         reply_frame: The board's reply with this row's ticks, speeds and currents. Battery and system current
             are 0, the bumper is free and the time count is the row's t: the file does not hold them.
         set_speed_rad_s: Setpoint of each wheel, at the wheel.
-        truth_x_m, truth_y_m, truth_yaw_rad: Pose by the overhead camera; its frame is described in
-            `rover_hil.drives.robotino_csv`.
-        truth_is_new: False when the camera's numbers are those of the row before.
+        truth: Pose by the overhead camera; its frame is described in `rover_hil.drives.robotino_csv`. Not new
+            where the camera's numbers are those of the row before.
     """
 
     t_ns: int
     reply_frame: bytes
     set_speed_rad_s: tuple[float, float, float]
-    truth_x_m: float
-    truth_y_m: float
-    truth_yaw_rad: float
-    truth_is_new: bool
+    truth: TruthRecord
 
 
-@dataclass(frozen=True, slots=True)
-class RobotinoRun:
-    """A measured run and the file it comes from."""
-
-    path: Path
-    rows: tuple[ImportedRow, ...]
-
-
-def read_run(path: Path, millimetres_per_pixel: float) -> RobotinoRun:
+def read_run(path: Path, millimetres_per_pixel: float) -> list[BoardRow]:
     """Read one run from a `.csv` or `.csv.gz` file.
 
     Args:
@@ -69,10 +57,10 @@ def read_run(path: Path, millimetres_per_pixel: float) -> RobotinoRun:
     m_per_px = millimetres_per_pixel / 1000.0
     set_speeds = record.of_motors("setvel") / ROBOTINO_BOARD.gear_ratio
     times_ms = record.columns["t"]
-    rows = zip(
+    columns = zip(
         (START_NS + np.round(times_ms * 1e6).astype(np.int64)).tolist(),
         np.round(times_ms).astype(np.int64).tolist(),
-        *(np.asarray(values).tolist() for values in counts),
+        zip(*(np.asarray(values).tolist() for values in counts), strict=True),
         set_speeds.tolist(),
         (camera.x_px * m_per_px).tolist(),
         (camera.y_px * m_per_px).tolist(),
@@ -80,21 +68,15 @@ def read_run(path: Path, millimetres_per_pixel: float) -> RobotinoRun:
         camera.is_new.tolist(),
         strict=True,
     )
-    return RobotinoRun(
-        path,
-        tuple(
-            ImportedRow(
-                t_ns=t_ns,
-                reply_frame=_reply_frame(t_ms, tuple(ticks), tuple(steps), tuple(currents)),
-                set_speed_rad_s=tuple(set_speed),
-                truth_x_m=x_m,
-                truth_y_m=y_m,
-                truth_yaw_rad=yaw_rad,
-                truth_is_new=is_new,
-            )
-            for t_ns, t_ms, ticks, steps, currents, set_speed, x_m, y_m, yaw_rad, is_new in rows
-        ),
-    )
+    return [
+        BoardRow(
+            t_ns,
+            _reply_frame(t_ms, *map(tuple, counted)),
+            tuple(set_speed),
+            {"t_ns": t_ns, "x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad, "is_new": is_new},
+        )
+        for t_ns, t_ms, counted, set_speed, x_m, y_m, yaw_rad, is_new in columns
+    ]
 
 
 def _reply_frame(t_ms: int, ticks: Counts, steps: Counts, currents: Counts) -> bytes:

@@ -1,15 +1,15 @@
 """Turn a measured run into a log: its bytes pass through the same codec as those of a live rover."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 from drivers.clock import VirtualClock
 from drivers.errors import ConfigError
 from drivers.link import Received
 from rover_hil.config import Config, RoleSettings
-from rover_hil.drives.formats.robotino_csv import RobotinoRun
+from rover_hil.drives.formats.robotino_csv import BoardRow
 from rover_hil.recording.data_files import collect_data_files
-from rover_hil.recording.schema import CYCLE, SET_POINT, TRUTH, TruthRecord
+from rover_hil.recording.schema import CYCLE, SET_POINT, TRUTH
 from rover_hil.recording.writer import LogWriter
 from rover_hil.run.composition import build_replay_rig
 
@@ -32,12 +32,13 @@ def observing_config(config: Config, devices: Collection[str] = ()) -> Config:
 
 
 def write_run_as_log(
-    run: RobotinoRun, config: Config, path: Path, *, with_estimate: bool = True
+    rows: Sequence[BoardRow], source: str, config: Config, path: Path, *, with_estimate: bool = True
 ) -> Iterator[int]:
-    """Write `run` to the log `path`, row by row; yields the number of rows written so far.
+    """Write a measured run to the log `path`, row by row; yields the number of rows written so far.
 
     Args:
-        run: The measured run.
+        rows: Of the run.
+        source: Name of its file.
         config: As `observing_config` returns it.
         path: The log; must not exist.
         with_estimate: Whether the loop runs; without it the log holds what the board sent, and its samples.
@@ -50,13 +51,13 @@ def write_run_as_log(
         raise ConfigError(
             f"roles.wheels is '{wheels}', not a robotino_board: a measured Robotino run needs one"
         )
-    clock = VirtualClock(run.rows[0].t_ns)
+    clock = VirtualClock(rows[0].t_ns)
     config_json = config.model_dump_json(by_alias=True).encode()
-    origin = f"imported from {run.path.name}"
-    with LogWriter(path, clock.now_ns(), config_json, collect_data_files(config), origin) as log:
+    files = collect_data_files(config)
+    with LogWriter(path, clock.now_ns(), config_json, files, f"imported from {source}") as log:
         rig, links = build_replay_rig(config, clock, log)
         rig.connect(timeout_s=0.0)
-        for count, row in enumerate(run.rows, start=1):
+        for count, row in enumerate(rows, start=1):
             clock.sleep_until(row.t_ns)
             links.bytes_links[wheels].feed(Received(row.t_ns, row.reply_frame))
             samples = rig.poll()
@@ -64,13 +65,6 @@ def write_run_as_log(
             if with_estimate:
                 log.estimate(rig.loop.step(row.t_ns, samples))
             log.write_json(SET_POINT, row.t_ns, {"speed_rad_s": row.set_speed_rad_s})
-            truth: TruthRecord = {
-                "t_ns": row.t_ns,
-                "x_m": row.truth_x_m,
-                "y_m": row.truth_y_m,
-                "yaw_rad": row.truth_yaw_rad,
-                "is_new": row.truth_is_new,
-            }
-            log.write_json(TRUTH, row.t_ns, truth)
+            log.write_json(TRUTH, row.t_ns, row.truth)
             log.write_json(CYCLE, row.t_ns, {"late_ns": 0, "work_ns": 0})
             yield count

@@ -15,10 +15,10 @@ from rover_hil.gap.checks import object_to, slower_channels
 from rover_hil.gap.data.cut import cut_runs, without_warm_up
 from rover_hil.gap.data.load import check_model, load_model, name_model_errors, read_runs
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.machines.model_checks.linter import LintReport, lint, require_changes
-from rover_hil.gap.machines.model_checks.model_trial import try_model
-from rover_hil.gap.machines.next_run.allowed import Allowed, read_allowed
-from rover_hil.gap.output.machines.extended_machine import extend_model
+from rover_hil.gap.model_checks.linter import LintReport, lint, require_changes
+from rover_hil.gap.model_checks.model_trial import try_model
+from rover_hil.gap.next_run.allowed import Allowed, read_allowed
+from rover_hil.gap.output.extended_machine import extend_model
 from rover_hil.gap.output.model_file import read_model_file
 from rover_hil.gap.output.results import (
     PLAN_NAME,

@@ -1,15 +1,16 @@
 """Measured series as named columns of tables and logs, and who reads them."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
 from drivers.errors import ConfigError
-from rover_hil.drives.column_names import with_present_names
-from rover_hil.drives.files.csv_table import CsvTable, read_csv
+from rover_hil.drives.column_names import read_named_table
+from rover_hil.drives.drive import Drive
+from rover_hil.drives.files.csv_table import CsvTable
 from sim_backends.models.interface import Array, Run
 
 Columns: TypeAlias = Mapping[str, Array]
@@ -17,33 +18,12 @@ Columns: TypeAlias = Mapping[str, Array]
 RUN_COLUMN = "run"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DriveLog:
-    """A recorded drive.
-
-    Attributes:
-        name: Its own among all.
-        columns: All of one length; NaN where there is no value. `t_s`; by wheel from 1 `position1_rad`,
-            `speed1_rad_s`, `set1_rad_s`, `current1_a`, `voltage1_v` (all at the wheel, current a magnitude
-            where its sign is unknown); `heading_deg`, `yaw_rate_deg_s`, `pitch_deg` (nose up), `roll_deg`
-            (left side up); the true pose `x_m`, `y_m`, `yaw_rad`.
-        facts: Constants of the rover: `wheel_radius_m`, `track_m`, `base_radius_m`, `gear_ratio`,
-            `speed_step_rad_s`, `current_step_a`, where known.
-        kind: Kinematics: "omni3", "skid_steer_4", ...
-    """
-
-    name: str
-    columns: Columns
-    facts: Mapping[str, float] = field(default_factory=dict)
-    kind: str = ""
-
-
 @runtime_checkable
 class LogModel(Protocol):
     """A model that can be compared with recorded drives."""
 
-    def runs_of_log(self, log: DriveLog) -> list[Run]:
-        """Return the runs in a log.
+    def runs_of_log(self, drive: Drive) -> list[Run]:
+        """Return the runs in the log of a drive; `logs.log_columns` gives its columns.
 
         Raises:
             ConfigError: It lacks columns of the model.
@@ -62,7 +42,7 @@ class Reader:
     """
 
     read: Callable[[Path], list[Run]]
-    runs_of_log: Callable[[DriveLog], list[Run]] | None = None
+    runs_of_log: Callable[[Drive], list[Run]] | None = None
     cut: Callable[[Run], list[Run]] | None = None
 
 
@@ -82,16 +62,12 @@ def table_files(path: Path) -> list[Path]:
 
 
 def read_columns(path: Path) -> dict[str, Array]:
-    """Return the columns of a table by their names; empty cells are NaN.
-
-    The delimiter is a comma, a semicolon or a tab. One header line with names, or three of which the last
-    has the short names, as in the Robotino data sets. Text behind a name in brackets is its unit and left
-    out.
+    """Return the columns of a table by their names, see `read_named_table`; empty cells are NaN.
 
     Raises:
         ConfigError: The file cannot be read, has rows of different lengths, or a cell holds no number.
     """
-    return _columns(_read(path))
+    return _columns(read_named_table(path, ConfigError))
 
 
 def read_runs_by_name(path: Path) -> dict[str, dict[str, Array]]:
@@ -100,7 +76,7 @@ def read_runs_by_name(path: Path) -> dict[str, dict[str, Array]]:
     Raises:
         ConfigError: See `read_columns`.
     """
-    table = _read(path)
+    table = read_named_table(path, ConfigError)
     columns = _columns(table)
     if RUN_COLUMN not in table.names:
         return {path.name.split(".csv")[0]: columns}
@@ -109,14 +85,6 @@ def read_runs_by_name(path: Path) -> dict[str, dict[str, Array]]:
         str(name): {key: values[names == name] for key, values in columns.items()}
         for name in dict.fromkeys(names)
     }
-
-
-def _read(path: Path) -> CsvTable:
-    table = read_csv(path, ConfigError, delimiter=None, header_lines=None)
-    if not table.names or not table.rows:
-        raise ConfigError(f"{path} is not a table of measurements: it needs a header and rows of numbers")
-    table.check_shape("repair the line")
-    return with_present_names(table)
 
 
 def _columns(table: CsvTable) -> dict[str, Array]:

@@ -1,6 +1,5 @@
 """Tables of a rover as logs for an analysis: the importer of `import table` converts them."""
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -54,28 +53,19 @@ def tables_as_logs(
 
     tables = [path for path in paths if not path.is_dir() and path.suffix != LOG_SUFFIX]
     with TemporaryDirectory(prefix="rover_hil_") as folder:
-        logs = _places(tables, Path(folder))
+        # Below the folder as they are on the disk, so that runs are named as those of logs beside the tables.
+        logs = {
+            table: Path(folder, *table.resolve().parts[1:-1], f"{_stem(table)}{LOG_SUFFIX}")
+            for table in tables
+        }
+        if len(set(logs.values())) < len(logs):
+            raise ConfigError("two of the tables have one name: rename one of them")
         for table, log in logs.items():
             log.parent.mkdir(parents=True, exist_ok=True)
             contents = import_file(table, log, make_write, LimitSettings())
             for finding in contents.findings:
                 note(f"{table}: {finding_lines(finding)[0]}")
         yield [logs.get(path, path) for path in paths]
-
-
-def _places(tables: Sequence[Path], folder: Path) -> dict[Path, Path]:
-    """Return the log of each table: below `folder`, as the table is below what all have in common."""
-    if not tables:
-        return {}
-    absolute = {table: table.resolve() for table in tables}
-    common = os.path.commonpath([path.parent for path in absolute.values()])
-    logs = {
-        table: folder / path.relative_to(common).parent / f"{_stem(path)}{LOG_SUFFIX}"
-        for table, path in absolute.items()
-    }
-    if len(set(logs.values())) < len(logs):
-        raise ConfigError("two of the tables have one name: rename one of them")
-    return logs
 
 
 def _stem(path: Path) -> str:

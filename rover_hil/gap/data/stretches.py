@@ -2,15 +2,19 @@
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from drivers.errors import ConfigError
-from rover_hil.drives.windows import Windows
+from rover_hil.drives.channels import POSE
+from rover_hil.drives.windows import Windows, body_rates
+from rover_hil.gap.data.columns import Columns, check_times, missing_values, need, whole_rows
 from rover_hil.gap.data.parameters import DATA
 from sim_backends.models.interface import Array, Run
 
+MOTION = ("forward_m_s", "left_m_s", "turn_rad_s")
 OVERLAP = (2, 1)
 """Values at the start and end of a stretch that overlap with its neighbours."""
 
@@ -30,9 +34,47 @@ def windows_over(first_s: float, last_s: float, where: str) -> Windows:
     return Windows(np.linspace(first_s, last_s, count + 1))
 
 
-def windows_between(first: Array, second: Array, where: str) -> Windows:
-    """Return windows over what two series of times have in common; see `windows_over`."""
-    return windows_over(float(max(first[0], second[0])), float(min(first[-1], second[-1])), where)
+def known_poses(truth: Columns) -> tuple[Array, Array, Array, Array]:
+    """Return times, x, y and unwrapped yaw of the rows with a pose."""
+    known = np.isfinite(np.stack([truth[one] for one in POSE])).all(axis=0)
+    t_s, x_m, y_m, yaw_rad = (truth[one][known] for one in ("t_s", *POSE))
+    return t_s, x_m, y_m, np.unwrap(yaw_rad)
+
+
+def windows_of_drive(
+    name: str, columns: Columns, truth: Columns, wheels: Sequence[int], optional: Sequence[str]
+) -> tuple[Windows, Run]:
+    """Return a drive in windows: their edges, and a run with the speeds of its wheels and its motion.
+
+    Args:
+        name: Of the drive.
+        columns: With the angle of each wheel.
+        truth: With the pose; may be the same.
+        wheels: Their numbers.
+        optional: Other columns whose missing values count.
+
+    Raises:
+        ConfigError: A column is missing, times do not rise, or the drive is too short.
+    """
+    turned = [f"position{wheel}_rad" for wheel in wheels]
+    need(columns, ("t_s", *turned), name, "odometry needs the wheels")
+    need(truth, ("t_s", *POSE), f"truth of {name}", "odometry is compared with the true pose")
+    t_s = columns["t_s"]
+    check_times(t_s, name)
+    check_times(truth["t_s"], f"truth of {name}")
+    true_s, *pose = known_poses(truth)
+    if true_s.size < DATA.windows.least:
+        raise ConfigError(f"truth of {name} has {true_s.size} poses: {DATA.windows.least} or more are needed")
+    rows = whole_rows(columns, turned)
+    recorded = {one: values[rows] for one, values in columns.items()}
+    missing = missing_values(recorded, (*turned, *optional), name)
+    first_s, last_s = max(recorded["t_s"][0], true_s[0]), min(recorded["t_s"][-1], true_s[-1])
+    windows = windows_over(float(first_s), float(last_s), name)
+    inputs = {f"wheel_{wheel}_rad_s": windows.rate(t_s, columns[f"position{wheel}_rad"]) for wheel in wheels}
+    moved = dict(zip(MOTION, body_rates(windows, true_s, *pose), strict=True))
+    return windows, Run(
+        name=name, inputs={"t_s": windows.middle_s, **inputs}, measured=moved, conditions={}, missing=missing
+    )
 
 
 def stretches(run: Run) -> list[Run]:

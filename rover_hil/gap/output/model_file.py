@@ -12,8 +12,8 @@ from pydantic import ValidationError
 from drivers.errors import ConfigError
 from drivers.files import parse_toml, read_text
 from drivers.settings import Settings
-from rover_hil.gap.machines.base_parameters import HALF_WIDTHS
-from rover_hil.gap.machines.evidence.sizes import Size
+from rover_hil.gap.evidence.sizes import Size
+from rover_hil.gap.fit.base_parameters import HALF_WIDTHS
 from rover_hil.gap.verdict import FittedBase
 from sim_backends.models.interface import (
     Array,

@@ -5,12 +5,12 @@ from pathlib import Path
 
 from pydantic_core import to_json
 
+from rover_hil.gap.evidence.sizes import size_of
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.machines.evidence.sizes import size_of
-from rover_hil.gap.output.machines.draft_file import DRAFT_NAME, draft_text
-from rover_hil.gap.output.machines.next_run_file import NEXT_RUN_NAME, next_run_text
-from rover_hil.gap.output.machines.report import report_text
+from rover_hil.gap.output.draft_file import DRAFT_NAME, draft_text
 from rover_hil.gap.output.model_file import ModelFile, Provenance, describe_model, model_file_text, with_found
+from rover_hil.gap.output.next_run_file import NEXT_RUN_NAME, next_run_text
+from rover_hil.gap.output.report import report_text
 from rover_hil.gap.plan import Plan
 from rover_hil.pages.add_page import add_page
 from rover_hil.pages.atomic_write import write_files

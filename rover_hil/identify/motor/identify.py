@@ -5,16 +5,15 @@ from pathlib import Path
 
 from drivers.errors import LogError
 from rover_hil.drives.robotino_csv import is_averages
-from rover_hil.identify.motor.averages import MotorDrives, read_drives, report_drives
 from rover_hil.identify.motor.log import read_log
-from rover_hil.identify.motor.record import MotorRecord
+from rover_hil.identify.motor.record import MotorSignals
 from rover_hil.identify.motor.report import MotorReport, report_motor
-from rover_hil.identify.motor.table import read_table
+from rover_hil.identify.motor.robotino import SteadyMeans, read_means, read_table, report_means
 from rover_hil.parallel.calls import HERE, Calls
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
 
-Record = MotorRecord | MotorDrives
+Record = MotorSignals | SteadyMeans
 """One motor in one log: reading by reading, or as averages."""
 
 
@@ -44,7 +43,7 @@ def read_records(path: Path) -> list[Record]:
     """
     if path.suffix == ".mcap":
         return [*read_log(path)]
-    return [*read_drives(path)] if is_averages(path) else [*read_table(path)]
+    return [*read_means(path)] if is_averages(path) else [*read_table(path)]
 
 
 def identify(
@@ -57,8 +56,8 @@ def identify(
     """
     motors: list[Sequence[Record]] = []
     for motor in sorted({record.motor for record in records}):
-        whole = [item for item in records if isinstance(item, MotorRecord) and item.motor == motor]
-        averaged = [item for item in records if isinstance(item, MotorDrives) and item.motor == motor]
+        whole = [item for item in records if isinstance(item, MotorSignals) and item.motor == motor]
+        averaged = [item for item in records if isinstance(item, SteadyMeans) and item.motor == motor]
         if whole and averaged:
             raise LogError(
                 f"{averaged[0].log} holds averages and {whole[0].log} does not: identify them one by one"
@@ -73,9 +72,9 @@ def identify(
 
 def _report(records: Sequence[Record]) -> MotorReport:
     """Return the report on one motor."""
-    whole = [item for item in records if isinstance(item, MotorRecord)]
+    whole = [item for item in records if isinstance(item, MotorSignals)]
     return (
         report_motor(whole)
         if whole
-        else report_drives([item for item in records if isinstance(item, MotorDrives)])
+        else report_means([item for item in records if isinstance(item, SteadyMeans)])
     )

@@ -10,17 +10,17 @@ from drivers.robotino_board.settings import RobotinoBoardSettings
 from rover_hil.drives.drive import Drive, read_drive
 from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.record import (
-    MotorRecord,
+    MotorSignals,
     Scale,
-    Series,
     check_times,
     cut_set_point,
 )
+from rover_hil.report.tracks import Series
 
 FIELDS = ("position{}_rad", "speed{}_rad_s", "current{}_a", "voltage{}_v")
 
 
-def read_log(path: Path) -> list[MotorRecord]:
+def read_log(path: Path) -> list[MotorSignals]:
     """Return the motors in a log, one record for each wheel.
 
     Raises:
@@ -39,7 +39,7 @@ def read_log(path: Path) -> list[MotorRecord]:
     return [_record(path, drive, motor) for motor in driven]
 
 
-def _record(path: Path, drive: Drive, motor: int) -> MotorRecord:
+def _record(path: Path, drive: Drive, motor: int) -> MotorSignals:
     device = drive.config.devices[drive.config.roles.wheels]
     where = f"{path} motor {motor}"
     gear, scale = 1.0, Scale()
@@ -56,7 +56,7 @@ def _record(path: Path, drive: Drive, motor: int) -> MotorRecord:
     set_point = sent.value * gear
     if scale.speed_rad_s:
         set_point = cut_set_point(set_point, scale.speed_rad_s)
-    return MotorRecord(
+    return MotorSignals(
         log=path.name,
         motor=motor,
         is_robotino=isinstance(device, RobotinoBoardSettings),

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from drivers.errors import LogError
 from rover_hil.drives.arrays import Array
 from rover_hil.identify.motor.parameters import MOTOR_FIT
-from rover_hil.identify.motor.record import MotorRecord, Moves, Series, find_moves
+from rover_hil.identify.motor.record import MotorSignals, Moves, find_moves
 from rover_hil.identify.motor.response import Motion, MotorModel, Response, respond
 from rover_hil.identify.motor.sensing import CurrentSensor
+from rover_hil.report.tracks import Series
 
 MEDIAN_TO_DEVIATION = 1.4826
 
@@ -62,7 +63,7 @@ class RecordProblem:
         period_s: Median time between two samples of the motion.
     """
 
-    def __init__(self, record: MotorRecord) -> None:
+    def __init__(self, record: MotorSignals) -> None:
         self.record = record
         self.moves: Moves = find_moves(record.set_point)
         self.uses_ticks = _positions_agree(record)
@@ -163,7 +164,7 @@ class MotorProblem:
         noise: Weights; replaced when the fit knows better.
     """
 
-    def __init__(self, records: Sequence[MotorRecord]) -> None:
+    def __init__(self, records: Sequence[MotorSignals]) -> None:
         self.parts = [RecordProblem(record) for record in records]
         counts = [part.moves.start_s.size for part in self.parts]
         self._first_move = np.r_[0, np.cumsum(counts)]
@@ -243,7 +244,7 @@ def _deviation(values: Array, least: float) -> float:
     return max(MEDIAN_TO_DEVIATION * float(np.median(np.abs(values))), least) if values.size else least
 
 
-def _positions_agree(record: MotorRecord) -> bool:
+def _positions_agree(record: MotorSignals) -> bool:
     """Return whether the positions turn as far as the reported speeds."""
     position, speed = record.position, record.speed
     if position is None or speed is None:

@@ -1,4 +1,4 @@
-"""One motor in one log: setpoints, positions, speeds, currents, voltages over time."""
+"""What one motor of a drive did: setpoints, positions, speeds, currents, voltages over time."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -11,14 +11,7 @@ from drivers.robotino_board.scales import scales
 from drivers.robotino_board.settings import RobotinoBoardSettings
 from rover_hil.drives.arrays import Array
 from rover_hil.identify.motor.parameters import MOTOR_FIT
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Series:
-    """Values and the times at which they were taken, times rising."""
-
-    t_s: Array
-    value: Array
+from rover_hil.report.tracks import Series
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,8 +46,8 @@ class Scale:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class MotorRecord:
-    """One motor in one log; angles and speeds at the motor where the gear is known, else at the wheel.
+class MotorSignals:
+    """Signals of one motor; angles and speeds at the motor where the gear is known, else at the wheel.
 
     Attributes:
         log: Name of the log.

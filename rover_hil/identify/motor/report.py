@@ -10,7 +10,7 @@ from rover_hil.drives.arrays import rms
 from rover_hil.identify.motor.fit import ELECTRIC_LAG_S, HIDDEN, MotorFit, fit_motor
 from rover_hil.identify.motor.parameters import MOTOR_FIT
 from rover_hil.identify.motor.problem import MotorProblem
-from rover_hil.identify.motor.record import MotorRecord
+from rover_hil.identify.motor.record import MotorSignals
 from rover_hil.identify.motor.response import MotorModel
 from rover_hil.identify.motor.sensitivity import lost_combinations
 from rover_hil.identify.motor.uncertainty import Uncertainty, assess
@@ -96,7 +96,7 @@ class MotorReport:
     current_range_a: tuple[float, float]
 
 
-def report_motor(records: Sequence[MotorRecord]) -> MotorReport:
+def report_motor(records: Sequence[MotorSignals]) -> MotorReport:
     """Identify one motor from all its logs.
 
     Raises:

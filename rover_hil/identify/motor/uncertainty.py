@@ -21,7 +21,6 @@ class Uncertainty:
     Attributes:
         covariance: Of the parameters in the order of the fit's names; infinite where not determined.
         support: For each parameter, how many moves (or blocks of time) carry it, in effect.
-        null: Directions in parameter space, scaled to the typical sizes, that change nothing; rows.
         correlation: Between parameters, from the covariance.
         delay_s: Mean loop delay.
         delay_half_s: Half of its interval.
@@ -30,7 +29,6 @@ class Uncertainty:
 
     covariance: Array
     support: Array
-    null: Array
     correlation: Array
     delay_s: float
     delay_half_s: float
@@ -68,8 +66,8 @@ def assess(problem: MotorProblem, fit: MotorFit) -> Uncertainty:
     plain = inverse * float(fit.residual @ fit.residual) / freedom
     inflate = np.sqrt(np.maximum(np.diag(plain) / np.maximum(np.diag(sandwich), 1e-300), 1.0))
     covariance = sandwich * np.outer(inflate, inflate)
-    null = directions[~felt]
-    lost = (null**2).sum(axis=0) > MOTOR_FIT.uncertainty.lost_share
+    # Along the other directions, scaled to the typical sizes, nothing changes.
+    lost = (directions[~felt] ** 2).sum(axis=0) > MOTOR_FIT.uncertainty.lost_share
     covariance[lost, :] = covariance[:, lost] = 0.0
     covariance = covariance * np.outer(scale, scale)
     delay_s, half_s, spread_s = _delay(problem, fit, covariance)
@@ -77,7 +75,6 @@ def assess(problem: MotorProblem, fit: MotorFit) -> Uncertainty:
     return Uncertainty(
         covariance,
         _support(jacobian, inverse, blocks, count),
-        null,
         _correlation(covariance),
         delay_s,
         half_s,

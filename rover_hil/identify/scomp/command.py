@@ -1,28 +1,35 @@
 """`rover-hil identify scomp`: parameters of the slip-compensated odometry from a drive with known truth."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
-from controllers.slip.scomp.parameters import Provenance, ScompParameters
+from controllers.slip.scomp.parameters import Provenance, RoverGeometry, ScompParameters
 from drivers.clock import wall_time_text
 from drivers.errors import ConfigError
 from rover_hil.console.exit_codes import EXIT_OK
 from rover_hil.console.json_text import print_json
 from rover_hil.console.options import DriveArgument, ForceOption, JsonOption, out_option
 from rover_hil.console.steps import show_progress
+from rover_hil.drives.drive import read_drive
+from rover_hil.drives.ground_truth import TruePoses
 from rover_hil.identify.scomp.fit import Identification, identify
 from rover_hil.identify.scomp.pictures import fit_pictures
 from rover_hil.pages.atomic_write import check_file, refuse_overwrite, write_file, write_files
-from rover_hil.scomp.drive import TruePath, final_error_m
-from rover_hil.scomp.files import ReadDrive, parameters_text, read_drive
+from rover_hil.scomp.drive import SensorRows, final_error_m
+from rover_hil.scomp.files import (
+    TRUTH,
+    geometry_of,
+    log_rows,
+    log_truth,
+    parameters_text,
+    read_rows,
+    read_truth,
+)
 from rover_hil.scomp.odometry import estimate_track
-from rover_hil.scomp.read_csv import TRUTH, read_truth
-from rover_hil.scomp.read_log import log_truth
 from rover_hil.terminal import Terminal
 
 
@@ -50,21 +57,17 @@ def identify_scomp(
     check_file(out, force=force)
     if pictures is not None:
         refuse_overwrite(*pictures.glob("*.svg"), force=force, option="--pictures")
-    source = read_drive(log)
-    path, truth_name = _true_path(log, source, truth)
+    rows, read_notes, rover, path = _read(log, truth)
+    truth_name = path.source if truth is not None else f"{path.source} in {log.name}"
     with show_progress() as progress:
         task = progress.add_task("fitting", total=2)
-        identification = identify(source.drive, path, source.rover)
+        identification = identify(rows, path, rover)
         progress.advance(task)
         origin = Provenance(log=log.name, truth=truth_name, fitted_on=wall_time_text()[:8])
         parameters = identification.parameters.model_copy(update={"provenance": origin})
-        drive = source.drive
-        if source.recorded is not None:
-            # Its pose fixes may be the truth: a path through them would show nothing of the parameters.
-            drive = replace(drive, fix_m=None)
-        result = estimate_track(drive, parameters)
+        result = estimate_track(rows, parameters)
     error_m = final_error_m(result.track, path)
-    notes = [*source.notes, *identification.notes, *result.notes]
+    notes = [*read_notes, *identification.notes, *result.notes]
     if truth is None:
         notes.insert(0, f"truth: {truth_name}")
     if out is not None:
@@ -80,16 +83,18 @@ def identify_scomp(
     return EXIT_OK
 
 
-def _true_path(log: Path, source: ReadDrive, truth: Path | None) -> tuple[TruePath, str]:
-    """Return the true path and where it comes from, in words."""
-    if truth is not None:
-        return read_truth(truth), truth.name
-    if source.recorded is None:
+def _read(log: Path, truth: Path | None) -> tuple[SensorRows, list[str], RoverGeometry, TruePoses]:
+    """Return the readings of a drive, notes, the rover, and the true path."""
+    if log.suffix == ".mcap":
+        drive = read_drive(log, with_traces=True)
+        path = log_truth(drive) if truth is None else read_truth(truth)
+        return *log_rows(drive), geometry_of(drive.config, log), path
+    rows = read_rows(log)
+    if truth is None:
         raise ConfigError(
             f"{log} is a CSV file: give its true path with --truth, a CSV file with {', '.join(TRUTH)}"
         )
-    path, name = log_truth(source.recorded)
-    return path, f"{name} in {log.name}"
+    return *rows, RoverGeometry(), read_truth(truth)
 
 
 def _print(

@@ -22,8 +22,9 @@ from controllers.slip.scomp.parameters import (
 from controllers.slip.scomp.two_segment_slip_law import fit_two_segments
 from drivers.errors import ModelError
 from rover_hil.drives.arrays import Array, rms
+from rover_hil.drives.ground_truth import TruePoses
 from rover_hil.identify.scomp.parameters import SCOMP_FIT
-from rover_hil.scomp.drive import DriveRows, TruePath
+from rover_hil.scomp.drive import SensorRows
 from rover_hil.scomp.true_slip import LONGEST_TRUTH_GAP_S, WINDOW_S, SlipWindows, cut, smoothed, true_velocity
 
 
@@ -41,7 +42,7 @@ class Identification:
     notes: tuple[str, ...]
 
 
-def identify(drive: DriveRows, truth: TruePath, rover: RoverGeometry | None = None) -> Identification:
+def identify(drive: SensorRows, truth: TruePoses, rover: RoverGeometry | None = None) -> Identification:
     """Fit the two-segment law, slip from pitch, drift from roll, and the errors of compass, gyro and trace.
 
     Priors keep what a drive does not determine near the defaults: c_rr 0.06 +- 0.05, C_x within a factor
@@ -218,7 +219,7 @@ def fit_roll(windows: SlipWindows, parameters: ScompParameters, notes: list[str]
     )
 
 
-def fit_compass(drive: DriveRows, truth: TruePath, notes: list[str]) -> CompassModel:
+def fit_compass(drive: SensorRows, truth: TruePoses, notes: list[str]) -> CompassModel:
     """Fit sense of rotation, offset and noise of the compass to the lagged true heading."""
     model = CompassModel()
     if drive.compass_rad is None:
@@ -245,7 +246,7 @@ def fit_compass(drive: DriveRows, truth: TruePath, notes: list[str]) -> CompassM
     )
 
 
-def fit_gyro(drive: DriveRows, truth: TruePath) -> GyroModel:
+def fit_gyro(drive: SensorRows, truth: TruePoses) -> GyroModel:
     """Fit the noise of the gyro to its residual about the true rate.
 
     Where the heading of the truth is noisy, the second differences of the gyro itself are the smaller
@@ -268,7 +269,7 @@ def fit_gyro(drive: DriveRows, truth: TruePath) -> GyroModel:
 
 
 def fit_trace(
-    drive: DriveRows, truth: TruePath, rover: RoverGeometry, notes: list[str]
+    drive: SensorRows, truth: TruePoses, rover: RoverGeometry, notes: list[str]
 ) -> tuple[TraceModel, float]:
     """Fit sign, offset and noise of the trace angle, and b of eq 2; a prior keeps b near the drawing's."""
     model = TraceModel()

@@ -9,10 +9,11 @@ from matplotlib.figure import Figure
 
 from controllers.slip.scomp.combined_slip import CombinedSlip
 from controllers.slip.scomp.two_segment_slip_law import two_segments_of_model
+from rover_hil.drives.ground_truth import TruePoses
 from rover_hil.identify.scomp.fit import Identification
 from rover_hil.pages.picture import svg
 from rover_hil.pages.style import ENCODERS, ESTIMATE, STYLE, TRUTH, WIDTH_IN
-from rover_hil.scomp.drive import Track, TruePath
+from rover_hil.scomp.drive import Track
 from rover_hil.scomp.true_slip import true_velocity
 
 ANGLES_DEG = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0)
@@ -33,7 +34,7 @@ def model_pictures(model: CombinedSlip) -> dict[str, str]:
         }
 
 
-def fit_pictures(identification: Identification, track: Track, truth: TruePath) -> dict[str, str]:
+def fit_pictures(identification: Identification, track: Track, truth: TruePoses) -> dict[str, str]:
     """Return pictures of an identification: the fitted model's, slip over slip angle, and the drive."""
     pictures = model_pictures(identification.parameters.pitch.model)
     with mpl.rc_context(STYLE):
@@ -52,7 +53,7 @@ def fit_pictures(identification: Identification, track: Track, truth: TruePath) 
     return pictures | drive_pictures({"estimate": track}, truth)
 
 
-def drive_pictures(tracks: Mapping[str, Track], truth: TruePath) -> dict[str, str]:
+def drive_pictures(tracks: Mapping[str, Track], truth: TruePoses) -> dict[str, str]:
     """Return slip angle (figures 15, 17) and path (19, 21) of a drive against the truth."""
     with mpl.rc_context(STYLE):
         angle, angle_axes = _one("time (s)", "slip angle (deg)")

@@ -8,16 +8,8 @@ import numpy as np
 
 from controllers.slip.effort.motor_model import MotorSettings, paper_torque, wheel_torque
 from controllers.slip.effort.parameters import EFFORT
-from rover_hil.drives.arrays import Array, Flags
-from rover_hil.drives.robotino_csv import (
-    AVERAGE_S,
-    COMMANDS,
-    CURRENTS,
-    ROBOTINO,
-    SPEEDS,
-    STEPS,
-    read_averages,
-)
+from rover_hil.drives.arrays import Flags
+from rover_hil.drives.robotino_csv import AVERAGE_S, ROBOTINO, Averages, read_averages
 from rover_hil.identify.slip.run_data import WHEELS, RunWindows, to_wheels
 
 
@@ -27,19 +19,15 @@ def read_average_runs(path: Path, surface: str, motor: MotorSettings) -> Iterato
     Raises:
         LogError: A column is missing or a cell holds no number.
     """
-    columns = read_averages(path, (*COMMANDS, *SPEEDS, *CURRENTS, *STEPS))
-    commands = np.column_stack([columns[name] for name in COMMANDS])
-    for command, group in groupby(range(len(commands)), key=lambda row: tuple(commands[row])):
+    means = read_averages(path, with_camera=True)
+    for command, group in groupby(range(len(means.command)), key=lambda row: tuple(means.command[row])):
         rows = list(group)
         if command[2] == 0.0:
-            yield _drive(path, surface, {name: columns[name][rows] for name in columns}, motor)
+            yield _drive(path, surface, Averages(*(values[rows] for values in means)), motor)
 
 
-def _drive(path: Path, surface: str, columns: dict[str, Array], motor: MotorSettings) -> RunWindows:
-    rpm_to_wheel = 2.0 * np.pi / 60.0 / motor.gear_ratio
-    speeds = np.column_stack([columns[name] for name in SPEEDS]) * rpm_to_wheel
-    magnitudes_a = np.column_stack([columns[name] for name in CURRENTS])
-    steps = np.column_stack([columns[name] for name in STEPS])
+def _drive(path: Path, surface: str, means: Averages, motor: MotorSettings) -> RunWindows:
+    speeds, magnitudes_a = means.wheel_rad_s, means.current_a
     current_a = np.sign(speeds) * magnitudes_a
     pairs = list(zip(current_a.ravel().tolist(), speeds.ravel().tolist(), strict=True))
     paper_nm = [paper_torque(motor, amps, speed, float(np.sign(speed))) for amps, speed in pairs]
@@ -57,6 +45,6 @@ def _drive(path: Path, surface: str, columns: dict[str, Array], motor: MotorSett
         usable=(np.abs(speeds) >= EFFORT.motor.slowest_rad_s) & is_known,
         work_known=np.logical_and.reduce(is_known, axis=1),
         encoder_velocity=speeds @ np.linalg.inv(to_wheels(ROBOTINO)).T,
-        camera_velocity=steps * np.array([1e-3, 1e-3, np.pi / 180.0]) / AVERAGE_S,
+        camera_velocity=means.velocity,
         camera_in_pixels=False,
     )

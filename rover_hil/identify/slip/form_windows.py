@@ -15,14 +15,14 @@ from controllers.slip.effort.motor_model import EffortObserver, MotorSettings, W
 from drivers.errors import LogError
 from rover_hil.drives.arrays import Array, Flags, in_body_frame
 from rover_hil.identify.slip.parameters import SLIP_FIT
-from rover_hil.identify.slip.run_data import WHEELS, MeasuredRun, RunWindows, to_wheels
+from rover_hil.identify.slip.run_data import WHEELS, AlignedReadings, RunWindows, to_wheels
 
 NO_FIX = f"no pose fix for more than {SLIP_FIT.window.longest_s:g} s"
 TOO_NOISY = f"too little motion within {SLIP_FIT.window.longest_s:g} s for the noise of the pose fixes"
 CONTRADICTION = "a pose fix further away than the wheels can have moved"
 
 
-def form_windows(run: MeasuredRun, motor: MotorSettings) -> RunWindows:
+def form_windows(run: AlignedReadings, motor: MotorSettings) -> RunWindows:
     """Return `run` in windows.
 
     Raises:
@@ -62,7 +62,7 @@ def form_windows(run: MeasuredRun, motor: MotorSettings) -> RunWindows:
     )
 
 
-def slip_problem(run: MeasuredRun, start: int, end: int, moved_m: float) -> str:
+def slip_problem(run: AlignedReadings, start: int, end: int, moved_m: float) -> str:
     """Return why the slip between two camera frames is not known well enough; empty where it is.
 
     Args:
@@ -86,7 +86,7 @@ def slip_problem(run: MeasuredRun, start: int, end: int, moved_m: float) -> str:
     return TOO_NOISY if is_too_long or sd_m > SLIP_FIT.window.slip_sd * moved_m else ""
 
 
-def _spans(run: MeasuredRun) -> tuple[list[tuple[int, int]], Counter[str]]:
+def _spans(run: AlignedReadings) -> tuple[list[tuple[int, int]], Counter[str]]:
     """Return the first and the last camera frame of each window, and how many were rejected, by reason."""
     t_s = run.camera_t_s
     frames = np.flatnonzero((t_s >= run.t_s[0]) & (t_s <= run.t_s[-1])).tolist()
@@ -120,7 +120,7 @@ def _spans(run: MeasuredRun) -> tuple[list[tuple[int, int]], Counter[str]]:
     return spans, rejected
 
 
-def _positions_at_frames(run: MeasuredRun) -> Array:
+def _positions_at_frames(run: AlignedReadings) -> Array:
     columns = [np.interp(run.camera_t_s, run.t_s, run.position_rad[:, wheel]) for wheel in range(WHEELS)]
     return np.column_stack(columns)
 
@@ -134,7 +134,7 @@ def _camera_velocity(first: Array, last: Array, elapsed_s: Array) -> Array:
     return velocity
 
 
-def _efforts(run: MeasuredRun, motor: MotorSettings) -> tuple[tuple[Array, Array, Array], Flags, Flags]:
+def _efforts(run: AlignedReadings, motor: MotorSettings) -> tuple[tuple[Array, Array, Array], Flags, Flags]:
     """Return current, M and wheel torque of each reading, which are flagged, and whose work is unknown."""
     elapsed_s = np.diff(run.t_s, prepend=run.t_s[0] - 1.0)
     speeds = np.diff(run.position_rad, axis=0, prepend=run.position_rad[:1]) / elapsed_s[:, None]

@@ -16,10 +16,10 @@ from rover_hil.drives.drive import Drive, read_drive
 from rover_hil.drives.marks import marks_beside, read_marks
 from rover_hil.identify.slip.hand_positions import poses_between
 from rover_hil.identify.slip.parameters import SLIP_FIT
-from rover_hil.identify.slip.run_data import WHEELS, MeasuredRun, to_wheels
+from rover_hil.identify.slip.run_data import WHEELS, AlignedReadings
 
 
-def read_log_run(path: Path, surface: str) -> MeasuredRun:
+def read_log_run(path: Path, surface: str) -> AlignedReadings:
     """Return the run in the log `path`.
 
     Raises:
@@ -40,11 +40,10 @@ def read_log_run(path: Path, surface: str) -> MeasuredRun:
                 )
     position = [_series(rows, f"position{wheel}_rad") for wheel in range(1, WHEELS + 1)]
     current = [_series(rows, f"current{wheel}_a") for wheel in range(1, WHEELS + 1)]
-    gyro = _series(rows, "gyro_z_rad_s")
     by_hand = marks_beside(path)
     fix_sd_m: Array | None
     if by_hand is not None:
-        truth = _truth_by_hand(by_hand, drive, rover, position)
+        truth = _truth_by_hand(by_hand, drive)
         # No noise makes a window longer, but one outside the legs has no pose near.
         source, fix_sd_m = f"positions in {by_hand.name}", np.zeros(len(truth))
     else:
@@ -53,12 +52,12 @@ def read_log_run(path: Path, surface: str) -> MeasuredRun:
         source = true.source
         fix_sd_m = np.hypot(true.position_sd_m, rover.base_radius_m * true.yaw_sd_rad)
         fix_sd_m = None if true.is_exact else fix_sd_m
-    _check_numbers(path, (*position, *current, truth, gyro))
+    _check_numbers(path, (*position, *current, truth))
     _check_clock(path, (*position, *current, truth))
     t_s = position[0][:, 0]
     _check_positions(path, position, t_s)
     origin_s = float(t_s[0])
-    return MeasuredRun(
+    return AlignedReadings(
         path=path,
         surface=surface,
         t_s=t_s - origin_s,
@@ -72,18 +71,16 @@ def read_log_run(path: Path, surface: str) -> MeasuredRun:
         camera=truth[:, 1:],
         camera_in_pixels=False,
         rover=rover,
-        gyro=gyro - (origin_s, 0.0),
-        gyro_response=None if drive.config.slip is None else drive.config.slip.gyro_response,
         truth=source,
         fix_sd_m=fix_sd_m,
     )
 
 
-def _truth_by_hand(path: Path, drive: Drive, rover: OmniRoverSettings, position: Sequence[Array]) -> Array:
+def _truth_by_hand(path: Path, drive: Drive) -> Array:
     """Return rows of time in s, x, y, yaw at the readings of the first wheel between positions in a file."""
-    t_s = position[0][:, 0]
-    turned = np.column_stack([np.interp(t_s, table[:, 0], table[:, 1]) for table in position])
-    moved = np.diff(turned, axis=0) @ np.linalg.inv(to_wheels(rover)).T
+    rolled = drive.rolled(1)
+    assert rolled is not None  # noqa: S101 the wheels have positions
+    t_s, moved = rolled[0] / 1e9, np.diff(rolled[1], axis=0)
     yaw = np.cumsum(moved[:, 2]) - 0.5 * moved[:, 2]
     steps_m = (moved[:, 0] + 1j * moved[:, 1]) * np.exp(1j * yaw)
     by_wheels_m = np.concatenate(([0.0], np.cumsum(steps_m)))

@@ -1,4 +1,4 @@
-"""A measured run in one form, and cut into windows."""
+"""What slip is identified from: readings of a drive at common times, and means in windows."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,7 +8,6 @@ import numpy as np
 
 from controllers.motion.kinematics import OmniKinematics
 from controllers.motion.rover_geometry import OmniRoverSettings
-from controllers.slip.effort.gyro_response import GyroResponse
 from rover_hil.drives.arrays import Array, Flags
 from rover_hil.drives.robotino_csv import ROBOTINO
 
@@ -16,8 +15,8 @@ WHEELS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeasuredRun:
-    """Measurements of wheels and camera; n readings, m frames, three wheels.
+class AlignedReadings:
+    """Readings of a drive at the times of its first wheel, and poses; n readings, m frames, three wheels.
 
     Attributes:
         path: Where it was read from.
@@ -31,9 +30,7 @@ class MeasuredRun:
         camera: Pose x, y, yaw, (m, 3), x and y in metres or pixels.
         camera_in_pixels: Which of the two.
         rover: Geometry of the wheels.
-        gyro: Times and yaw rates of the gyro, (k, 2); empty without one.
         truth: Where the poses of a log come from, in words; empty for a CSV file.
-        gyro_response: Constants of the gyro in the log's configuration; None without them.
         fix_sd_m: Of noisy poses, the standard deviation of the place of a wheel on the ground, (m,).
     """
 
@@ -48,8 +45,6 @@ class MeasuredRun:
     camera: Array
     camera_in_pixels: bool
     rover: OmniRoverSettings = ROBOTINO
-    gyro: Array = field(default_factory=lambda: np.empty((0, 2)))
-    gyro_response: GyroResponse | None = None
     truth: str = ""
     fix_sd_m: Array | None = None
 

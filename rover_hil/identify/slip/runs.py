@@ -19,7 +19,7 @@ from rover_hil.identify.slip.averages import read_average_runs
 from rover_hil.identify.slip.form_windows import form_windows
 from rover_hil.identify.slip.log_runs import read_log_run
 from rover_hil.identify.slip.parameters import SLIP_FIT
-from rover_hil.identify.slip.run_data import MeasuredRun, RunWindows
+from rover_hil.identify.slip.run_data import AlignedReadings, RunWindows
 
 SUFFIXES = (".csv", ".csv.gz", ".mcap")
 OF_A_LOG = (ENDING, FORMER_ENDING)
@@ -105,7 +105,7 @@ def read_windows(path: Path, motor: MotorSettings) -> list[RunWindows]:
     return [form_windows(run, motor)]
 
 
-def log_notes(runs: Sequence[MeasuredRun | RunWindows], rejected: Mapping[str, int]) -> list[str]:
+def log_notes(runs: Sequence[AlignedReadings | RunWindows], rejected: Mapping[str, int]) -> list[str]:
     """Return which true poses the logs among runs were compared with, and how many windows were rejected."""
     truths = Counter(run.truth for run in runs if run.truth)
     notes = [f"truth of {count} log{'s' * (count > 1)}: {truth}" for truth, count in truths.items()]
@@ -114,14 +114,14 @@ def log_notes(runs: Sequence[MeasuredRun | RunWindows], rejected: Mapping[str, i
     ]
 
 
-def _read_csv_run(path: Path, surface: str) -> MeasuredRun:
+def _read_csv_run(path: Path, surface: str) -> AlignedReadings:
     record = read_record(path, with_camera=True)
     counts, camera = board_counts(record), camera_poses(record.columns)
     t_ns = np.round(record.columns["t"] * 1e6)
     t_s = (t_ns - t_ns[0]) / 1e9
     poses = np.column_stack((camera.x_px, camera.y_px, camera.yaw_rad))
     currents_a = counts.current_raw * ROBOTINO_SCALES.current_a
-    return MeasuredRun(
+    return AlignedReadings(
         path=path,
         surface=surface,
         t_s=t_s,
@@ -135,7 +135,7 @@ def _read_csv_run(path: Path, surface: str) -> MeasuredRun:
     )
 
 
-def _check_currents(run: MeasuredRun) -> None:
+def _check_currents(run: AlignedReadings) -> None:
     if len(run.t_s) < SLIP_FIT.window.least_run_readings:
         raise LogError(f"{run.path}: holds {len(run.t_s)} readings of the wheels: give the run of a drive")
     turned = np.abs(np.gradient(run.position_rad, run.t_s, axis=0)).max(axis=0) > EFFORT.motor.slowest_rad_s

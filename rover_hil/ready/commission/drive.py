@@ -17,7 +17,7 @@ TRIANGLE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Poses:
-    """A commissioning drive, n cycles of it.
+    """Poses in a commissioning drive, n cycles of it.
 
     Attributes:
         path: The log.

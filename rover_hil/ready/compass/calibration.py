@@ -21,7 +21,7 @@ from rover_hil.ready.compass.coverage import Coverage
 from rover_hil.ready.compass.figures import draw_deviation, draw_errors, draw_field
 from rover_hil.ready.compass.fit import CompassFit, fit_compass
 from rover_hil.ready.compass.parameters import COMPASS_FIT
-from rover_hil.ready.compass.record import CompassRecord, compass_of, read_record
+from rover_hil.ready.compass.record import CompassTurns, compass_of, read_record
 from rover_hil.ready.options import DeviceOption, OptionalOutOption, command
 from rover_hil.ready.procedure import Drive, Entry, Facts, FileProcedure, Request
 from rover_hil.ready.turns import on_firm_floor, turning_config, with_frames
@@ -54,7 +54,7 @@ def calibrate(
 
 
 @dataclass
-class CompassCalibration(FileProcedure[CompassRecord, CompassFit]):
+class CompassCalibration(FileProcedure[CompassTurns, CompassFit]):
     """Hard and soft iron of a magnetometer, or the deviation of a compass.
 
     Attributes:
@@ -119,18 +119,18 @@ class CompassCalibration(FileProcedure[CompassRecord, CompassFit]):
 
             record_by_hand(config, names, log, SLOWEST_BY_HAND_S * wanted, take)
 
-    def read(self, logs: Sequence[Path]) -> CompassRecord:
+    def read(self, logs: Sequence[Path]) -> CompassTurns:
         return read_record(logs[0], self.device)
 
-    def fit(self, record: CompassRecord) -> CompassFit:
+    def fit(self, record: CompassTurns) -> CompassFit:
         return fit_compass(record, date_of(wall_time_ns()), self.dip_deg)
 
-    def title(self, record: CompassRecord, result: CompassFit) -> str:
+    def title(self, record: CompassTurns, result: CompassFit) -> str:
         if result.problem:
             return f"Compass: not calibrated, {result.problem}"
         return f"Calibration of '{record.device}'"
 
-    def facts(self, record: CompassRecord, result: CompassFit) -> Facts:
+    def facts(self, record: CompassTurns, result: CompassFit) -> Facts:
         facts = [
             ("compass", f"{record.device}, against the {record.reference}"),
             ("turns", f"{result.turns}, {100 * result.covered:.0f} % of the directions"),
@@ -151,7 +151,7 @@ class CompassCalibration(FileProcedure[CompassRecord, CompassFit]):
             )
         return facts
 
-    def json(self, record: CompassRecord, result: CompassFit, out: Path | None) -> dict[str, object]:
+    def json(self, record: CompassTurns, result: CompassFit, out: Path | None) -> dict[str, object]:
         return {
             "device": record.device,
             "rms_deg": result.rms_deg,
@@ -163,7 +163,7 @@ class CompassCalibration(FileProcedure[CompassRecord, CompassFit]):
             "file": None if result.problem else str(out),
         }
 
-    def figures(self, record: CompassRecord, result: CompassFit) -> Sequence[Drawing]:
+    def figures(self, record: CompassTurns, result: CompassFit) -> Sequence[Drawing]:
         return (
             Drawing(
                 "Field in the sensor",
@@ -184,8 +184,8 @@ class CompassCalibration(FileProcedure[CompassRecord, CompassFit]):
             ),
         )
 
-    def write(self, record: CompassRecord, result: CompassFit) -> str:
+    def write(self, record: CompassTurns, result: CompassFit) -> str:
         return "" if result.calibration is None else toml_text(result.calibration.model_dump(), digits=6)
 
-    def entries(self, record: CompassRecord, result: CompassFit, out: Path | None) -> Sequence[Entry]:
+    def entries(self, record: CompassTurns, result: CompassFit, out: Path | None) -> Sequence[Entry]:
         return (Entry(f"devices.{record.device}", "calibration", str(out)),)

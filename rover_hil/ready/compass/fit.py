@@ -25,7 +25,7 @@ from drivers.witmotion.codec import MagneticReader, WitMotionCodec
 from drivers.witmotion.settings import WitMotionSettings
 from rover_hil.drives.arrays import Array, Flags, rms, wrap_angles
 from rover_hil.ready.compass.parameters import COMPASS_FIT
-from rover_hil.ready.compass.record import CompassRecord, CompassSettings, aligned
+from rover_hil.ready.compass.record import CompassSettings, CompassTurns, aligned
 
 Calibration = DeviationTable | MagnetometerCalibration
 
@@ -85,7 +85,7 @@ class _Headings:
     turn: Array
 
 
-def fit_compass(record: CompassRecord, date: dt.date, dip_deg: float | None = None) -> CompassFit:
+def fit_compass(record: CompassTurns, date: dt.date, dip_deg: float | None = None) -> CompassFit:
     """Return the calibration of a compass and its error on held-out turns.
 
     Args:
@@ -104,7 +104,7 @@ def fit_compass(record: CompassRecord, date: dt.date, dip_deg: float | None = No
 
 
 def _fit_magnetometer(
-    record: CompassRecord, settings: WitMotionSettings, source: str, date: dt.date, dip_deg: float | None
+    record: CompassTurns, settings: WitMotionSettings, source: str, date: dt.date, dip_deg: float | None
 ) -> CompassFit:
     mounting = settings.make_mounting(settings.yaw_zero_deg)
     reader = MagneticReader(mounting)
@@ -171,7 +171,7 @@ def _with_vertical(
 
 
 def _refined_vertical(
-    record: CompassRecord,
+    record: CompassTurns,
     flat: MagnetometerCalibration,
     headings: Callable[[MagnetometerCalibration], _Headings],
     use: Flags,
@@ -201,7 +201,7 @@ def _refined_vertical(
     return shifted(-float(solution[4])) if is_seen else flat
 
 
-def _fit_deviation(record: CompassRecord, source: str, date: dt.date) -> CompassFit:
+def _fit_deviation(record: CompassTurns, source: str, date: dt.date) -> CompassFit:
     headings = _headings(record, None)
     if not len(headings.t_s):
         raise LogError(
@@ -248,13 +248,13 @@ def _fit_deviation(record: CompassRecord, source: str, date: dt.date) -> Compass
     return replace(result, lag_s=result.lag_s + lag_s)
 
 
-def _deviation_and_lag(record: CompassRecord, headings: _Headings, waves: int) -> tuple[Array, float]:
+def _deviation_and_lag(record: CompassTurns, headings: _Headings, waves: int) -> tuple[Array, float]:
     columns = np.hstack((reference_columns(record, headings.t_s), waves_of(headings.yaw_rad, waves)))
     solution = solve_columns(columns, headings.yaw_rad)
     return solution[4:], float(solution[3])
 
 
-def _damped(record: CompassRecord, lag_s: float) -> CompassRecord:
+def _damped(record: CompassTurns, lag_s: float) -> CompassTurns:
     """Return the record with a reference that is damped as the compass is, to first order."""
     if not lag_s:
         return record
@@ -266,7 +266,7 @@ def _damped(record: CompassRecord, lag_s: float) -> CompassRecord:
     return replace(record, yaw_rad=yaw_rad, rate_rad_s=np.gradient(yaw_rad, record.t_s))
 
 
-def _headings(record: CompassRecord, calibration: Calibration | None) -> _Headings:
+def _headings(record: CompassTurns, calibration: Calibration | None) -> _Headings:
     """Return the magnetic headings that the driver gives with a calibration."""
     codec = _codec(record.settings, calibration)
     headings = [
@@ -299,7 +299,7 @@ def _folds(turn: Array) -> list[float]:
     return [float(each) for each in numbers[counts >= COMPASS_FIT.least_readings_per_turn]]
 
 
-def reference_columns(record: CompassRecord, t_s: Array) -> Array:
+def reference_columns(record: CompassTurns, t_s: Array) -> Array:
     """Return the columns of the reference: start, yaw, drift, lag; shape (n, 4)."""
     yaw = np.interp(t_s, record.t_s, record.yaw_rad)
     rate = np.interp(t_s, record.t_s, record.rate_rad_s)
@@ -322,13 +322,13 @@ def waves_of(yaw_rad: Array, waves: int) -> Array:
     return np.hstack((np.sin(angle), np.cos(angle)))
 
 
-def _deviation(record: CompassRecord, headings: _Headings, use: Flags, waves: int) -> Array:
+def _deviation(record: CompassTurns, headings: _Headings, use: Flags, waves: int) -> Array:
     """Return the coefficients of the error of the yaw over the reading."""
     part = _Headings(headings.t_s[use], headings.yaw_rad[use], headings.turn[use])
     return _deviation_and_lag(record, part, waves)[0]
 
 
-def _judge(record: CompassRecord, headings: _Headings, fold: float) -> tuple[Array, Array]:
+def _judge(record: CompassTurns, headings: _Headings, fold: float) -> tuple[Array, Array]:
     """Return compass heading and clockwise error of a turn, in deg, by the reference of the other turns."""
     columns, is_held = reference_columns(record, headings.t_s), headings.turn == fold
     unknowns = solve_columns(columns[~is_held], headings.yaw_rad[~is_held])
@@ -342,7 +342,7 @@ def _judge(record: CompassRecord, headings: _Headings, fold: float) -> tuple[Arr
 
 
 def _errors_of(
-    record: CompassRecord, headings: _Headings, unknowns: Array | None = None
+    record: CompassTurns, headings: _Headings, unknowns: Array | None = None
 ) -> tuple[Array, Array]:
     """Return heading and error of the readings as they are.
 
@@ -371,7 +371,7 @@ def _covered(yaw_rad: Array) -> float:
 
 
 def _result(
-    record: CompassRecord,
+    record: CompassTurns,
     calibration: Calibration,
     after: _Headings,
     before: _Headings,
@@ -401,7 +401,7 @@ def _result(
 
 
 def _nothing(
-    record: CompassRecord, before: _Headings, folds: Sequence[float], raw: Array, problem: str
+    record: CompassTurns, before: _Headings, folds: Sequence[float], raw: Array, problem: str
 ) -> CompassFit:
     heading, error = _errors_of(record, before)
     return CompassFit(
@@ -420,7 +420,7 @@ def _nothing(
     )
 
 
-def _turns_problem(record: CompassRecord, turns: int) -> str:
+def _turns_problem(record: CompassTurns, turns: int) -> str:
     if turns >= COMPASS_FIT.least_turns:
         return ""
     return (
@@ -429,7 +429,7 @@ def _turns_problem(record: CompassRecord, turns: int) -> str:
     )
 
 
-def _problem(record: CompassRecord, turns: int, covered: float, scale: float, error_deg: Array) -> str:
+def _problem(record: CompassTurns, turns: int, covered: float, scale: float, error_deg: Array) -> str:
     few = _turns_problem(record, turns)
     if few:
         return few

@@ -1,33 +1,27 @@
 """What a log holds for the calibration of one compass: its bytes, and the turns by another sensor."""
 
 import math
-from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from controllers.motion.kinematics import make_kinematics
 from drivers.angles import wrap_rad
 from drivers.errors import ConfigError, LogError
 from drivers.link import Received
 from drivers.nmea_compass.settings import NmeaCompassSettings
-from drivers.samples import AttitudeSample, RateSample
 from drivers.witmotion.settings import WitMotionSettings
 from rover_hil.config import Config
 from rover_hil.drives.arrays import Array
-from rover_hil.drives.channels import Channels
 from rover_hil.drives.drive import Drive
 from rover_hil.ready.compass.parameters import COMPASS_FIT
-from rover_hil.recording import schema
-from rover_hil.recording.reader import LogReader
 
 CompassSettings = NmeaCompassSettings | WitMotionSettings
 LEAST_READINGS = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CompassRecord:
+class CompassTurns:
     """Turns of a compass.
 
     Attributes:
@@ -98,7 +92,7 @@ def compass_of(config: Config, device: str | None) -> tuple[str, CompassSettings
     return name, compasses[name].model_copy(update={"calibration": None})
 
 
-def read_record(path: Path, device: str | None) -> CompassRecord:
+def read_record(path: Path, device: str | None) -> CompassTurns:
     """Return what a log holds for the calibration of a compass.
 
     The turns are those of `roles.gyro`, else of the gyro in the compass, else of another gyro, else of the
@@ -108,29 +102,16 @@ def read_record(path: Path, device: str | None) -> CompassRecord:
         ConfigError: The log's configuration has no such compass.
         LogError: The log is damaged, or holds nothing of the compass, or no turns.
     """
-    drive = Drive(path)
+    drive = Drive(path, with_devices=True).read()
     log, config = drive.log, drive.config
     name, settings = compass_of(config, device)
-    rates: defaultdict[str, list[RateSample]] = defaultdict(list)
-    attitudes: defaultdict[str, list[AttitudeSample]] = defaultdict(list)
-
-    def take(_: int, samples: schema.SamplesRecord) -> None:
-        for rate in samples.rates:
-            rates[rate.device].append(rate)
-        for attitude in samples.attitudes:
-            attitudes[attitude.device].append(attitude)
-
-    drive.read(take)
     payloads = [Received(each.t_ns, each.data) for each in drive.raw(name)]
     if not payloads:
         raise LogError(f"log {path} holds nothing of '{name}': was it connected?")
-    gyros = [each for each in (config.roles.gyro, name, *rates) if each is not None and each in rates]
-    if gyros:
-        reference = f"gyro '{gyros[0]}'"
-        t_s, rate_rad_s = _yaw_rate(rates[gyros[0]], attitudes[gyros[0]], log.start_ns)
-    else:
-        reference = "wheels"
-        t_s, rate_rad_s = _wheel_rate(config, drive.channels, log)
+    rates = drive.channels.of_devices("gyro_z_rad_s")
+    gyros = [each for each in (config.roles.gyro, name, *rates) if each in rates]
+    reference = f"gyro '{gyros[0]}'" if gyros else "wheels"
+    t_s, rate_rad_s = _yaw_rate(drive, str(gyros[0])) if gyros else _wheel_rate(drive)
     t_s, keep = np.unique(t_s, return_index=True)
     rate_rad_s = rate_rad_s[keep]
     if len(t_s) < LEAST_READINGS or not np.isfinite(rate_rad_s).all():
@@ -139,7 +120,7 @@ def read_record(path: Path, device: str | None) -> CompassRecord:
     parts = np.where(
         steps_s <= COMPASS_FIT.longest_gap_s, 0.5 * steps_s * (rate_rad_s[1:] + rate_rad_s[:-1]), 0.0
     )
-    return CompassRecord(
+    return CompassTurns(
         path=path,
         device=name,
         settings=settings,
@@ -152,33 +133,26 @@ def read_record(path: Path, device: str | None) -> CompassRecord:
     )
 
 
-def _yaw_rate(rates: list[RateSample], attitudes: list[AttitudeSample], start_ns: int) -> tuple[Array, Array]:
+def _yaw_rate(drive: Drive, gyro: str) -> tuple[Array, Array]:
     """Return times and yaw rates; of a tilted sensor by its attitude, where it reports one."""
-    t_s = np.array([(each.t_ns - start_ns) / 1e9 for each in rates])
-    rate = np.array([each.rate_z_rad_s for each in rates])
-    tilts = [each for each in attitudes if each.roll_rad is not None and each.pitch_rad is not None]
-    if not tilts or any(each.rate_y_rad_s is None for each in rates):
-        return t_s, rate
-    tilt_s = np.array([(each.t_ns - start_ns) / 1e9 for each in tilts])
-    roll = np.interp(t_s, tilt_s, np.unwrap([each.roll_rad or 0.0 for each in tilts]))
-    pitch = np.interp(t_s, tilt_s, [each.pitch_rad or 0.0 for each in tilts])
-    pitch = np.clip(pitch, -COMPASS_FIT.steepest_rad, COMPASS_FIT.steepest_rad)
-    left = np.array([each.rate_y_rad_s or 0.0 for each in rates])
-    turned: Array = (left * np.sin(roll) + rate * np.cos(roll)) / np.cos(pitch)
+    names = ("gyro_z_rad_s", "gyro_y_rad_s", "roll_rad", "pitch_rad")
+    rate, left, roll, pitch = (drive.channels[f"{name} {gyro}"] for name in names)
+    t_s = drive.seconds(rate.t_ns)
+    if not (len(roll) and len(pitch)) or len(left) < len(rate):
+        return t_s, rate.value
+    roll_rad = np.interp(t_s, drive.seconds(roll.t_ns), np.unwrap(roll.value))
+    pitch_rad = np.interp(t_s, drive.seconds(pitch.t_ns), pitch.value)
+    pitch_rad = np.clip(pitch_rad, -COMPASS_FIT.steepest_rad, COMPASS_FIT.steepest_rad)
+    turned: Array = (left.value * np.sin(roll_rad) + rate.value * np.cos(roll_rad)) / np.cos(pitch_rad)
     return t_s, turned
 
 
-def _wheel_rate(config: Config, rows: Channels, log: LogReader) -> tuple[Array, Array]:
-    kinematics = make_kinematics(config.rover)
-    positions = [rows[f"position{wheel + 1}_rad"] for wheel in range(kinematics.wheel_count)]
-    if any(len(each) < LEAST_READINGS for each in positions):
+def _wheel_rate(drive: Drive) -> tuple[Array, Array]:
+    rolled = drive.rolled(LEAST_READINGS)
+    if rolled is None:
         return np.zeros(0), np.zeros(0)
-    t_ns = np.unique(positions[0].t_ns)
-    angles = np.column_stack([np.interp(t_ns, each.t_ns, each.value) for each in positions])
-    t_s = (t_ns - log.start_ns) / 1e9
-    turned = [kinematics.body_motion(row)[2] for row in np.diff(angles, axis=0).tolist()]
-    rate: Array = np.array(turned) / np.diff(t_s)
-    return 0.5 * (t_s[1:] + t_s[:-1]), rate
+    t_s, motion = drive.seconds(rolled[0]), rolled[1]
+    return 0.5 * (t_s[1:] + t_s[:-1]), np.diff(motion[:, 2]) / np.diff(t_s)
 
 
 def aligned(angles_rad: Array, near_rad: Array) -> Array:

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import OmniRoverSettings
 from drivers.errors import LogError
 from rover_hil.drives.arrays import Array
@@ -50,21 +49,17 @@ def read_turns(path: Path) -> Turns:
             place.
     """
     drive = read_drive(path)
-    config, rows = drive.config, drive.channels
+    config = drive.config
     if not isinstance(config.rover, OmniRoverSettings):
         raise LogError(
             f"{path} is of a rover with kinematics '{config.rover.kinematics}': "
             "the gyro is identified with three omnidirectional wheels"
         )
-    kinematics = make_kinematics(config.rover)
-    positions = [rows[f"position{wheel + 1}_rad"] for wheel in range(kinematics.wheel_count)]
-    gyro = rows["gyro_z_rad_s"]
-    if len(gyro) < TURNS.least_readings or any(len(each) < TURNS.least_readings for each in positions):
+    gyro, rolled = drive.channels["gyro_z_rad_s"], drive.rolled(TURNS.least_readings)
+    if len(gyro) < TURNS.least_readings or rolled is None:
         raise LogError(f"log {path} holds no yaw rates of roles.gyro, or no positions of all wheels")
-    origin_ns = int(positions[0].t_ns[0])
-    t_s = (np.unique(positions[0].t_ns) - origin_ns) / 1e9
-    angles = [np.interp(t_s, (each.t_ns - origin_ns) / 1e9, each.value) for each in positions]
-    moved = np.array([kinematics.body_motion(row) for row in np.column_stack(angles).tolist()])
+    origin_ns, moved = int(rolled[0][0]), rolled[1]
+    t_s = (rolled[0] - origin_ns) / 1e9
     if not np.isfinite(moved).all() or not np.isfinite(gyro.value).all():
         raise LogError(f"log {path} holds samples that are not numbers: it is damaged, record it again")
     grid_s = np.arange(t_s[0], t_s[-1], TURNS.grid_s)

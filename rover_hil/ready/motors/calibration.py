@@ -17,7 +17,7 @@ from rover_hil.drives.toml_text import toml_text
 from rover_hil.pages.picture import Drawing
 from rover_hil.ready.compass.record import compass_of
 from rover_hil.ready.motors.figures import draw_motor_errors, draw_motor_fields
-from rover_hil.ready.motors.fit import MotorDrive, MotorFieldFit, fit_motor_fields, read_motor_drive
+from rover_hil.ready.motors.fit import FieldHeadings, MotorFieldFit, fit_motor_fields, read_motor_drive
 from rover_hil.ready.options import DeviceOption, OptionalOutOption, command
 from rover_hil.ready.procedure import Drive, Entry, Facts, FileProcedure, Request
 from rover_hil.ready.turns import DEFAULT_SPEED_M_S, on_firm_floor, turning_config, with_frames, with_gains
@@ -49,7 +49,7 @@ def calibrate(
 
 
 @dataclass
-class MotorCalibration(FileProcedure[MotorDrive, MotorFieldFit]):
+class MotorCalibration(FileProcedure[FieldHeadings, MotorFieldFit]):
     """The field of each motor at a compass, per ampere of its current.
 
     Attributes:
@@ -100,16 +100,16 @@ class MotorCalibration(FileProcedure[MotorDrive, MotorFieldFit]):
         )
         return (drive,)
 
-    def read(self, logs: Sequence[Path]) -> MotorDrive:
+    def read(self, logs: Sequence[Path]) -> FieldHeadings:
         return read_motor_drive(logs[0], self.device)
 
-    def fit(self, record: MotorDrive) -> MotorFieldFit:
+    def fit(self, record: FieldHeadings) -> MotorFieldFit:
         return fit_motor_fields(record, date_of(wall_time_ns()).isoformat())
 
-    def title(self, record: MotorDrive, result: MotorFieldFit) -> str:
+    def title(self, record: FieldHeadings, result: MotorFieldFit) -> str:
         return f"Motors at the compass: {result.problem or 'corrected'}"
 
-    def facts(self, record: MotorDrive, result: MotorFieldFit) -> Facts:
+    def facts(self, record: FieldHeadings, result: MotorFieldFit) -> Facts:
         facts = [
             ("compass", f"{result.fields.device}, against the {result.reference}"),
             ("error without the currents", f"{rms(result.before_deg):.2f} deg rms"),
@@ -128,7 +128,7 @@ class MotorCalibration(FileProcedure[MotorDrive, MotorFieldFit]):
             facts.append(("not separated", words))
         return facts
 
-    def json(self, record: MotorDrive, result: MotorFieldFit, out: Path | None) -> dict[str, object]:
+    def json(self, record: FieldHeadings, result: MotorFieldFit, out: Path | None) -> dict[str, object]:
         return {
             "device": result.fields.device,
             "per_ampere": result.fields.per_ampere,
@@ -139,7 +139,7 @@ class MotorCalibration(FileProcedure[MotorDrive, MotorFieldFit]):
             "file": None if result.problem else str(out),
         }
 
-    def figures(self, record: MotorDrive, result: MotorFieldFit) -> Sequence[Drawing]:
+    def figures(self, record: FieldHeadings, result: MotorFieldFit) -> Sequence[Drawing]:
         return (
             Drawing(
                 "Error of the heading and currents",
@@ -155,10 +155,10 @@ class MotorCalibration(FileProcedure[MotorDrive, MotorFieldFit]):
             ),
         )
 
-    def write(self, record: MotorDrive, result: MotorFieldFit) -> str:
+    def write(self, record: FieldHeadings, result: MotorFieldFit) -> str:
         return toml_text(result.fields.model_dump(), digits=5)
 
-    def entries(self, record: MotorDrive, result: MotorFieldFit, out: Path | None) -> Sequence[Entry]:
+    def entries(self, record: FieldHeadings, result: MotorFieldFit, out: Path | None) -> Sequence[Entry]:
         return (Entry("filter", "motor_fields", str(out)),)
 
 

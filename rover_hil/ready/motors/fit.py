@@ -20,7 +20,7 @@ from drivers.errors import LogError
 from rover_hil.drives.arrays import Array, Flags, rms, wrap_angles
 from rover_hil.drives.drive import Drive
 from rover_hil.ready.compass.fit import reference_columns, solve_columns, waves_of
-from rover_hil.ready.compass.record import CompassRecord, aligned, read_record
+from rover_hil.ready.compass.record import CompassTurns, aligned, read_record
 from rover_hil.ready.motors.parameters import MOTOR_FIELD
 from rover_hil.recording import schema
 
@@ -56,16 +56,16 @@ class MotorFieldFit:
 
 
 @dataclass(frozen=True, slots=True)
-class MotorDrive:
+class FieldHeadings:
     """Headings with the currents at them; yaw in rad, near that of the reference."""
 
-    record: CompassRecord
+    record: CompassTurns
     t_s: Array
     yaw_rad: Array
     current_a: Array
 
 
-def fit_motor_fields(drive: MotorDrive, day: str) -> MotorFieldFit:
+def fit_motor_fields(drive: FieldHeadings, day: str) -> MotorFieldFit:
     """Return the field of each motor at a compass, and the error of its heading with and without.
 
     Args:
@@ -113,7 +113,7 @@ def _pairs(values: Array) -> tuple[tuple[float, float], ...]:
     return tuple((round(x, 5), round(y, 5)) for x, y in values.tolist())
 
 
-def read_motor_drive(path: Path, device: str | None) -> MotorDrive:
+def read_motor_drive(path: Path, device: str | None) -> FieldHeadings:
     """Return the headings of a compass with the currents of the motors.
 
     Args:
@@ -138,10 +138,10 @@ def read_motor_drive(path: Path, device: str | None) -> MotorDrive:
             f"log {path}: the rover drove in one direction only, which shows one component of the field: "
             "drive squares in both senses, with stops"
         )
-    return MotorDrive(record, t_s, aligned(yaw, near), current_a)
+    return FieldHeadings(record, t_s, aligned(yaw, near), current_a)
 
 
-def _headings(path: Path, record: CompassRecord) -> Array:
+def _headings(path: Path, record: CompassTurns) -> Array:
     """Return time, yaw and the currents of the motors at each heading, (n, 2 + m)."""
     drive = Drive(path)
     config = drive.config
@@ -194,7 +194,7 @@ def _without(yaw_rad: Array, ahead_left: Array) -> Array:
     return near
 
 
-def _rest_columns(drive: MotorDrive) -> Array:
+def _rest_columns(drive: FieldHeadings) -> Array:
     """Return the columns of reference and deviation.
 
     The deviation is over the yaw of the reference: over the heading itself it would explain its own errors.
@@ -203,7 +203,7 @@ def _rest_columns(drive: MotorDrive) -> Array:
     return np.hstack((reference, waves_of(reference[:, 1], MOTOR_FIELD.waves)))
 
 
-def _fit(drive: MotorDrive, use: Flags, *, has_motors: bool) -> tuple[Array, Array]:
+def _fit(drive: FieldHeadings, use: Flags, *, has_motors: bool) -> tuple[Array, Array]:
     """Return the field per ampere of each motor, (m, 2), and the coefficients of reference and deviation."""
     motors = drive.current_a.shape[1]
     field = np.zeros((motors, 2))
@@ -229,13 +229,13 @@ def _fit(drive: MotorDrive, use: Flags, *, has_motors: bool) -> tuple[Array, Arr
     return field, fit_columns
 
 
-def _effect(drive: MotorDrive, yaw_rad: Array) -> Array:
+def _effect(drive: FieldHeadings, yaw_rad: Array) -> Array:
     """Return the change of the shown yaw by the field of each motor ahead, then to the left, (n, 2 m)."""
     cosine, sine = np.cos(yaw_rad)[:, None], np.sin(yaw_rad)[:, None]
     return np.hstack((drive.current_a * cosine, -drive.current_a * sine))
 
 
-def _posterior_sd(drive: MotorDrive, field: Array) -> Array:
+def _posterior_sd(drive: FieldHeadings, field: Array) -> Array:
     """Return what drive and prior leave open, (m, 2); errors within a block count as one.
 
     They are not independent: most are of the model, e.g. of the damping of the compass.
@@ -255,7 +255,7 @@ def _posterior_sd(drive: MotorDrive, field: Array) -> Array:
     return sd
 
 
-def _errors(drive: MotorDrive, field: Array, fit_columns: Array) -> Array:
+def _errors(drive: FieldHeadings, field: Array, fit_columns: Array) -> Array:
     """Return the errors of the corrected headings against the reference, rad."""
     yaw = _without(drive.yaw_rad, drive.current_a @ field)
     yaw = np.where(np.isfinite(yaw), yaw, drive.yaw_rad)

@@ -22,7 +22,7 @@ from rover_hil.pages.picture import Drawing
 from rover_hil.ready.by_hand import record_by_hand
 from rover_hil.ready.mounting.figures import draw_axis, draw_residuals, draw_turns
 from rover_hil.ready.mounting.fit import COUNTED, MountingFit, Turn, find_turns, fit_mounting, turns_by
-from rover_hil.ready.mounting.record import InertialRecord, read_inertial, sensor_of
+from rover_hil.ready.mounting.record import InertialTurns, read_inertial, sensor_of
 from rover_hil.ready.options import DeviceOption, command
 from rover_hil.ready.procedure import (
     Drive,
@@ -68,7 +68,7 @@ def calibrate(
 class MountingRecord:
     """What a log holds of the sensor, and the turns between rests with the bias at each rest."""
 
-    inertial: InertialRecord
+    inertial: InertialTurns
     turns: tuple[Turn, ...]
     bias_rad_s: Array
 

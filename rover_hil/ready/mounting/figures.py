@@ -7,10 +7,10 @@ from matplotlib.figure import Figure
 
 from rover_hil.pages import style
 from rover_hil.ready.mounting.fit import MountingFit
-from rover_hil.ready.mounting.record import InertialRecord
+from rover_hil.ready.mounting.record import InertialTurns
 
 
-def draw_turns(record: InertialRecord, fit: MountingFit) -> Figure:
+def draw_turns(record: InertialTurns, fit: MountingFit) -> Figure:
     """Draw the yaw rate about the axis that was found, with the turns that were used."""
     figure = Figure(figsize=(style.WIDTH_IN, 2.8), layout="constrained")
     axes = figure.subplots()

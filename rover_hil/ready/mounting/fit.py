@@ -15,7 +15,7 @@ import numpy as np
 from drivers.errors import LogError
 from rover_hil.drives.arrays import Array
 from rover_hil.ready.mounting.parameters import MOUNTING_FIT
-from rover_hil.ready.mounting.record import InertialRecord
+from rover_hil.ready.mounting.record import InertialTurns
 
 COUNTED = "counted turns"
 """Measured by the user, who may have exchanged the two senses."""
@@ -81,7 +81,7 @@ class _Rest:
         return 0.5 * (self.start_s + self.end_s)
 
 
-def find_turns(record: InertialRecord) -> tuple[tuple[Turn, ...], Array]:
+def find_turns(record: InertialTurns) -> tuple[tuple[Turn, ...], Array]:
     """Return the turns between rests, and the bias at each rest in rad/s, (k, 3).
 
     Raises:
@@ -113,7 +113,7 @@ def find_turns(record: InertialRecord) -> tuple[tuple[Turn, ...], Array]:
     return tuple(turns), biases
 
 
-def turns_by(record: InertialRecord, turns: Sequence[Turn], reference: str) -> Array:
+def turns_by(record: InertialTurns, turns: Sequence[Turn], reference: str) -> Array:
     """Return each turn in rad by another device, (n,): its mean yaw in the rest after, less that before.
 
     Args:
@@ -138,7 +138,7 @@ def turns_by(record: InertialRecord, turns: Sequence[Turn], reference: str) -> A
 
 
 def fit_mounting(
-    record: InertialRecord,
+    record: InertialTurns,
     turns: Sequence[Turn],
     biases: Array,
     known_rad: Array,
@@ -188,7 +188,7 @@ def fit_mounting(
     )
 
 
-def _sense_problem(record: InertialRecord, up: Array, gravity: Array) -> str:
+def _sense_problem(record: InertialTurns, up: Array, gravity: Array) -> str:
     """Return why turns that were counted in the wrong sense would pass for a sensor upside down."""
     if np.isfinite(gravity).all() or up @ record.expected_up >= MOUNTING_FIT.least_expected_share:
         return ""
@@ -228,7 +228,7 @@ def _levelling(up: Array) -> tuple[float, float]:
     return math.atan2(y, z), math.atan2(-x, math.hypot(y, z))
 
 
-def _gravity(record: InertialRecord, turns: Sequence[Turn]) -> Array:
+def _gravity(record: InertialTurns, turns: Sequence[Turn]) -> Array:
     """Return the direction of the acceleration before, between and after the turns; NaN without any."""
     t_s = record.acceleration_t_s
     at_rest = np.ones(len(t_s), np.bool_)
@@ -241,7 +241,7 @@ def _gravity(record: InertialRecord, turns: Sequence[Turn]) -> Array:
     return direction
 
 
-def _rests(record: InertialRecord) -> list[_Rest]:
+def _rests(record: InertialTurns) -> list[_Rest]:
     """Return the rests: blocks that are as quiet as the quietest one, joined."""
     rates = record.rate_rad_s
     block = np.floor((record.t_s - record.t_s[0]) / MOUNTING_FIT.block_s).astype(np.int64)

@@ -1,6 +1,5 @@
 """What a log holds of an inertial sensor in its own axes, and of the turns by another device."""
 
-from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,21 +12,18 @@ from rover_hil.config import Config
 from rover_hil.drives.arrays import Array
 from rover_hil.drives.drive import Drive
 from rover_hil.drives.ground_truth import TruePoses
-from rover_hil.recording import schema
-from rover_hil.recording.reader import LogReader
 
 LEAST_READINGS = 100
 AXES: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InertialRecord:
+class InertialTurns:
     """Readings of a sensor, in its own axes and without scale and bias.
 
     Attributes:
         path: The log.
         device: Name of the sensor.
-        settings: Its settings in the log.
         t_s: Times of the rates, shape (n,).
         rate_rad_s: Rates about x, y, z, (n, 3).
         acceleration_t_s: Times of the accelerations, (m,); empty where it sends none.
@@ -38,7 +34,6 @@ class InertialRecord:
 
     path: Path
     device: str
-    settings: InertialSettings
     t_s: Array
     rate_rad_s: Array
     acceleration_t_s: Array
@@ -69,68 +64,52 @@ def sensor_of(config: Config, device: str | None) -> tuple[str, InertialSettings
     return name, sensors[name]
 
 
-def read_inertial(path: Path, device: str | None) -> InertialRecord:
+def read_inertial(path: Path, device: str | None) -> InertialTurns:
     """Return what a log holds of an inertial sensor.
 
     Raises:
         ConfigError: The log's configuration has no such sensor.
         LogError: The log is damaged, or holds too few rates.
     """
-    drive = Drive(path)
-    log, config = drive.log, drive.config
+    drive = Drive(path, with_devices=True).read()
+    log, config, rows = drive.log, drive.config, drive.channels
     name, settings = sensor_of(config, device)
-    rates: list[tuple[float, ...]] = []
-    accelerations: list[tuple[float, ...]] = []
-    headings: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
-
-    def take(_: int, samples: schema.SamplesRecord) -> None:
-        rates.extend(
-            (_s(each.t_ns, log), each.rate_x_rad_s or 0.0, each.rate_y_rad_s or 0.0, each.rate_z_rad_s)
-            for each in samples.rates
-            if each.device == name
-        )
-        accelerations.extend(
-            (_s(each.t_ns, log), each.x_m_s2, each.y_m_s2, each.z_m_s2)
-            for each in samples.accelerations
-            if each.device == name
-        )
-        for heading in samples.headings:
-            headings[heading.device].append((_s(heading.t_ns, log), heading.heading_rad))
-
-    drive.read(take)
-    headings.pop(name, None)
-    table = np.array(rates).reshape(-1, 4)
-    if len(table) < LEAST_READINGS or not np.isfinite(table[:, 3]).all():
-        raise LogError(f"log {path} holds {len(table)} yaw rates of '{name}': record whole turns with it")
-    force = np.array(accelerations).reshape(-1, 4)
-    references = {
-        f"compass '{compass}'": (np.array(pairs).T[0], np.unwrap(np.array(pairs).T[1]))
-        for compass, pairs in headings.items()
-    }
+    yaw = rows[f"gyro_z_rad_s {name}"]
+    if len(yaw) < LEAST_READINGS or not np.isfinite(yaw.value).all():
+        raise LogError(f"log {path} holds {len(yaw)} yaw rates of '{name}': record whole turns with it")
+    rates = [rows[f"gyro_{axis}_rad_s {name}"] for axis in "xyz"]
+    forces = [rows[f"acceleration_{axis}_m_s2 {name}"] for axis in "xyz"]
+    references = {}
+    for source, heading in rows.of_devices("heading_rad").items():
+        compass = source.rpartition(" ")[0]
+        if compass != name:
+            references[f"compass '{compass}'"] = drive.seconds(heading.t_ns), np.unwrap(heading.value)
     fixes = drive.fixes()
     if fixes is not None and len(fixes.t_ns):
-        references = {"overhead camera": _yaw_of(fixes, log), **references}
+        references = {"overhead camera": _yaw_of(drive, fixes), **references}
     if log.origin == "virtual":
-        references = {"simulated turns": _yaw_of(drive.true_poses(), log), **references}
-    return InertialRecord(
+        references = {"simulated turns": _yaw_of(drive, drive.true_poses()), **references}
+    return InertialTurns(
         path=path,
         device=name,
-        settings=settings,
-        t_s=table[:, 0],
-        rate_rad_s=_in_sensor(table[:, 1:], settings, is_rate=True),
-        acceleration_t_s=force[:, 0],
-        acceleration_m_s2=_in_sensor(force[:, 1:], settings, is_rate=False),
+        t_s=drive.seconds(yaw.t_ns),
+        rate_rad_s=_in_sensor(
+            # A sensor may report the yaw rate alone.
+            np.column_stack([each.value if len(each) == len(yaw) else np.zeros(len(yaw)) for each in rates]),
+            settings,
+            is_rate=True,
+        ),
+        acceleration_t_s=drive.seconds(forces[0].t_ns),
+        acceleration_m_s2=_in_sensor(
+            np.column_stack([each.value for each in forces]), settings, is_rate=False
+        ),
         expected_up=_axes(settings)[:, 2],
         references=references,
     )
 
 
-def _s(t_ns: int, log: LogReader) -> float:
-    return (t_ns - log.start_ns) / 1e9
-
-
-def _yaw_of(poses: TruePoses, log: LogReader) -> tuple[Array, Array]:
-    return (poses.t_ns - log.start_ns) / 1e9, poses.yaw_rad
+def _yaw_of(drive: Drive, poses: TruePoses) -> tuple[Array, Array]:
+    return drive.seconds(poses.t_ns), poses.yaw_rad
 
 
 def _in_sensor(vectors: Array, settings: InertialSettings, *, is_rate: bool) -> Array:

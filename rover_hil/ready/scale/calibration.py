@@ -20,7 +20,7 @@ from rover_hil.ready.options import command
 from rover_hil.ready.procedure import Drive, Entry, Facts, FileProcedure, Request, comments
 from rover_hil.ready.scale.figures import draw_scale, draw_view
 from rover_hil.ready.scale.fit import ScaleFit, fit_scale
-from rover_hil.ready.scale.record import ScaleRecord, read_scale_record
+from rover_hil.ready.scale.record import CameraTravels, read_scale_record
 from rover_hil.ready.turns import DEFAULT_SPEED_M_S, on_firm_floor
 from sim_backends.rear_scene.settings import CameraEmulatorSettings
 from sim_backends.settings import SimulationSettings
@@ -54,7 +54,7 @@ def calibrate(
 
 
 @dataclass
-class ScaleCalibration(FileProcedure[Sequence[ScaleRecord], ScaleFit]):
+class ScaleCalibration(FileProcedure[Sequence[CameraTravels], ScaleFit]):
     """Scale of a ground camera.
 
     Attributes:
@@ -91,7 +91,7 @@ class ScaleCalibration(FileProcedure[Sequence[ScaleRecord], ScaleFit]):
         )
         return (drive,)
 
-    def read(self, logs: Sequence[Path]) -> Sequence[ScaleRecord]:
+    def read(self, logs: Sequence[Path]) -> Sequence[CameraTravels]:
         """Return the travels of each log.
 
         Raises:
@@ -105,15 +105,15 @@ class ScaleCalibration(FileProcedure[Sequence[ScaleRecord], ScaleFit]):
                 )
         return records
 
-    def fit(self, record: Sequence[ScaleRecord]) -> ScaleFit:
+    def fit(self, record: Sequence[CameraTravels]) -> ScaleFit:
         return fit_scale(record)
 
-    def title(self, record: Sequence[ScaleRecord], result: ScaleFit) -> str:
+    def title(self, record: Sequence[CameraTravels], result: ScaleFit) -> str:
         if result.problem:
             return f"Camera: no scale, {result.problem}"
         return "Camera: scale of the measured travel"
 
-    def facts(self, record: Sequence[ScaleRecord], result: ScaleFit) -> Facts:
+    def facts(self, record: Sequence[CameraTravels], result: ScaleFit) -> Facts:
         day = _day(record)
         age = (date_of(wall_time_ns()) - day).days
         travels = [travel for each in record for travel in each.travels]
@@ -132,11 +132,11 @@ class ScaleCalibration(FileProcedure[Sequence[ScaleRecord], ScaleFit]):
         facts.append(("driven on", f"{day}, {age} days ago"))
         return facts
 
-    def json(self, record: Sequence[ScaleRecord], result: ScaleFit, out: Path | None) -> dict[str, object]:
+    def json(self, record: Sequence[CameraTravels], result: ScaleFit, out: Path | None) -> dict[str, object]:
         values = {} if result.problem else _values(result, _day(record))
         return {**dict(self.facts(record, result)), SECTION: values, "problem": result.problem}
 
-    def figures(self, record: Sequence[ScaleRecord], result: ScaleFit) -> Sequence[Drawing]:
+    def figures(self, record: Sequence[CameraTravels], result: ScaleFit) -> Sequence[Drawing]:
         caption = (
             "See whether the blue dots lie around zero, without a trend. A trend, "
             "or single pieces far off, is ground that slips."
@@ -150,11 +150,11 @@ class ScaleCalibration(FileProcedure[Sequence[ScaleRecord], ScaleFit]):
             Drawing("What the camera sees", seen, lambda: draw_view(record[-1].picture)),
         )
 
-    def write(self, record: Sequence[ScaleRecord], result: ScaleFit) -> str:
+    def write(self, record: Sequence[CameraTravels], result: ScaleFit) -> str:
         tolerance = {"ground_motion": {"tolerance": _values(result, _day(record))}}
         return comments(self.facts(record, result)) + toml_text(tolerance)
 
-    def entries(self, record: Sequence[ScaleRecord], result: ScaleFit, out: Path | None) -> Sequence[Entry]:
+    def entries(self, record: Sequence[CameraTravels], result: ScaleFit, out: Path | None) -> Sequence[Entry]:
         return [Entry(SECTION, key, value) for key, value in _values(result, _day(record)).items()]
 
 
@@ -169,7 +169,7 @@ def _on_firm_ground(simulation: SimulationSettings) -> SimulationSettings:
     return firm.model_copy(update={"devices": devices})
 
 
-def _day(records: Sequence[ScaleRecord]) -> dt.date:
+def _day(records: Sequence[CameraTravels]) -> dt.date:
     return min(date_of(record.wall_ns) for record in records)
 
 

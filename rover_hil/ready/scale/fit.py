@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from controllers.estimation.ground.travel import WHEELS_SD
-from rover_hil.ready.scale.record import ScaleRecord
+from rover_hil.ready.scale.record import CameraTravels
 from rover_hil.ready.wheels.fit import NORMAL_95, Factor, fit_factor
 
 PIECE_M = 0.5
@@ -47,7 +47,7 @@ class ScaleFit:
         return math.nan if self.factor is None else self.factor.half_width / NORMAL_95
 
 
-def fit_scale(records: Sequence[ScaleRecord]) -> ScaleFit:
+def fit_scale(records: Sequence[CameraTravels]) -> ScaleFit:
     """Return the factor of one camera from one or more drives."""
     pieces = [piece for record in records for piece in _pieces(record)]
     known = [abs(known_m) for known_m, _ in pieces]
@@ -88,7 +88,7 @@ def _problem(factor: Factor) -> str:
     return ""
 
 
-def _pieces(record: ScaleRecord) -> list[tuple[complex, complex]]:
+def _pieces(record: CameraTravels) -> list[tuple[complex, complex]]:
     """Return straight pieces of the drive of equal length: known travel and that of the camera.
 
     Travels are added in the axes of each frame: a rover that turns by some degrees within a piece still moves

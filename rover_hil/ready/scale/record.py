@@ -51,8 +51,8 @@ class Travel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ScaleRecord:
-    """What a log holds for the scale.
+class CameraTravels:
+    """Travel in a drive by its camera, and by what is known.
 
     Attributes:
         path: The log.
@@ -80,7 +80,7 @@ class ScaleRecord:
         return self.rig.t_vehicle_camera[2]
 
 
-def read_scale_record(path: Path) -> ScaleRecord:
+def read_scale_record(path: Path) -> CameraTravels:
     """Return the travel in a log by its camera, and by pose fixes, or by the wheels where there are none.
 
     The camera's travel is that of its rig alone: a scale in the configuration is left out, and without fixes
@@ -112,7 +112,7 @@ def read_scale_record(path: Path) -> ScaleRecord:
         if not motion.is_open:
             travels.append(_travel(motion, wheels, fixes, point_m))
     sds = np.zeros(1) if fixes is None else fixes.position_sd_m
-    return ScaleRecord(
+    return CameraTravels(
         path=path,
         wall_ns=log.start_ns + log.wall_offset_ns,
         reference=WHEELS if fixes is None else fixes.source,

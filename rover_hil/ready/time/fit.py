@@ -10,7 +10,6 @@ has, its turns do not show; the readout is no longer than the time between two f
 """
 
 import math
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,13 +19,11 @@ from scipy.optimize import minimize_scalar
 
 from controllers.ground_motion.ground_patch import GroundPatch
 from controllers.ground_motion.rolling_shutter import rolling_shutter
-from controllers.motion.kinematics import make_kinematics
 from drivers.errors import LogError
-from rover_hil.drives.arrays import Array, Flags
+from rover_hil.drives.arrays import Array, Flags, Times
 from rover_hil.drives.drive import Drive
 from rover_hil.ready.scale.record import read_ground_yaw
 from rover_hil.ready.time.parameters import TIMING
-from rover_hil.recording import schema
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,43 +80,25 @@ def read_tracks(path: Path) -> list[YawTrack]:
     Raises:
         LogError: The log is damaged, or fewer than two devices show turns.
     """
-    drive = Drive(path)
-    log, config, rows = drive.log, drive.config, drive.channels
-    rates: defaultdict[str, list[tuple[int, float]]] = defaultdict(list)
-    yaws: defaultdict[tuple[str, str], list[tuple[int, float]]] = defaultdict(list)
-
-    def take(_: int, samples: schema.SamplesRecord) -> None:
-        for rate in samples.rates:
-            rates[rate.device].append((rate.t_ns, rate.rate_z_rad_s))
-        for heading in samples.headings:
-            yaws["heading", heading.device].append((heading.t_ns, heading.heading_rad))
-        for fix in samples.fixes:
-            yaws["fixes", fix.device].append((min(fix.t_capture_ns, fix.t_ns), fix.yaw_rad))
-
-    drive.read(take)
-    tracks = [
-        _track("gyro", device, readings, log.start_ns, is_rate=True)
-        for device, readings in sorted(rates.items(), key=lambda each: each[0] != config.roles.gyro)
-    ]
-    kinematics = make_kinematics(config.rover)
-    positions = [rows[f"position{wheel + 1}_rad"] for wheel in range(kinematics.wheel_count)]
-    if all(len(each) > TIMING.least_readings for each in positions):
-        t_ns = np.unique(positions[0].t_ns)
-        angles = np.column_stack([np.interp(t_ns, each.t_ns, each.value) for each in positions])
-        turned = [kinematics.body_motion(row)[2] for row in angles.tolist()]
-        tracks.append(
-            _track("wheels", config.roles.wheels, list(zip(t_ns.tolist(), turned, strict=True)), log.start_ns)
-        )
-    tracks += [_track(kind, device, readings, log.start_ns) for (kind, device), readings in yaws.items()]
+    drive = Drive(path, with_devices=True).read()
+    config, rows = drive.config, drive.channels
+    gyros = sorted(rows.of_devices("gyro_z_rad_s").items(), key=lambda each: each[0] != config.roles.gyro)
+    tracks = [_track(drive, "gyro", device, rate.t_ns, rate.value, is_rate=True) for device, rate in gyros]
+    rolled = drive.rolled(TIMING.least_readings + 1)
+    if rolled is not None:
+        tracks.append(_track(drive, "wheels", config.roles.wheels, rolled[0], rolled[1][:, 2]))
+    for source, heading in rows.of_devices("heading_rad").items():
+        tracks.append(_track(drive, "heading", source.rpartition(" ")[0], heading.t_ns, heading.value))
+    for device, fix in rows.of_devices("fix_yaw_rad").items():
+        tracks.append(_track(drive, "fixes", device, fix.t_ns, fix.value))
     ground = read_ground_yaw(drive)
     if ground is not None and config.roles.camera is not None and config.ground_motion is not None:
         shutter = rolling_shutter(GroundPatch(config.ground_motion.rig.geometry()))
-        seen = list(zip(ground[0].tolist(), ground[1].tolist(), strict=True))
         tracks.append(
             replace(
-                _track("ground", config.roles.camera, seen, log.start_ns),
+                _track(drive, "ground", config.roles.camera, *ground),
                 readout_share=shutter.turn_delay,
-                longest_readout_s=float(np.diff(ground[0]).min()) / 1e9 if len(seen) > 1 else 0.0,
+                longest_readout_s=float(np.diff(ground[0]).min()) / 1e9 if len(ground[0]) > 1 else 0.0,
             )
         )
     tracks = [track for track in tracks if len(track.t_s) > TIMING.least_readings]
@@ -137,12 +116,12 @@ def find_offsets(tracks: Sequence[YawTrack]) -> list[Offset]:
 
 
 def _track(
-    kind: str, device: str, readings: list[tuple[int, float]], start_ns: int, *, is_rate: bool = False
+    drive: Drive, kind: str, device: str, t_ns: Times, values: Array, *, is_rate: bool = False
 ) -> YawTrack:
-    times, keep = np.unique(np.array([t_ns for t_ns, _ in readings], np.int64), return_index=True)
-    values = np.array([value for _, value in readings])[keep]
+    times, keep = np.unique(t_ns, return_index=True)
+    values = values[keep]
     finite = np.isfinite(values)
-    t_s, values = (times[finite] - start_ns) / 1e9, values[finite]
+    t_s, values = drive.seconds(times[finite]), values[finite]
     if is_rate and len(t_s):
         parts = 0.5 * np.diff(t_s) * (values[1:] + values[:-1])
         values = np.concatenate(([0.0], np.cumsum(parts)))

@@ -13,7 +13,7 @@ from rover_hil.pages.picture import Drawing, Picture, draw_pictures
 from rover_hil.tune.comparison import Comparison, Verdict
 from rover_hil.tune.journal import Attempt
 from rover_hil.tune.logs.objective import consistency, mean_nees
-from rover_hil.tune.logs.replayed_log import ReplayedLog
+from rover_hil.tune.logs.replayed_log import ReplayErrors
 from rover_hil.tune.search_figures import (
     AFTER,
     BEFORE,
@@ -36,7 +36,7 @@ class LogTuningData:
 
     tune: TuneSettings
     attempts: Sequence[Attempt]
-    comparison: Comparison[ReplayedLog]
+    comparison: Comparison[ReplayErrors]
 
 
 def draw_log_report(data: LogTuningData) -> list[Picture]:
@@ -44,7 +44,7 @@ def draw_log_report(data: LogTuningData) -> list[Picture]:
     return draw_pictures(Drawing(title, caption, partial(draw, data)) for title, caption, draw in PICTURES)
 
 
-def _sides(comparison: Comparison[ReplayedLog]) -> list[tuple[str, str, Sequence[ReplayedLog]]]:
+def _sides(comparison: Comparison[ReplayErrors]) -> list[tuple[str, str, Sequence[ReplayErrors]]]:
     old = ("old values", BEFORE, comparison.start.runs if comparison.start.cost is not None else ())
     new = ("new values", AFTER, comparison.tuned.runs)
     return [old, new] if comparison.verdict is Verdict.IMPROVED else [old]

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,6 @@ from drivers.clock import nanoseconds
 from drivers.errors import ConfigError, LogError
 from drivers.files import LOG_COPY_BYTES, read_bytes
 from rover_hil.config import Config
-from rover_hil.drives.arrays import Array, Times
 from rover_hil.drives.channels import POSE
 from rover_hil.drives.drive import Drive, read_drive
 from rover_hil.drives.ground_truth import TruePoses
@@ -26,25 +25,7 @@ START_RAD = 0.05
 DIMENSION_SHARE = 0.1
 DIMENSION_M = 0.002
 HELD_OUT_EVERY = 3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JudgePoses:
-    """Poses in the local frame that the filter has not used, n of them, all after the first motion.
-
-    Attributes:
-        t_ns: Host monotonic time, rising, (n,) as everything else.
-        yaw_rad: Unwrapped.
-        position_sd_m: Standard deviation of x and of y.
-        yaw_sd_rad: The same of the yaw.
-    """
-
-    t_ns: Times
-    x_m: Array
-    y_m: Array
-    yaw_rad: Array
-    position_sd_m: Array
-    yaw_sd_rad: Array
+JUDGED = ("t_ns", "x_m", "y_m", "yaw_rad", "position_sd_m", "yaw_sd_rad")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,15 +36,16 @@ class JudgedLog:
         name: The path as it was given.
         content: The file.
         source: What judges, in words.
-        poses: Independent poses; None where the pose fixes that the filter uses are the only ones. It then
-            gets one in `withheld_s`, and each is compared with the prediction before it is used.
+        poses: Independent poses in the local frame that the filter has not used, all after the first motion;
+            None where the pose fixes that the filter uses are the only ones. It then gets one in
+            `withheld_s`, and each is compared with the prediction before it is used.
         withheld_s: See `poses`.
     """
 
     name: str
     content: bytes
     source: str
-    poses: JudgePoses | None
+    poses: TruePoses | None
     withheld_s: float
 
     @property
@@ -76,8 +58,8 @@ class JudgedLog:
         """SHA-256 of all that costs depend on: the content and what judges it."""
         digest = hashlib.sha256(self.content)
         if self.poses is not None:
-            for column in fields(self.poses):
-                digest.update(getattr(self.poses, column.name).tobytes())
+            for column in JUDGED:
+                digest.update(getattr(self.poses, column).tobytes())
         return digest.hexdigest()
 
 
@@ -144,7 +126,7 @@ def _check_fixes(path: Path, fixes: TruePoses, withheld_s: float) -> None:
         )
 
 
-def _judge_poses(path: Path, drive: Drive, poses: TruePoses) -> JudgePoses:
+def _judge_poses(path: Path, drive: Drive, poses: TruePoses) -> TruePoses:
     """Return poses half a second apart from the first motion on, in the local frame of the filter.
 
     Raises:
@@ -168,7 +150,8 @@ def _judge_poses(path: Path, drive: Drive, poses: TruePoses) -> JudgePoses:
             newest_ns = int(poses.t_ns[index])
     if not kept:
         raise LogError(f"the rover does not move in log {path}: give a log of a drive")
-    return JudgePoses(
+    return TruePoses(
+        source=poses.source,
         t_ns=poses.t_ns[kept],
         x_m=x_m[kept],
         y_m=y_m[kept],

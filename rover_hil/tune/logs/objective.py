@@ -8,7 +8,7 @@ import numpy as np
 
 from rover_hil.config.tune_settings import LogObjectiveSettings
 from rover_hil.drives.arrays import Array
-from rover_hil.tune.logs.replayed_log import ReplayedLog
+from rover_hil.tune.logs.replayed_log import ReplayErrors
 from rover_hil.tune.objective import Evaluation
 
 LEAST_INNOVATIONS = 20
@@ -18,7 +18,9 @@ MEDIAN_OF_SQUARE = NormalDist().inv_cdf(0.75) ** 2
 WORST_RATIO = 1e6
 
 
-def evaluate_logs(results: Iterable[ReplayedLog], objective: LogObjectiveSettings) -> Evaluation[ReplayedLog]:
+def evaluate_logs(
+    results: Iterable[ReplayErrors], objective: LogObjectiveSettings
+) -> Evaluation[ReplayErrors]:
     """Take the results of all logs; refused where one of them is."""
     logs = tuple(results)
     refused = next((f"log {log.name}: {log.refused}" for log in logs if log.refused), "")
@@ -44,7 +46,7 @@ def describe_logs(objective: LogObjectiveSettings) -> str:
     return " + ".join(f"{name} / {reference:g}" for name, reference in objective.references().items())
 
 
-def pooled_terms(logs: Sequence[ReplayedLog]) -> dict[str, float]:
+def pooled_terms(logs: Sequence[ReplayErrors]) -> dict[str, float]:
     """Return the measured values over logs, by the names of the objective; see there.
 
     `nis` and `whiteness` are missing where no kind of measurement has enough innovations.
@@ -63,14 +65,14 @@ def pooled_terms(logs: Sequence[ReplayedLog]) -> dict[str, float]:
     return terms
 
 
-def mean_nees(logs: Sequence[ReplayedLog]) -> dict[str, float]:
+def mean_nees(logs: Sequence[ReplayErrors]) -> dict[str, float]:
     """Return the mean NEES over its dimension of position and yaw, 1 where the covariance is right."""
     position = np.concatenate([log.position_nees for log in logs])
     yaw = np.concatenate([log.yaw_nees for log in logs])
     return {"position": _bounded(float(np.mean(position))), "yaw": _bounded(float(np.mean(yaw)))}
 
 
-def consistency(logs: Sequence[ReplayedLog]) -> dict[str, tuple[float, float]]:
+def consistency(logs: Sequence[ReplayErrors]) -> dict[str, tuple[float, float]]:
     """Return the scale of the squared innovations, 1 where it is as reported, and their correlation, by kind.
 
     The scale is that of the median, so that single outliers do not count.

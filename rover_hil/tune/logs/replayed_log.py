@@ -19,10 +19,11 @@ from drivers.errors import LogError
 from drivers.samples import PoseFixSample, Sample
 from rover_hil.config import Config
 from rover_hil.drives.arrays import Array
+from rover_hil.drives.ground_truth import TruePoses
 from rover_hil.recording.data_files import restore_config, with_controller_of
 from rover_hil.recording.reader import LogReader
 from rover_hil.run.replay import estimate_again
-from rover_hil.tune.logs.judged_log import JudgedLog, JudgePoses
+from rover_hil.tune.logs.judged_log import JudgedLog
 
 FLOOR_M = 0.001
 FLOOR_RAD = 0.002
@@ -32,8 +33,8 @@ CONTRADICTED_NEES = 100.0
 PARTS = ("x", "y", "yaw")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReplayedLog:
+@dataclass(frozen=True, slots=True)
+class ReplayErrors:
     """Errors of the estimates of one log.
 
     Attributes:
@@ -56,7 +57,7 @@ class ReplayedLog:
     innovations: dict[str, Array]
 
 
-def replay_with(log: JudgedLog, config: Config) -> ReplayedLog:
+def replay_with(log: JudgedLog, config: Config) -> ReplayErrors:
     """Return the errors of a log's estimates with the controller of a configuration.
 
     Raises:
@@ -75,29 +76,13 @@ def replay_with(log: JudgedLog, config: Config) -> ReplayedLog:
     if not outputs:
         raise LogError(f"log {log.name} holds no complete cycle")
     if not all(output.estimate.is_finite for output in outputs):
-        nothing = np.zeros(0)
-        return ReplayedLog(
-            name=log.name,
-            refused="the estimate is not finite",
-            position_m=nothing,
-            yaw_rad=nothing,
-            position_nees=nothing,
-            yaw_nees=nothing,
-            innovations={},
-        )
+        return ReplayErrors(log.name, "the estimate is not finite", *4 * (np.zeros(0),), innovations={})
     kinds, judged = _sort(outputs, () if log.poses is not None else fixes)
     errors = _errors_at_fixes(judged) if log.poses is None else _errors_at(log.poses, outputs)
     if not len(errors.position_m):
         raise LogError(f"log {log.name} holds no known pose that its estimates could be compared with")
-    return ReplayedLog(
-        name=log.name,
-        refused="",
-        position_m=errors.position_m,
-        yaw_rad=errors.yaw_rad,
-        position_nees=errors.position_nees,
-        yaw_nees=errors.yaw_nees,
-        innovations={name: np.array(values[1:]) for name, values in kinds.items()},
-    )
+    innovations = {name: np.array(values[1:]) for name, values in kinds.items()}
+    return ReplayErrors(log.name, "", *errors, innovations=innovations)
 
 
 def _every(period_s: float, devices: Sequence[str]) -> Callable[[Sample], bool]:
@@ -139,7 +124,7 @@ def _sort(
 
 
 class _Errors(NamedTuple):
-    """Errors at n poses; see `ReplayedLog`."""
+    """Errors at n poses; see `ReplayErrors`."""
 
     position_m: Array
     yaw_rad: Array
@@ -161,7 +146,7 @@ def _errors_at_fixes(fixes: Iterable[tuple[Innovation, ...]]) -> _Errors:
     return _Errors(*np.array(rows, dtype=np.float64).reshape(-1, 4).T)
 
 
-def _errors_at(poses: JudgePoses, outputs: Iterable[StepOutput]) -> _Errors:
+def _errors_at(poses: TruePoses, outputs: Iterable[StepOutput]) -> _Errors:
     """Return the errors at the times of independent poses."""
     rows = [
         (

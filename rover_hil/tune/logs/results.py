@@ -12,7 +12,7 @@ from rover_hil.tune.journal import Attempt
 from rover_hil.tune.logs.figures import LogTuningData, draw_log_report
 from rover_hil.tune.logs.judged_log import JudgedLog
 from rover_hil.tune.logs.objective import describe_logs, log_cost, pooled_terms
-from rover_hil.tune.logs.replayed_log import ReplayedLog
+from rover_hil.tune.logs.replayed_log import ReplayErrors
 from rover_hil.tune.objective import Evaluation
 from rover_hil.tune.results import GRADES, Result, changes_of, write_files_of
 
@@ -56,7 +56,7 @@ def summarise_logs(
     start_values: dict[str, float],
     logs: tuple[Sequence[JudgedLog], Sequence[JudgedLog]],
     attempts: Sequence[Attempt],
-    comparison: Comparison[ReplayedLog],
+    comparison: Comparison[ReplayErrors],
 ) -> LogTuningResult:
     """Return the numbers of a tuning; `logs` are those of training and those held out."""
     train, held_out = logs
@@ -91,7 +91,7 @@ def write_log_results(
     config_text: str,
     tune: TuneSettings,
     attempts: Sequence[Attempt],
-    comparison: Comparison[ReplayedLog],
+    comparison: Comparison[ReplayErrors],
     result: LogTuningResult,
 ) -> str:
     """Write result, report, and, unless nothing was acceptable, the new configuration into `folder`.
@@ -131,7 +131,7 @@ def _is_better(log: LogCost) -> bool:
     return log.after is not None and (log.before is None or log.after < log.before)
 
 
-def _costs(side: Evaluation[ReplayedLog], objective: LogObjectiveSettings) -> dict[str, float]:
+def _costs(side: Evaluation[ReplayErrors], objective: LogObjectiveSettings) -> dict[str, float]:
     return {
         log.name: log_cost(pooled_terms([log]), objective)
         for log in side.runs

@@ -10,13 +10,13 @@ from rover_hil.config import Config
 from rover_hil.config.tune_settings import LogObjectiveSettings, TuneSettings
 from rover_hil.tune.logs.judged_log import JudgedLog
 from rover_hil.tune.logs.objective import evaluate_logs
-from rover_hil.tune.logs.replayed_log import ReplayedLog, replay_with
+from rover_hil.tune.logs.replayed_log import ReplayErrors, replay_with
 from rover_hil.tune.objective import Evaluation, Runner
 from rover_hil.tune.parallel_missions import results_in_order
 from rover_hil.tune.study import Study, setting_of
 
 
-class LogStudy(Study[ReplayedLog]):
+class LogStudy(Study[ReplayErrors]):
     """A study whose cases are logs, by their index.
 
     Args:
@@ -44,17 +44,17 @@ class LogStudy(Study[ReplayedLog]):
         return range(self._count)
 
     def _evaluate(
-        self, results: Iterable[ReplayedLog], count: int, limit: float, rival_costs: Mapping[int, float]
-    ) -> Evaluation[ReplayedLog]:
+        self, results: Iterable[ReplayErrors], count: int, limit: float, rival_costs: Mapping[int, float]
+    ) -> Evaluation[ReplayErrors]:
         return evaluate_logs(results, self._objective)
 
 
-def replays_on(executor: Executor, logs: Sequence[JudgedLog]) -> Runner[ReplayedLog]:
+def replays_on(executor: Executor, logs: Sequence[JudgedLog]) -> Runner[ReplayErrors]:
     """Return what replays logs, by their index, on an executor."""
     return partial(_replay, executor, logs)
 
 
 def _replay(
     executor: Executor, logs: Sequence[JudgedLog], config: Config, cases: Sequence[int]
-) -> Generator[ReplayedLog, None, None]:
+) -> Generator[ReplayErrors, None, None]:
     return results_in_order([executor.submit(replay_with, logs[case], config) for case in cases])

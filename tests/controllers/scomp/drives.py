@@ -2,9 +2,11 @@
 
 import numpy as np
 
+from rover_hil.drives.ground_truth import TruePoses
 from rover_hil.identify.scomp.fit import Identification, identify
 from rover_hil.scomp.columns import drive_of
-from rover_hil.scomp.drive import DriveRows, TruePath
+from rover_hil.scomp.drive import SensorRows
+from rover_hil.scomp.files import truth_of
 from rover_hil.scomp.odometry import Result, estimate_track
 from tests.nature.four_wheel_drive import MOUNDS, SIDEWAYS, Recorded, field_test
 from tests.once import computed_once
@@ -22,10 +24,8 @@ def mounds() -> Recorded:
     return field_test(MOUNDS, SEED)
 
 
-def read(recorded: Recorded) -> tuple[DriveRows, TruePath]:
-    truth = recorded.truth
-    path = TruePath(t_s=truth["t_s"], x_m=truth["x_m"], y_m=truth["y_m"], yaw_rad=truth["yaw_rad"])
-    return drive_of(recorded.log, "simulated")[0], path
+def read(recorded: Recorded) -> tuple[SensorRows, TruePoses]:
+    return drive_of(recorded.log, "simulated")[0], truth_of(recorded.truth, "simulated")
 
 
 @computed_once

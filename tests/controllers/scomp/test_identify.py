@@ -8,8 +8,9 @@ import pytest
 from controllers.slip.scomp.motion_model import expected_drift, tilt_along
 from controllers.slip.scomp.parameters import ScompParameters
 from drivers.errors import ModelError
+from rover_hil.drives.ground_truth import TruePoses
 from rover_hil.identify.scomp.fit import _checked, fit_gyro, fit_pitch, fit_roll, identify
-from rover_hil.scomp.drive import DriveRows, TruePath
+from rover_hil.scomp.drive import SensorRows
 from rover_hil.scomp.true_slip import SlipWindows, cut, true_velocity
 from tests.controllers.scomp.drives import fitted, read, sideways
 
@@ -75,7 +76,7 @@ def test_sensors_of_the_field_test() -> None:
     assert parameters.compass.sign == parameters.trace.sign == parameters.pitch.pitch_sign == 1
 
 
-def mirrored() -> DriveRows:
+def mirrored() -> SensorRows:
     drive, _ = read(sideways())
     assert drive.compass_rad is not None
     assert drive.trace_rad is not None
@@ -109,7 +110,7 @@ def test_a_noisy_tracker_does_not_blame_the_gyro() -> None:
     ],
 )
 def test_a_truth_that_cannot_be_the_logs_is_refused(
-    change: Callable[[TruePath], TruePath], words: str
+    change: Callable[[TruePoses], TruePoses], words: str
 ) -> None:
     drive, path = read(sideways())
     with pytest.raises(ModelError, match=words):
@@ -131,16 +132,16 @@ def test_a_truth_in_another_frame_gives_the_compass_an_offset() -> None:
     assert turned.compass.offset_rad == pytest.approx((fitted().parameters.compass.offset_rad or 0.0) - 0.7)
 
 
-def replace_psi(path: TruePath, turn_rad: float) -> TruePath:
+def replace_psi(path: TruePoses, turn_rad: float) -> TruePoses:
     """Return the path in a frame turned the other way."""
     x_m = path.x_m * math.cos(turn_rad) - path.y_m * math.sin(turn_rad)
     y_m = path.x_m * math.sin(turn_rad) + path.y_m * math.cos(turn_rad)
-    return TruePath(t_s=path.t_s, x_m=x_m, y_m=y_m, yaw_rad=path.yaw_rad + turn_rad)
+    return replace(path, x_m=x_m, y_m=y_m, yaw_rad=path.yaw_rad + turn_rad)
 
 
 def test_bare_wheels_give_the_two_segment_law() -> None:
     drive, path = read(sideways())
-    bare = DriveRows(t_s=drive.t_s, wheel_rad=drive.wheel_rad, wheel_yaw_rad=drive.wheel_yaw_rad)
+    bare = SensorRows(t_s=drive.t_s, wheel_rad=drive.wheel_rad, wheel_yaw_rad=drive.wheel_yaw_rad)
     found = identify(bare, path)
     assert found.parameters.two_segment_slip == fitted().parameters.two_segment_slip
     assert found.slip_rms is None
@@ -167,11 +168,10 @@ def test_true_velocity_of_a_noisy_tracker() -> None:
     recorded = sideways()
     _, path = read(recorded)
     rng = np.random.default_rng(6)
-    noisy = TruePath(
-        t_s=path.t_s,
+    noisy = replace(
+        path,
         x_m=path.x_m + 0.003 * rng.standard_normal(len(path.t_s)),
         y_m=path.y_m + 0.003 * rng.standard_normal(len(path.t_s)),
-        yaw_rad=path.yaw_rad,
     )
     at_s = np.arange(10.0, 70.0, 0.2)
     angle = true_velocity(noisy, at_s).slip_angle_rad

@@ -7,7 +7,8 @@ import pytest
 from controllers.slip.scomp.parameters import CompassModel, ScompParameters
 from controllers.slip.scomp.two_segment_slip_law import TwoSegmentSlip
 from drivers.errors import ModelError
-from rover_hil.scomp.drive import DriveRows, Track, TruePath, final_error_m
+from rover_hil.scomp.drive import SensorRows, Track, final_error_m
+from rover_hil.scomp.files import truth_of
 from rover_hil.scomp.odometry import estimate_track, start_heading
 from tests.cases import first_often
 from tests.controllers.scomp.drives import estimated, fitted, mounds, read, rms, sideways
@@ -17,9 +18,9 @@ PARAMETERS = ScompParameters(two_segment_slip=TWO_SEGMENTS, compass=CompassModel
 WAY_M = 5.0
 
 
-def straight(beta_rad: float, heading_rad: float = 0.0) -> DriveRows:
+def straight(beta_rad: float, heading_rad: float = 0.0) -> SensorRows:
     t_s = np.arange(0.0, 50.05, 0.1)
-    return DriveRows(
+    return SensorRows(
         t_s=t_s,
         wheel_rad=WAY_M / 0.092 * t_s / t_s[-1],
         wheel_yaw_rad=np.zeros_like(t_s),
@@ -41,8 +42,8 @@ def test_final_error_counts_from_each_start() -> None:
         sigma_x_m=still,
         sigma_y_m=still,
     )
-    truth = TruePath(t_s=t_s, x_m=np.array([7.0, 11.0]), y_m=np.array([-1.0, 2.0]), yaw_rad=np.zeros(2))
-    assert final_error_m(track, truth) == pytest.approx(math.hypot(1.0, 3.0))
+    truth = {"t_s": t_s, "x_m": np.array([7.0, 11.0]), "y_m": np.array([-1.0, 2.0]), "yaw_rad": np.zeros(2)}
+    assert final_error_m(track, truth_of(truth, "simulated")) == pytest.approx(math.hypot(1.0, 3.0))
 
 
 def test_start_heading_is_the_frames_unless_the_compass_contradicts() -> None:
@@ -159,7 +160,7 @@ def test_fixes_on_the_way_correct_the_end() -> None:
 
 def test_a_drive_of_one_row_is_refused() -> None:
     drive = straight(0.0)
-    one = DriveRows(t_s=drive.t_s[:1], wheel_rad=drive.wheel_rad[:1], wheel_yaw_rad=drive.wheel_yaw_rad[:1])
+    one = SensorRows(t_s=drive.t_s[:1], wheel_rad=drive.wheel_rad[:1], wheel_yaw_rad=drive.wheel_yaw_rad[:1])
     with pytest.raises(ModelError, match="two rows"):
         estimate_track(one, PARAMETERS)
 

@@ -7,10 +7,10 @@ import pytest
 
 from rover_hil.gap.data.derivatives import Derivatives, in_full
 from rover_hil.gap.data.problem import DerivativeRequest, Problem, observe
-from rover_hil.gap.statistics import score
-from rover_hil.gap.statistics.fit import Fit
-from rover_hil.gap.statistics.score import Projection
-from tests.rover_hil.gap_machines.small_machine import MODEL, small_runs
+from rover_hil.gap.evidence import score
+from rover_hil.gap.evidence.fit import Fit
+from rover_hil.gap.evidence.score import Projection
+from tests.rover_hil.gap.small_machine import MODEL, small_runs
 
 RUNS, ROWS, SEED = 7, 6, 3
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.gap import battery_drives
-from rover_hil.gap.statistics.autoregression import Autoregression, learn_autoregression
-from rover_hil.gap.statistics.jackknife import as_normal, scatter_of_runs
+from rover_hil.gap.evidence.jackknife import as_normal, scatter_of_runs
+from rover_hil.gap.noise.autoregression import Autoregression, learn_autoregression
 from sim_backends.models.interface import Array
 
 SAMPLES, RUNS = 300, 6

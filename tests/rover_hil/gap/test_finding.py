@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rover_hil.gap.machines.base_parameters import Trial, far, headline, judged, with_base_parameters
+from rover_hil.gap.fit.base_parameters import Trial, far, headline, judged, with_base_parameters
 from rover_hil.gap.output.model_file import read_model_file
 from rover_hil.gap.output.results import (
     MODEL_NAME,
@@ -19,7 +19,7 @@ from rover_hil.gap.output.results import (
 from rover_hil.gap.verdict import Answer, FittedBase, FoundEffect, Verdict
 from rover_hil.gap.workflow import analyse
 from sim_backends.state_model.model import StateModel
-from tests.rover_hil.gap_machines.axis import axis_model, measured_runs
+from tests.rover_hil.gap.axis import axis_model, measured_runs
 
 TRACK = FittedBase(
     name="track", unit="m", nominal=0.2, prior_sd=0.001, value=0.21, ci95=(0.2095, 0.2105), pull=10.0

@@ -9,7 +9,7 @@ import pytest
 
 from rover_hil.gap.data.problem import Problem, observe
 from rover_hil.gap.data.table import read_table
-from rover_hil.gap.machines.called.called_machine import called_machine
+from rover_hil.gap.fit.called_machine import called_machine
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.interface import Array, Channel, Run

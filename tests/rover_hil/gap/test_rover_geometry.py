@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from benchmarks.gap.drive_logs import write_log
-from benchmarks.gap.measured_rovers import config_text
-from benchmarks.gap.measured_rovers import write_log as write_measured_log
 from benchmarks.gap.third_party_rovers import DRIVINGS, Hidden, configurations
 from benchmarks.gap.third_party_rovers import verdict_on as verdict_on_third_party
+from benchmarks.gap.tricycle import write_config, write_drive
 from rover_hil.config import Config, load_config
 from rover_hil.gap.data.rover_logs import read_rover_runs
 from rover_hil.gap.verdict import Verdict
@@ -47,12 +46,10 @@ def interval(verdict: Verdict, effect: str) -> tuple[float, float]:
 @pytest.mark.slow
 def test_a_steering_ratio_is_named_with_its_size(tmp_path: Path) -> None:
     rng = np.random.default_rng(7)
-    config = tmp_path / "tricycle.toml"
-    config.write_text(config_text("tricyc"), "utf-8")
-    rover = load_config(str(config))
+    rover = write_config(tmp_path / "tricycle.toml")
     for number in range(LOGS):
         run = tricycle_run(rng, float(rng.uniform(0.3, 0.7)), 0.0, ratio=1.15)
-        write_measured_log(tmp_path / "runs" / f"{number}" / "run.mcap", rover, run, "tricyc")
+        write_drive(tmp_path / "runs" / f"{number}" / "run.mcap", rover, run)
     verdict = verdict_on(rover, tmp_path / "runs")
     assert any("steering_ratio" in one for one in verdict.confidence_set), verdict.sentence
     low, high = interval(verdict, "steering_ratio")

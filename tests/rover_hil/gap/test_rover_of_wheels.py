@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks.gap.drive_logs import Poses, write_log
-from benchmarks.gap.measured_rovers import config_text
-from benchmarks.gap.measured_rovers import write_log as write_measured_log
+from benchmarks.gap.tricycle import write_config, write_drive
 from rover_hil.config import load_config
 from rover_hil.gap.data.rover_logs import read_rover_runs
 from sim_backends.models.interface import Array, Run
@@ -173,12 +172,10 @@ def test_wheels_without_motor_and_sensor_roll_freely(
     """A tricycle: the front wheel is driven, steered and measured; the rear ones only carry."""
     rng = np.random.default_rng(7)
     config = tmp_path / "tricycle.toml"
-    config.write_text(config_text("tricyc"), "utf-8")
+    rover = write_config(config)
     for number in range(LOGS):
         run = tricycle_run(rng, float(rng.uniform(-0.6, 0.6)), offset_rad)
-        write_measured_log(
-            tmp_path / "runs" / f"{number}" / "run.mcap", load_config(str(config)), run, "tricyc"
-        )
+        write_drive(tmp_path / "runs" / f"{number}" / "run.mcap", rover, run)
     out = tmp_path / "gap"
     assert command("gap", "rover", str(config), str(tmp_path / "runs"), "--out", str(out)) == 0
     verdict = json.loads((out / "verdict.json").read_text("utf-8"))
@@ -193,9 +190,7 @@ def test_wheels_without_motor_and_sensor_roll_freely(
 
 
 def test_freely_rolling_wheels_only_hold_their_axle(tmp_path: Path) -> None:
-    config = tmp_path / "tricycle.toml"
-    config.write_text(config_text("tricyc"), "utf-8")
-    settings = load_config(str(config)).require_simulation().plant
+    settings = write_config(tmp_path / "tricycle.toml").require_simulation().plant
     assert isinstance(settings, WheelsPlantSettings)
     series = {"wheel_1_rad_s": 5.0, "steering_1_rad": 0.4, "steering_2_rad": 0.0, "steering_3_rad": 0.0}
     inputs = {key: np.full(40, value) for key, value in series.items()}

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rover_hil.gap.statistics.jackknife import as_normal, clusters, scatter_of_runs
-from rover_hil.gap.statistics.parameters import STATISTICS
-from rover_hil.gap.statistics.sensor_noise import SensorNoise
+from rover_hil.gap.evidence.jackknife import as_normal, clusters, scatter_of_runs
+from rover_hil.gap.noise.parameters import STATISTICS
+from rover_hil.gap.noise.sensor_noise import SensorNoise
 from sim_backends.models.interface import Array
 
 SAMPLES = 200

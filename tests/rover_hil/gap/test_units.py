@@ -2,7 +2,7 @@
 
 import pytest
 
-from rover_hil.gap.machines.first_order.terms import power, product, ratio
+from rover_hil.gap.evidence.terms import power, product, ratio
 
 
 @pytest.mark.parametrize(

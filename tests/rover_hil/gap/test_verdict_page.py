@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rover_hil.gap.machines.next_run.allowed import Allowed, InputRange
+from rover_hil.gap.next_run.allowed import Allowed, InputRange
 from rover_hil.gap.verdict import Answer, FittedBase, Verdict
 
 PAGE = (Path(__file__).parents[3] / "docs/reference/gap_verdict.md").read_text("utf-8")

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from rover_hil.gap import Array, Channel, EffectCard, Parameter, Port, Run, RunParameter, StateModel, effects
-from rover_hil.gap.machines.next_run.hypotheses import SOMETHING_ELSE, hypotheses_of
+from rover_hil.gap.next_run.hypotheses import SOMETHING_ELSE, hypotheses_of
 from rover_hil.gap.verdict import Answer, Verdict
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.interface import Model, Values
-from tests.rover_hil.gap_machines.axis import axis_model, measured_runs
+from tests.rover_hil.gap.axis import axis_model, measured_runs
 
 
 class Orifice:

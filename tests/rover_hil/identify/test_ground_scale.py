@@ -14,7 +14,7 @@ from controllers.ground_motion.rig_tolerance import RigTolerance
 from controllers.ground_motion.tolerance import scale_of
 from rover_hil.config import load_config
 from rover_hil.ready.scale.fit import PIECE_M, fit_scale
-from rover_hil.ready.scale.record import ScaleRecord, Travel
+from rover_hil.ready.scale.record import CameraTravels, Travel
 from rover_hil.ready.wheels.fit import NORMAL_95
 
 STEP_M = 0.015
@@ -22,7 +22,7 @@ STEP_M = 0.015
 
 def drive(
     length_m: float, scale: float, noise: float = 0.0, seed: int = 1, course_rad: float = 0.0
-) -> ScaleRecord:
+) -> CameraTravels:
     """Return a straight drive whose camera measures 1 / `scale` of the travel, with noise of each piece."""
     settings = load_config("robotino-camera").ground_motion
     assert settings is not None
@@ -33,7 +33,7 @@ def drive(
             error = noise * rng.standard_normal()
         camera_m = STEP_M / scale * (1.0 + error) * np.exp(1j * course_rad)
         travels.append(Travel(known_m=complex(STEP_M), camera_m=complex(camera_m)))
-    return ScaleRecord(
+    return CameraTravels(
         path=Path("drive.mcap"),
         wall_ns=0,
         reference="wheels",

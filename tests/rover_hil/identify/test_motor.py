@@ -15,7 +15,7 @@ from rover_hil.identify.motor.command import identify_motor
 from rover_hil.identify.motor.identify import find_logs, identify, read_records
 from rover_hil.identify.motor.log import read_log
 from rover_hil.identify.motor.report import MotorReport
-from rover_hil.identify.motor.table import read_table
+from rover_hil.identify.motor.robotino import read_table
 from tests.nature.motor import Measured, TrueMotor, measure, staircase, write_csv
 
 SOFT = TrueMotor(kp=20, inertia_kg_m2=4.1e-5)
@@ -244,7 +244,9 @@ def test_the_data_file_holds_what_is_determined_and_is_never_overwritten(free: P
 def test_a_log_and_the_table_it_was_imported_from_tell_the_same(shared_data: Path, tmp_path: Path) -> None:
     table = shared_data / "robotino_2023/one_surface_type/table_surface/exp24.csv.gz"
     log = tmp_path / "run.mcap"
-    for _ in write_run_as_log(read_run(table, 2.0), observing_config(load_config("robotino")), log):
+    for _ in write_run_as_log(
+        read_run(table, 2.0), table.name, observing_config(load_config("robotino")), log
+    ):
         pass
     for ours, theirs in zip(read_log(log), read_table(table), strict=True):
         for name in ("set_point", "speed", "current", "position"):

@@ -10,8 +10,8 @@ import pytest
 
 from drivers.errors import LogError
 from rover_hil.drives.robotino_csv import COMMANDS, CURRENTS, ROBOTINO, SPEEDS
-from rover_hil.identify.motor.averages import read_drives, report_drives
 from rover_hil.identify.motor.command import identify_motor
+from rover_hil.identify.motor.robotino import read_means, report_means
 from rover_hil.identify.slip.run_data import to_wheels
 
 GAIN, DROOP = 0.98, 8.0
@@ -74,8 +74,8 @@ def test_intervals_hold_the_truth_as_often_as_they_say(tmp_path: Path) -> None:
     inside = []
     for seed in range(60):
         path = write_averages(tmp_path / f"{seed}.csv", noise_rad_s=3.0, seed=seed)
-        for drives in read_drives(path):
-            found = {item.name: item for item in report_drives([drives]).estimates}
+        for drives in read_means(path):
+            found = {item.name: item for item in report_means([drives]).estimates}
             for name, truth in (("gain", GAIN), ("droop_rad_s_per_a", DROOP)):
                 low, high = found[name].low, found[name].high
                 assert low is not None

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
-from rover_hil.identify.motor.record import Scale, Series, find_moves
+from rover_hil.identify.motor.record import Scale, find_moves
 from rover_hil.identify.motor.response import MotorModel, respond
 from rover_hil.identify.motor.sensing import CurrentSensor
+from rover_hil.report.tracks import Series
 
 STEP_S = 1e-5
 

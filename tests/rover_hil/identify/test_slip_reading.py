@@ -22,7 +22,7 @@ AVERAGED_NAMES = (
 
 def write_log(csv: Path, log: Path, mm_per_px: float = 2.0) -> Path:
     run = read_run(csv, mm_per_px)
-    for _ in write_run_as_log(run, observing_config(load_config("robotino")), log):
+    for _ in write_run_as_log(run, csv.name, observing_config(load_config("robotino")), log):
         pass
     return log
 

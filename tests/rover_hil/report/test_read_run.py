@@ -420,7 +420,7 @@ def test_slip_of_measured_runs(
     source = shared_data / "robotino_2023" / "one_surface_type" / f"{name}.csv.gz"
     log_path = tmp_path / "run.mcap"
     config = observing_config(load_config("robotino"))
-    for _ in write_run_as_log(read_csv(source, 1.84), config, log_path):
+    for _ in write_run_as_log(read_csv(source, 1.84), source.name, config, log_path):
         pass
     summary = summarise(read_run(log_path))
     assert summary.slip_ratio is not None

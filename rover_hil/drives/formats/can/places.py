@@ -18,7 +18,7 @@ from rover_hil.drives.files.can_frames import LARGEST_PAYLOAD, CanFrames
 from rover_hil.drives.files.can_signals import MessageFrames
 from rover_hil.drives.files.flight_table import FlightTable
 from rover_hil.drives.formats.table.columns import Column, Columns, FixColumns, TimeColumn, TruthColumns
-from rover_hil.drives.formats.table.drive_table import Drive, DriveTable
+from rover_hil.drives.formats.table.drive_table import DriveTable, ImportedRows
 from rover_hil.drives.formats.table.places import take_fixes, take_truth
 
 TIME = "time"
@@ -57,7 +57,7 @@ def read_places(path: Path) -> CanPlaces:
 
 def drive_of_places(
     frames: CanFrames, places: CanPlaces, dbc_files: Sequence[Path], span_s: tuple[float, float]
-) -> Drive:
+) -> ImportedRows:
     """Return the rows with places of a drive, in the order of their times.
 
     Args:
@@ -91,7 +91,7 @@ class _Signals(DriveTable):
     ) -> None:
         time = TimeColumn(column=TIME)
         self.columns = Columns.model_construct(time=time, fixes=places.fixes, truth=places.truth)
-        self.drive = Drive()
+        self.drive = ImportedRows()
         self._others = {}
         self._start_s, end_s = span_s
         messages = {

@@ -13,26 +13,22 @@ from pymap3d import geodetic2enu
 from controllers.motion.kinematics import Kinematics, make_kinematics
 from drivers.angles import wrap_rad
 from drivers.camera.settings import CameraSettings
-from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.errors import LogError
 from drivers.link import CameraImage, Received
-from drivers.registry import AnyDeviceSettings
 from drivers.samples import PoseFixSample
-from drivers.xsens.settings import XsensSettings
-from rover_hil.config import Config, RoleSettings
-from rover_hil.config.ros2_settings import Ros2Settings
+from rover_hil.config import Config
 from rover_hil.drives.arrays import Array
 from rover_hil.drives.formats.drive import (
     CAMERA,
-    IMU,
     SILENT_S,
     START_NS,
-    WHEELS,
     Contents,
     DriveLinks,
+    InertialSensor,
     check_steering,
     check_straight,
+    drive_config,
     write_drive,
 )
 from rover_hil.drives.formats.fixes import FixMaker, invented_poses
@@ -210,22 +206,14 @@ def _config(
 ) -> Config:
     signs = () if topics.wheels is None else topics.wheels.signs
     mapping = write_mapping(folder, [joint.wrap_rad for joint in joints], _quantities(topics), signs)
-    devices: dict[str, AnyDeviceSettings] = {
-        WHEELS: CanWheelsSettings(
-            interface="virtual", channel="bag", mapping=str(mapping), max_age_s=SILENT_S
-        )
-    }
-    headings: tuple[str, ...] = ()
-    if topics.imu is not None:
-        devices[IMU] = XsensSettings(
-            port="bag", max_age_s=SILENT_S, heading_reference=topics.imu.heading_reference
-        )
-        headings = (IMU,) if topics.imu.use_orientation else ()
+    imu = topics.imu
+    sensor = None if imu is None else InertialSensor(True, imu.use_orientation, imu.heading_reference)
+    cameras: dict[str, CameraSettings] = {}
     if picture is not None:
         height, width = _picture(picture).image.shape[:2]
         if not 0 < max(width, height) <= LARGEST_PIXELS:
             raise LogError("[camera]: the first picture of the topic cannot be decoded: name another topic")
-        devices[CAMERA] = CameraSettings(
+        cameras[CAMERA] = CameraSettings(
             type="camera",
             source="folder",
             path="bag",
@@ -234,10 +222,7 @@ def _config(
             frame_rate_hz=FRAME_RATE_HZ,
             max_age_s=SILENT_S,
         )
-    roles = RoleSettings(wheels=WHEELS, gyro=IMU if IMU in devices else None, headings=headings)
-    none = dict.fromkeys(("mission", "slip", "scomp", "simulation", "tune"))
-    ros2 = None if topics.fixes is None else Ros2Settings(pose_fixes=True)
-    return rover.model_copy(update={"devices": devices, "roles": roles, "ros2": ros2, **none})
+    return drive_config(rover, "bag", mapping, sensor, has_fixes=topics.fixes is not None, cameras=cameras)
 
 
 def _quantities(topics: Topics) -> tuple[str, ...]:

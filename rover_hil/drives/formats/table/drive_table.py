@@ -62,8 +62,8 @@ class Row(NamedTuple):
 
 
 @dataclass
-class Drive:
-    """A recorded drive.
+class ImportedRows:
+    """What was read of a table.
 
     Attributes:
         rows: In the order of their times.
@@ -106,7 +106,7 @@ class DriveTable:
         self.columns = columns
         self.rover = rover
         self.table = self.open_table(path, columns.time)
-        self.drive = Drive()
+        self.drive = ImportedRows()
         self._others: dict[tuple[str, TimeColumn | None], Table] = {}
         if isinstance(self.table, CsvTable):
             self.table = self._with_set_clock(self._without_cut_row(self.table))

@@ -9,13 +9,13 @@ from drivers.units import STANDARD_GRAVITY_M_S2
 from rover_hil.config import Config
 from rover_hil.drives.arrays import Array
 from rover_hil.drives.formats.table.columns import SI_PER_UNIT, Columns, ImuColumns
-from rover_hil.drives.formats.table.drive_table import Drive, DriveTable
+from rover_hil.drives.formats.table.drive_table import DriveTable, ImportedRows
 from rover_hil.drives.formats.table.increments import take_body, take_increments, take_tricycle
 from rover_hil.drives.formats.table.places import take_fixes, take_truth
 from rover_hil.drives.formats.table.wheels import take_wheels
 
 
-def read_drive_table(path: Path, columns: Columns, rover: Config) -> Drive:
+def read_drive_table(path: Path, columns: Columns, rover: Config) -> ImportedRows:
     """Return the drive in a table.
 
     Args:

@@ -4,17 +4,19 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Literal, NamedTuple
 
 from controllers.motion.kinematics import Kinematics, make_kinematics
-from drivers.can_wheels.settings import CanWheelsSettings
 from drivers.errors import LogError
-from drivers.registry import AnyDeviceSettings
 from drivers.samples import PoseFixSample
-from drivers.xsens.settings import XsensSettings
-from rover_hil.config import Config, RoleSettings
-from rover_hil.config.ros2_settings import Ros2Settings
-from rover_hil.drives.formats.drive import IMU, SILENT_S, START_NS, WHEELS, Contents, DriveLinks, write_drive
+from rover_hil.config import Config
+from rover_hil.drives.formats.drive import (
+    START_NS,
+    Contents,
+    DriveLinks,
+    InertialSensor,
+    drive_config,
+    write_drive,
+)
 from rover_hil.drives.formats.oddities import Evidence
 from rover_hil.drives.formats.table.columns import Columns, FixColumns
 from rover_hil.drives.formats.table.drive_table import Row
@@ -59,14 +61,8 @@ def write_table_as_log(
         return _Feeder(links, kinematics, contents, columns.fixes).feed
 
     with TemporaryDirectory(prefix="rover_hil_") as folder:
-        config = _config(
-            rover,
-            Path(folder),
-            kinematics,
-            drive.quantities,
-            _imu_roles(columns, held),
-            has_fixes="fixes" in held,
-        )
+        mapping = write_mapping(Path(folder), [None] * kinematics.wheel_count, drive.quantities, ())
+        config = drive_config(rover, "table", mapping, _inertial(columns, held), has_fixes="fixes" in held)
         for _ in write_drive(
             out,
             f"imported from {path.name}",
@@ -85,49 +81,12 @@ LONGEST_S = 3600.0
 """The rule of readings that stay the same waits so long."""
 
 
-def _config(
-    rover: Config,
-    folder: Path,
-    kinematics: Kinematics,
-    quantities: tuple[str, ...],
-    imu: "_ImuRoles",
-    *,
-    has_fixes: bool,
-) -> Config:
-    mapping = write_mapping(folder, [None] * kinematics.wheel_count, quantities, ())
-    devices: dict[str, AnyDeviceSettings] = {
-        WHEELS: CanWheelsSettings(
-            interface="virtual", channel="table", mapping=str(mapping), max_age_s=SILENT_S
-        )
-    }
-    if imu.is_there:
-        devices[IMU] = XsensSettings(
-            port="table", max_age_s=SILENT_S, heading_reference=imu.heading_reference
-        )
-    roles = RoleSettings(
-        wheels=WHEELS, gyro=IMU if imu.has_rate else None, headings=(IMU,) if imu.has_heading else ()
-    )
-    ros2 = Ros2Settings(pose_fixes=True) if has_fixes else None
-    none = dict.fromkeys(("mission", "slip", "scomp", "simulation", "tune"))
-    return rover.model_copy(update={"devices": devices, "roles": roles, "ros2": ros2, **none})
-
-
-class _ImuRoles(NamedTuple):
-    """What the inertial sensor of a drive measures, if there is one."""
-
-    is_there: bool
-    has_rate: bool
-    has_heading: bool
-    heading_reference: Literal["magnetic", "true"]
-
-
-def _imu_roles(columns: Columns, held: Collection[str]) -> _ImuRoles:
+def _inertial(columns: Columns, held: Collection[str]) -> InertialSensor | None:
+    """Return what the inertial sensor of a drive measures; None without one."""
     imu = columns.imu
-    if imu is None:
-        # The gyro of the increments.
-        has_gyro = "imu" in held
-        return _ImuRoles(has_gyro, has_gyro, has_heading=False, heading_reference="magnetic")
-    return _ImuRoles(True, imu.yaw_rate is not None, imu.heading is not None, imu.heading_reference)
+    if imu is None:  # of the increments
+        return InertialSensor(has_rate=True) if "imu" in held else None
+    return InertialSensor(imu.yaw_rate is not None, imu.heading is not None, imu.heading_reference)
 
 
 class _Feeder:

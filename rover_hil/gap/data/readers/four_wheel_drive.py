@@ -15,26 +15,17 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from controllers.motion.rover_geometry import SkidSteerRoverSettings
 from drivers.errors import ConfigError
-from rover_hil.drives.windows import Windows, body_rates
-from rover_hil.gap.data.columns import (
-    Columns,
-    DriveLog,
-    Reader,
-    check_times,
-    missing_values,
-    need,
-    read_columns,
-    table_files,
-    whole_rows,
-)
+from rover_hil.drives.channels import POSE
+from rover_hil.drives.drive import Drive
+from rover_hil.drives.windows import Windows
+from rover_hil.gap.data.columns import Columns, Reader, read_columns, table_files
+from rover_hil.gap.data.logs import log_columns
 from rover_hil.gap.data.parameters import DATA
-from rover_hil.gap.data.stretches import stretches, windows_between
+from rover_hil.gap.data.stretches import known_poses, stretches, windows_of_drive
 from sim_backends.models.four_wheel_drive.model import WHEELS
 from sim_backends.models.interface import Array, Run
-
-POSE = ("x_m", "y_m", "yaw_rad")
-LABELS = ("wheel_radius_m", "track_m")
 
 
 def read_four_wheel_runs(path: Path) -> list[Run]:
@@ -63,57 +54,42 @@ def read_four_wheel_runs(path: Path) -> list[Run]:
     return runs
 
 
-def four_wheel_runs_of_log(log: DriveLog) -> list[Run]:
+def four_wheel_runs_of_log(drive: Drive) -> list[Run]:
     """Return the run in a log.
 
     Raises:
         ConfigError: It is of another kind of rover, or lacks wheels or the true pose.
     """
-    if log.kind not in ("", "skid_steer_4"):
+    rover = drive.config.rover
+    if not isinstance(rover, SkidSteerRoverSettings):
         raise ConfigError(
-            f"{log.name} is of a rover of the kind {log.kind}: use the log of four wheels that do not steer"
+            f"{drive.name} is of a rover of the kind {rover.kinematics}: use the log of four wheels that do "
+            "not steer"
         )
+    columns, labels = log_columns(drive), {"wheel_radius_m": rover.wheel_radius_m, "track_m": rover.track_m}
     # Sensors of a log have times of their own; before and after them nothing is missing.
-    return [replace(four_wheel_run(log.name, log.columns, log.columns, log.facts), missing={})]
+    return [replace(four_wheel_run(drive.name, columns, columns, labels), missing={})]
 
 
-def four_wheel_run(name: str, columns: Columns, truth: Columns, facts: Mapping[str, float]) -> Run:
+def four_wheel_run(name: str, columns: Columns, truth: Columns, labels: Mapping[str, float]) -> Run:
     """Return a log with its truth as a run.
 
     Raises:
         ConfigError: A column is missing, or times do not rise.
     """
-    turned = [f"position{wheel}_rad" for wheel in WHEELS]
-    need(columns, ("t_s", *turned), name, "odometry needs the wheels")
-    need(truth, ("t_s", *POSE), f"truth of {name}", "odometry is compared with the true pose")
-    t_s, true_s = columns["t_s"], truth["t_s"]
-    check_times(t_s, name)
-    check_times(true_s, f"truth of {name}")
-    has_pose = np.isfinite(np.stack([truth[one] for one in POSE])).all(axis=0)
-    if has_pose.sum() < DATA.windows.least:
-        raise ConfigError(
-            f"truth of {name} has {int(has_pose.sum())} poses: {DATA.windows.least} or more are needed"
-        )
-    rows = whole_rows(columns, turned)
-    recorded = {one: values[rows] for one, values in columns.items()}
-    gaps = missing_values(recorded, (*turned, "yaw_rate_deg_s", "pitch_deg", "roll_deg"), name)
-    windows = windows_between(t_s[rows], true_s[has_pose], name)
-    x_m, y_m, yaw_rad = (truth[one][has_pose] for one in POSE)
-    heading = np.unwrap(yaw_rad)
-    forward, left, turn = body_rates(windows, true_s[has_pose], x_m, y_m, heading)
-    inputs = {f"wheel_{wheel}_rad_s": windows.rate(t_s, columns[f"position{wheel}_rad"]) for wheel in WHEELS}
-    inputs |= {f"{one}_rad": _tilt(windows, columns, one) for one in ("pitch", "roll")}
-    inputs["heading_rad"] = np.interp(windows.middle_s, true_s[has_pose], heading)
-    inputs["true_turn_rad_s"] = turn
-    measured = {"forward_m_s": forward, "left_m_s": left}
-    if _are_sides_apart(inputs):
-        measured["turn_rad_s"] = turn
-    return Run(
-        name=name,
-        conditions=_conditions(inputs, forward) | {key: facts[key] for key in LABELS if key in facts},
-        inputs={"t_s": windows.middle_s, **inputs},
-        measured=measured | _sensors(windows, columns, true_s[has_pose], heading),
-        missing=gaps,
+    windows, run = windows_of_drive(name, columns, truth, WHEELS, ("yaw_rate_deg_s", "pitch_deg", "roll_deg"))
+    true_s, _, _, heading = known_poses(truth)
+    measured = dict(run.measured)
+    inputs = {**run.inputs, **{f"{one}_rad": _tilt(windows, columns, one) for one in ("pitch", "roll")}}
+    inputs["heading_rad"] = np.interp(windows.middle_s, true_s, heading)
+    inputs["true_turn_rad_s"] = measured["turn_rad_s"]
+    if not _are_sides_apart(inputs):
+        del measured["turn_rad_s"]
+    return replace(
+        run,
+        conditions={**_conditions(inputs, measured["forward_m_s"]), **labels},
+        inputs=inputs,
+        measured=measured | _sensors(windows, columns, true_s, heading),
     )
 
 

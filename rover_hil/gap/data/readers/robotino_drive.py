@@ -16,23 +16,21 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from controllers.motion.rover_geometry import OmniRoverSettings
 from drivers.errors import ConfigError
 from drivers.robotino_board.robotino_2 import ROBOTINO_BOARD
+from rover_hil.drives.drive import Drive
 from rover_hil.drives.robotino_csv import (
     AVERAGE_S,
     AVERAGES_BEGIN,
     CAMERA_UNITS,
-    COMMANDS,
-    CURRENTS,
     IS_RECORD,
-    SPEEDS,
-    STEPS,
     camera_poses,
+    read_averages,
 )
 from rover_hil.drives.windows import Windows, body_rates
 from rover_hil.gap.data.columns import (
     Columns,
-    DriveLog,
     Reader,
     check_times,
     missing_values,
@@ -40,10 +38,10 @@ from rover_hil.gap.data.columns import (
     read_columns,
     read_runs_by_name,
     table_files,
-    whole_rows,
 )
+from rover_hil.gap.data.logs import log_columns
 from rover_hil.gap.data.parameters import DATA
-from rover_hil.gap.data.stretches import stretches, windows_between, windows_over
+from rover_hil.gap.data.stretches import MOTION, stretches, windows_of_drive, windows_over
 from sim_backends.models.interface import Array, Run
 from sim_backends.models.robotino_drive.model import RADIUS_M, TO_BODY, WHEELS
 
@@ -52,9 +50,6 @@ NOMINAL_M_PER_PX = 1.84e-3
 """Scale of the camera's image by its calibration; the model fits it."""
 MIDDLE_M = (1.45, -1.04)
 """Approximate middle of the paths in the picture."""
-RPM_TO_WHEEL = math.tau / 60.0 / ROBOTINO_BOARD.gear_ratio
-"""Speed of a wheel in rad/s per rpm of its motor."""
-LABELS = ("wheel_radius_m", "base_radius_m", "is_averaged")
 
 
 def read_drive_runs(path: Path) -> list[Run]:
@@ -73,7 +68,7 @@ def read_drive_runs(path: Path) -> list[Run]:
         columns = read_columns(file)
         prefix = f"{file.parent.name} " if len(surfaces) > 1 else ""
         if AVERAGES_BEGIN in columns:
-            runs += _averages(file, columns)
+            runs += _averages(file)
         elif "m1pos" in columns:
             runs.append(_pixels(file, prefix, surface, columns))
         else:
@@ -83,18 +78,21 @@ def read_drive_runs(path: Path) -> list[Run]:
     return runs
 
 
-def drive_runs_of_log(log: DriveLog) -> list[Run]:
+def drive_runs_of_log(drive: Drive) -> list[Run]:
     """Return the run in a log.
 
     Raises:
         ConfigError: It is of another kind of rover, or lacks wheels or the true pose.
     """
-    if log.kind not in ("", "omni3"):
+    rover = drive.config.rover
+    if not isinstance(rover, OmniRoverSettings):
         raise ConfigError(
-            f"{log.name} is of a rover of the kind {log.kind}: use the log of three omnidirectional wheels"
+            f"{drive.name} is of a rover of the kind {rover.kinematics}: use the log of three "
+            "omnidirectional wheels"
         )
+    labels = {"wheel_radius_m": rover.wheel_radius_m, "base_radius_m": rover.base_radius_m}
     # Sensors of a log have times of their own; before and after them nothing is missing.
-    return [replace(_posed(log.name, 1.0, log.columns, log.facts), missing={})]
+    return [replace(_posed(drive.name, 1.0, log_columns(drive), labels), missing={})]
 
 
 def _pixels(path: Path, prefix: str, surface: float, columns: Columns) -> Run:
@@ -110,50 +108,32 @@ def _pixels(path: Path, prefix: str, surface: float, columns: Columns) -> Run:
     current = [columns[f"m{wheel}cur"] for wheel in WHEELS]
     name = prefix + path.name.split(".csv")[0]
     pose = body_rates(windows, t_s[has_pose], x_m[has_pose], y_m[has_pose], yaw_rad[has_pose])
-    inputs = _wheels(windows, t_s, turned, current)
+    inputs = {f"wheel_{wheel}_rad_s": windows.rate(t_s, turned[wheel - 1]) for wheel in WHEELS}
+    inputs |= _currents(windows, t_s, current)
     inputs["image_x_m"] = windows.mean(t_s, x_m) - MIDDLE_M[0]
     inputs["image_y_m"] = windows.mean(t_s, y_m) - MIDDLE_M[1]
-    return replace(_run(name, surface, windows, inputs, _named(pose), {}), missing=gaps)
+    run = _run(name, surface, windows, inputs, dict(zip(MOTION, pose, strict=True)), {})
+    return replace(run, missing=gaps)
 
 
-def _posed(name: str, surface: float, columns: Columns, facts: Mapping[str, float]) -> Run:
-    turned_names = [f"position{wheel}_rad" for wheel in WHEELS]
-    need(columns, ("t_s", *turned_names), name, "odometry needs the wheels")
-    need(columns, ("x_m", "y_m", "yaw_rad"), name, "odometry is compared with the true pose")
-    t_s = columns["t_s"]
-    check_times(t_s, name)
-    has_pose = np.isfinite(columns["x_m"]) & np.isfinite(columns["y_m"]) & np.isfinite(columns["yaw_rad"])
-    if has_pose.sum() < DATA.windows.least:
-        raise ConfigError(
-            f"{name} has {int(has_pose.sum())} true poses: record one with a camera above the rover"
-        )
-    rows = whole_rows(columns, turned_names)
+def _posed(name: str, surface: float, columns: Columns, labels: Mapping[str, float]) -> Run:
     optional = (*(f"current{wheel}_a" for wheel in WHEELS), "yaw_rate_deg_s")
-    recorded = {one: values[rows] for one, values in columns.items()}
-    gaps = missing_values(recorded, (*turned_names, *optional), name)
-    windows = windows_between(t_s[rows], t_s[has_pose], name)
+    windows, run = windows_of_drive(name, columns, columns, WHEELS, optional)
+    t_s, measured = columns["t_s"], dict(run.measured)
     currents = [np.abs(columns.get(f"current{wheel}_a", np.zeros(t_s.size))) for wheel in WHEELS]
-    wheels = _wheels(windows, t_s, [columns[one] for one in turned_names], currents)
-    pose = body_rates(windows, t_s[has_pose], *(columns[one][has_pose] for one in ("x_m", "y_m", "yaw_rad")))
-    measured = _named(pose)
     if "yaw_rate_deg_s" in columns:
         measured["gyro_rad_s"] = windows.mean(t_s, np.radians(columns["yaw_rate_deg_s"]))
     if "surface" in columns:
         surface = float(columns["surface"][0])
-    return replace(_run(name, surface, windows, wheels, measured, facts), missing=gaps)
+    inputs = {**run.inputs, **_currents(windows, t_s, currents)}
+    return replace(_run(name, surface, windows, inputs, measured, labels), missing=run.missing)
 
 
-def _wheels(windows: Windows, t_s: Array, turned: list[Array], current: list[Array]) -> dict[str, Array]:
-    inputs = {f"wheel_{wheel}_rad_s": windows.rate(t_s, turned[wheel - 1]) for wheel in WHEELS}
-    for wheel in WHEELS:
-        # Noise in an input makes effects that depend on it look smaller.
-        mean = windows.mean(t_s, current[wheel - 1])
-        inputs[f"current_{wheel}_a"] = uniform_filter1d(mean, DATA.readers.current_windows, mode="nearest")
-    return inputs
-
-
-def _named(pose: tuple[Array, Array, Array]) -> dict[str, Array]:
-    return dict(zip(("forward_m_s", "left_m_s", "turn_rad_s"), pose, strict=True))
+def _currents(windows: Windows, t_s: Array, current: list[Array]) -> dict[str, Array]:
+    # Noise in an input makes effects that depend on it look smaller.
+    means = [windows.mean(t_s, values) for values in current]
+    smooth = [uniform_filter1d(mean, DATA.readers.current_windows, mode="nearest") for mean in means]
+    return {f"current_{wheel}_a": values for wheel, values in zip(WHEELS, smooth, strict=True)}
 
 
 def _run(
@@ -162,14 +142,13 @@ def _run(
     windows: Windows,
     inputs: Mapping[str, Array],
     measured: Mapping[str, Array],
-    facts: Mapping[str, float],
+    labels: Mapping[str, float],
 ) -> Run:
     speeds = np.stack([inputs[f"wheel_{wheel}_rad_s"] for wheel in WHEELS])
-    forward, left, _ = TO_BODY @ speeds * facts.get("wheel_radius_m", RADIUS_M)
+    forward, left, _ = TO_BODY @ speeds * labels.get("wheel_radius_m", RADIUS_M)
     direction = math.degrees(math.atan2(float(left.mean()), float(forward.mean())))
     rounded = DATA.readers.direction_step_deg * round(direction / DATA.readers.direction_step_deg) % 360.0
     nowhere = np.zeros(windows.middle_s.size)
-    labels = {key: facts[key] for key in LABELS if key in facts}
     return Run(
         name=name,
         conditions={
@@ -183,10 +162,9 @@ def _run(
     )
 
 
-def _averages(path: Path, columns: Columns) -> list[Run]:
-    needed = (*SPEEDS, *CURRENTS, *STEPS, *COMMANDS)
-    need(columns, needed, str(path), "give the file of averages as published")
-    along, across, turning = (columns[name] for name in COMMANDS)
+def _averages(path: Path) -> list[Run]:
+    means = read_averages(path, with_camera=True)
+    along, across, turning = means.command.T
     key = np.where(turning != 0.0, -1.0, np.round(np.degrees(np.arctan2(across, along))) % 360.0)
     runs = []
     for value in np.unique(key):
@@ -194,15 +172,11 @@ def _averages(path: Path, columns: Columns) -> list[Run]:
         if rows.size < DATA.windows.least:
             continue
         windows = Windows(AVERAGE_S * np.arange(rows.size + 1, dtype=np.float64))
-        inputs = {f"wheel_{w}_rad_s": columns[SPEEDS[w - 1]][rows] * RPM_TO_WHEEL for w in WHEELS}
-        inputs |= {f"current_{w}_a": np.abs(columns[CURRENTS[w - 1]][rows]) for w in WHEELS}
-        pose = (
-            columns[STEPS[0]][rows] / 1000.0 / AVERAGE_S,
-            columns[STEPS[1]][rows] / 1000.0 / AVERAGE_S,
-            np.radians(columns[STEPS[2]][rows]) / AVERAGE_S,
-        )
+        inputs = {f"wheel_{w}_rad_s": means.wheel_rad_s[rows, w - 1] for w in WHEELS}
+        inputs |= {f"current_{w}_a": means.current_a[rows, w - 1] for w in WHEELS}
+        moved = dict(zip(MOTION, means.velocity[rows].T, strict=True))
         name = f"{path.stem} {'turns' if value < 0.0 else f'{value:.0f} deg'}"
-        runs.append(_run(name, 1.0, windows, inputs, _named(pose), {"is_averaged": 1.0}))
+        runs.append(_run(name, 1.0, windows, inputs, moved, {"is_averaged": 1.0}))
     return runs
 
 

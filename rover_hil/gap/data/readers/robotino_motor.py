@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import ConfigError
+from drivers.robotino_board.scales import scales
+from drivers.robotino_board.settings import RobotinoBoardSettings
+from rover_hil.drives.drive import Drive
 from rover_hil.gap.data.columns import (
     Columns,
-    DriveLog,
     Reader,
     check_times,
     need,
@@ -21,6 +23,7 @@ from rover_hil.gap.data.columns import (
     table_files,
     whole_rows,
 )
+from rover_hil.gap.data.logs import log_columns
 from sim_backends.models.interface import Array, Run
 from sim_backends.models.robotino_motor.model import CURRENT_STEP_A, SPEED_STEP_RAD_S
 
@@ -47,42 +50,43 @@ def read_motor_runs(path: Path) -> list[Run]:
     return runs
 
 
-def motor_runs_of_log(log: DriveLog) -> list[Run]:
+def motor_runs_of_log(drive: Drive) -> list[Run]:
     """Return one run per wheel that has setpoints or voltages, speeds and currents.
 
     Raises:
         ConfigError: No wheel has.
     """
-    gear = log.facts.get("gear_ratio", 1.0)
-    wheels = [wheel for wheel in range(1, 9) if f"current{wheel}_a" in log.columns]
+    device, columns = drive.config.devices[drive.config.roles.wheels], log_columns(drive)
+    gear, speed_step_rad_s, current_step_a = 1.0, 0.0, 0.0
+    if isinstance(device, RobotinoBoardSettings):
+        counts, gear = scales(device), device.gear_ratio
+        speed_step_rad_s, current_step_a = counts.speed_rad_s, counts.current_step_a
+    wheels = [wheel for wheel in range(1, 9) if f"current{wheel}_a" in columns]
     kinds = ("current{}_a", "speed{}_rad_s", "set{}_rad_s", "voltage{}_v")
     names = [kind.format(wheel) for wheel in wheels for kind in kinds]
-    rows = whole_rows(log.columns, ["t_s", *(name for name in names if name in log.columns)])
-    columns = {name: values[rows] for name, values in log.columns.items()}
+    rows = whole_rows(columns, ["t_s", *(name for name in names if name in columns)])
+    columns = {name: values[rows] for name, values in columns.items()}
     total = np.sum([np.abs(columns[f"current{wheel}_a"]) for wheel in wheels], axis=0)
-    labels = {
-        "speed_step_rad_s": gear * log.facts.get("speed_step_rad_s", 0.0),
-        "current_step_a": log.facts.get("current_step_a", 0.0),
-    }
+    labels = {"speed_step_rad_s": gear * speed_step_rad_s, "current_step_a": current_step_a}
     runs = []
     for wheel in wheels:
-        drive = _drive_of(columns, wheel, gear)
+        given = _drive_of(columns, wheel, gear)
         speed = columns.get(f"speed{wheel}_rad_s")
-        if drive is None or speed is None:
+        if given is None or speed is None:
             continue
         current = columns[f"current{wheel}_a"]
         is_unsigned = float(not np.any(current < 0.0))
         runs.append(
             Run(
-                name=f"{log.name} wheel {wheel}",
+                name=f"{drive.name} wheel {wheel}",
                 conditions={"integral": 0.0, **labels, "is_unsigned": is_unsigned},
-                inputs={"t_s": columns["t_s"], **drive, "others_current_a": total - np.abs(current)},
+                inputs={"t_s": columns["t_s"], **given, "others_current_a": total - np.abs(current)},
                 measured={"speed_rad_s": gear * speed, "current_a": current},
             )
         )
     if not runs:
         raise ConfigError(
-            f"{log.name} holds no wheel with setpoints, speeds and currents: use a log with them"
+            f"{drive.name} holds no wheel with setpoints, speeds and currents: use a log with them"
         )
     return runs
 

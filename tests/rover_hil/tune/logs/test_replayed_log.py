@@ -19,7 +19,7 @@ from rover_hil.recording.writer import LogWriter
 from rover_hil.run.replay import estimate_again
 from rover_hil.tune.logs.judged_log import JudgedLog, read_judged_logs
 from rover_hil.tune.logs.objective import consistency, mean_nees, pooled_terms
-from rover_hil.tune.logs.replayed_log import ReplayedLog, replay_with
+from rover_hil.tune.logs.replayed_log import ReplayErrors, replay_with
 from rover_hil.tune.parameters import with_values
 from tests.rover_hil.tune.logs.drives import COMPASS_RAD, GYRO_RAD_S, write_config, write_drives
 
@@ -158,9 +158,9 @@ def test_two_cameras_do_not_help_each_other() -> None:
     assert used == pytest.approx([0.0, 5.0, 10.0])
 
 
-def replayed(**values: object) -> ReplayedLog:
+def replayed(**values: object) -> ReplayErrors:
     arrays = {name: np.ones(4) for name in ("position_m", "yaw_rad", "position_nees", "yaw_nees")}
-    return ReplayedLog(**{"name": "a", "refused": "", "innovations": {}, **arrays, **values})  # type: ignore[arg-type]
+    return ReplayErrors(**{"name": "a", "refused": "", "innovations": {}, **arrays, **values})  # type: ignore[arg-type]
 
 
 def test_consistency_is_a_factor_whose_direction_does_not_matter() -> None:

@@ -19,7 +19,7 @@ from rover_hil.drives.drive import Drive
 from rover_hil.drives.ground_truth import TruePoses
 from rover_hil.drives.marks import marks_file
 from rover_hil.tune.logs.judged_log import JudgedLog, read_judged_logs, split
-from rover_hil.tune.logs.replayed_log import ReplayedLog
+from rover_hil.tune.logs.replayed_log import ReplayErrors
 from rover_hil.tune.logs.study import LogStudy
 from rover_hil.tune.objective import Evaluation
 from rover_hil.tune.parameters import check_log_parameters
@@ -91,12 +91,12 @@ def test_one_trial_alone_is_compared_on_the_held_out_logs(
     """Of five trials that are no better than the start, one would nearly always have the luck to seem so."""
     train_costs, held_out_costs = iter([5.0, 4.0, 3.0]), iter([5.0, 5.1, 4.9])
 
-    def result(cost: float) -> Evaluation[ReplayedLog]:
+    def result(cost: float) -> Evaluation[ReplayErrors]:
         return Evaluation(cost=cost, at_least=cost, refused="", runs=(), case_costs={}, terms={})
 
     monkeypatch.setattr("rover_hil.tune.logs.study.evaluate_logs", lambda *_: result(next(train_costs)))
     monkeypatch.setattr("rover_hil.tune.logs.command.evaluate_logs", lambda *_: result(next(held_out_costs)))
-    no_runs: list[ReplayedLog] = []
+    no_runs: list[ReplayErrors] = []
     monkeypatch.setattr(
         "rover_hil.tune.logs.command.replays_on", lambda *_: lambda *_: (run for run in no_runs)
     )

@@ -1,0 +1,316 @@
+"""From the runs of a machine to findings: budget, test, search, validation, discovery."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from rover_hil.gap.data.problem import Problem, observe
+from rover_hil.gap.decision.first_answer import first_answer
+from rover_hil.gap.evidence.error_budget import ChannelError, error_budget
+from rover_hil.gap.evidence.evidence import MachineFit
+from rover_hil.gap.evidence.gap_tests import gap_p
+from rover_hil.gap.evidence.localise import ResidualLocation, localise_residuals
+from rover_hil.gap.evidence.score import Score
+from rover_hil.gap.evidence.sizes import Size, size_of
+from rover_hil.gap.fit.called_machine import CalledMachine
+from rover_hil.gap.fit.descent import residual_of
+from rover_hil.gap.fit.holdout import Holdout, hold_out
+from rover_hil.gap.fit.machine_fit import MachineFits
+from rover_hil.gap.fit.released_fit import released_fit
+from rover_hil.gap.fit.run_scatter import RunScatter, run_scatter
+from rover_hil.gap.parameters import MACHINES
+from rover_hil.gap.search.drafts import DraftTerm, find_drafts
+from rover_hil.gap.search.free_terms import FittedTerm, free_terms, search_terms, strength_of
+from rover_hil.gap.search.output_terms import equal_terms, equations_of, term_scores
+from rover_hil.gap.search.residual_equations import Equation
+from rover_hil.gap.search.search import Found, MachineSearch, score_effects
+from rover_hil.gap.search.tracking import Tracked, track
+from sim_backends.models.interface import Machine, Run
+from sim_backends.models.parameter_key import ParameterKey
+from sim_backends.state_model.model import StateModel, has_ports
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineFindings:
+    """Results on the runs of a machine.
+
+    Attributes:
+        machine: The model, with integration steps that are small enough.
+        problem: The runs of the search.
+        locked: The runs of the validation.
+        base: The fit without effects.
+        budget_before: Error budget of it.
+        p_gap: Probability of its misfit if only the sensors err.
+        scores: First-order score of every effect at the base fit, at each of its shapes.
+        found: Result of the search; None where there is no gap.
+        best: The explanation after validation; the base where there is none.
+        budget_after: Error budget with it.
+        p_remaining: Probability of what it leaves if only the sensors err.
+        scatter: What base parameters of each run's own explain of the misfit of the best explanation.
+        p_within_runs: Probability of what these leave if only the sensors err; 1 where effects are named.
+        holdout: Result on the locked runs; None without explanation.
+        rival_terms: Free-form terms that the runs do not distinguish from the explanation.
+        drafts: Terms that are missing, where no effect explains the gap.
+        draft_failure: Why missing terms were not searched to the end; empty where they were.
+        equations: Terms of the outputs instead of drafts, for a machine that has no equations.
+        locations: Where the outputs of such a machine differ most at the base fit.
+        tracked: The machine on its runs, with the force that keeps it there; None without a gap, without
+            ports, or where no such force is found.
+        other_weighting: Sizes of the effects by the other weighting, random forces at the ports.
+        runners_up: Further fits of the search with no more effects than the explanation, the best first.
+        unlisted: Fits of free-form terms that are rivals or drafts, each with the model that has the term.
+    """
+
+    machine: Machine
+    problem: Problem
+    locked: tuple[Run, ...] = ()
+    base: MachineFit
+    budget_before: tuple[ChannelError, ...]
+    p_gap: float
+    scores: tuple[Score, ...]
+    found: Found | None = None
+    best: MachineFit
+    budget_after: tuple[ChannelError, ...]
+    p_remaining: float = 1.0
+    scatter: RunScatter
+    p_within_runs: float = 1.0
+    holdout: Holdout | None = None
+    rival_terms: tuple[str, ...] = ()
+    drafts: tuple[DraftTerm, ...] = ()
+    draft_failure: str = ""
+    equations: tuple[Equation, ...] = ()
+    locations: tuple[ResidualLocation, ...] = ()
+    tracked: Tracked | None = None
+    other_weighting: Mapping[ParameterKey, float] = field(default_factory=dict)
+    runners_up: tuple[MachineFit, ...] = ()
+    unlisted: tuple[tuple[Machine, MachineFit], ...] = ()
+
+    @property
+    def share(self) -> float:
+        """Share of the excess error that the explanation takes away on left-out runs."""
+        return self.best.explained(self.base)[0] if self.best.names else 0.0
+
+    def size(self, effect: str, parameter: str) -> Size:
+        """Return a size of the explanation with its interval."""
+        return size_of(self.best, ParameterKey(effect=effect, name=parameter))
+
+
+def analyse_machine(
+    machine: Machine,
+    runs: Sequence[Run],
+    locked: Sequence[Run],
+    seed: int,
+    advance: Callable[[str], None],
+    announce: Callable[[str], None] = lambda _: None,
+) -> MachineFindings:
+    """Find where a machine and its runs disagree, and which effects are missing.
+
+    The locked runs are read only once an explanation is chosen.
+    """
+    rng = np.random.default_rng(seed)
+    problem = Problem(machine, observe(machine, runs))
+    fits = MachineFits(problem, machine.effects)
+    advance("fitting the base model")
+    base = fits.base()
+    search = MachineSearch(fits, advance)
+    scatter = run_scatter(fits, base)
+    budget = _budget(problem, base, scatter)
+    findings = MachineFindings(
+        machine=machine,
+        problem=problem,
+        locked=tuple(locked),
+        base=base,
+        budget_before=budget,
+        p_gap=gap_p(base, problem, search.scores(base), rng, _free_scores(problem, base)),
+        scores=tuple(search.scores(base)),
+        best=base,
+        budget_after=budget,
+        scatter=scatter,
+    )
+    announce(first_answer(findings.p_gap, budget, findings.scores))
+    if findings.p_gap > MACHINES.tests.alpha:
+        return findings
+    found = search.run()
+    findings = replace(
+        findings, found=found, runners_up=_runners_up(fits, found), locations=_locations(problem, base)
+    )
+    findings = _with_best(findings, fits, found.best)
+    if found.best.names:
+        advance("opening the locked runs")
+        findings = _validated(findings, fits, locked, rng)
+    if not findings.best.names:
+        findings, fits = _without_wrong_priors(findings, fits, rng)
+        if findings.p_gap > MACHINES.tests.alpha:
+            return findings
+        problem, own = findings.problem, findings.scatter.fit
+        findings = replace(findings, p_within_runs=gap_p(own, problem, score_effects(fits, own), rng))
+    else:
+        advance("comparing with free-form terms")
+        findings = _with_rivals(findings, fits)
+    left = _free_scores(problem, findings.best)
+    findings = replace(findings, p_remaining=gap_p(findings.best, problem, [], rng, left))
+    advance("estimating the unknown forces")
+    findings = _followed(findings, fits)
+    if findings.p_remaining <= MACHINES.tests.alpha:
+        advance("searching a missing term")
+        findings = _with_any_drafts(findings, fits, locked, rng)
+    if findings.best.names:
+        best, problem = released_fit(problem, findings.best)
+        findings = replace(findings, best=best, problem=problem)
+    return findings
+
+
+def _without_wrong_priors(
+    findings: MachineFindings, unreleased: MachineFits, rng: np.random.Generator
+) -> tuple[MachineFindings, MachineFits]:
+    """Judge what is left without the priors that the runs contradict, where these values alone explain them.
+
+    Where a gap remains, the values may have taken a part of what is missing on themselves.
+    """
+    base, problem = released_fit(findings.problem, findings.base)
+    if base is findings.base:
+        return findings, unreleased
+    fits = MachineFits(problem, findings.machine.effects)
+    scatter, scores = run_scatter(fits, base), score_effects(fits, base)
+    budget = _budget(problem, base, scatter)
+    p_gap = gap_p(base, problem, scores, rng, _free_scores(problem, base))
+    if p_gap <= MACHINES.tests.alpha and not all(one.is_good_enough for one in budget):
+        return findings, unreleased
+    findings = replace(findings, problem=problem, base=base, best=base, scatter=scatter, p_gap=p_gap)
+    return replace(findings, budget_before=budget, budget_after=budget, scores=tuple(scores)), fits
+
+
+def _runners_up(fits: MachineFits, found: Found) -> tuple[MachineFit, ...]:
+    known = {found.best.names, *(one.names for one in found.alternatives)}
+    most = max(len(found.best.names), 1)
+    others = [one for names, one in fits.tried.items() if 0 < len(names) <= most and names not in known]
+    return tuple(sorted(others, key=lambda one: one.merit)[: MACHINES.terms.most_runners_up])
+
+
+def _budget(problem: Problem, found: MachineFit, scatter: RunScatter) -> tuple[ChannelError, ...]:
+    residual = residual_of(problem.observations, problem.predict(found.fit.point))
+    return error_budget(problem.observations, residual, len(found.fit.free), scatter.channel_rms)
+
+
+def _with_best(findings: MachineFindings, fits: MachineFits, best: MachineFit) -> MachineFindings:
+    scatter = run_scatter(fits, best)
+    return replace(
+        findings, best=best, scatter=scatter, budget_after=_budget(findings.problem, best, scatter)
+    )
+
+
+def _validated(
+    findings: MachineFindings, fits: MachineFits, locked: Sequence[Run], rng: np.random.Generator
+) -> MachineFindings:
+    is_called = isinstance(findings.machine, CalledMachine)
+    holdout = hold_out(findings.machine, locked, findings.base, findings.best, rng, is_nominal=is_called)
+    is_contradicted = findings.best.evidence.is_contradicted(holdout.improved, holdout.closure, holdout.lean)
+    best = findings.base if is_contradicted else findings.best
+    return _with_best(replace(findings, holdout=holdout), fits, best)
+
+
+def _locations(problem: Problem, base: MachineFit) -> tuple[ResidualLocation, ...]:
+    machine = problem.model
+    if not isinstance(machine, CalledMachine):
+        return ()
+    return tuple(localise_residuals(problem, base.noise, base.fit.point, machine.input_units))
+
+
+def _free_scores(problem: Problem, at: MachineFit) -> list[Score]:
+    """Return the scores of free-form terms where these act on the outputs."""
+    machine = problem.model
+    return term_scores(machine, problem, at) if isinstance(machine, CalledMachine) else []
+
+
+def _with_rivals(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
+    """Add the free-form terms that replace the only effect of an explanation as well as it explains."""
+    machine = findings.machine
+    if findings.problem.observations.is_steady:
+        return findings
+    if isinstance(machine, CalledMachine):
+        return replace(findings, rival_terms=_rivals_at_outputs(machine, findings, fits))
+    if len(findings.best.names) != 1 or not has_ports(machine):
+        return findings
+    base, best = findings.base, findings.best
+    terms = free_terms(machine, findings.problem, base)
+    rivals = []
+    for one in search_terms(machine, findings.problem, terms, base):
+        if one.objection or likeness(one.fit, best, base) > MACHINES.terms.same_law:
+            continue
+        if one.fit.is_within_noise or (one.fit.merit <= best.merit and one.fit.is_equal(best)):
+            rivals.append(one)
+    names = tuple(strength_of(machine, one.term)[0] for one in rivals)
+    return replace(findings, rival_terms=names, unlisted=_with_terms(machine, rivals))
+
+
+def _rivals_at_outputs(
+    machine: CalledMachine, findings: MachineFindings, fits: MachineFits
+) -> tuple[str, ...]:
+    best, found = findings.best, []
+    for name in best.names:
+        part = fits.tried.get(tuple(one for one in best.names if one != name))
+        if part is not None:
+            found += equal_terms(machine, findings.problem, part, best)[:1]
+    return tuple(found)
+
+
+def _with_terms(machine: StateModel, terms: Sequence[FittedTerm]) -> tuple[tuple[Machine, MachineFit], ...]:
+    """Return fits of free-form terms, each with the model that has the term among its effects."""
+    return tuple((machine.with_effects([*machine.port_effects, one.term.effect]), one.fit) for one in terms)
+
+
+def likeness(one: MachineFit, other: MachineFit, base: MachineFit) -> float:
+    """Return the cosine of what two explanations change in the predictions of the base model."""
+    first, second = base.errors - one.errors, base.errors - other.errors
+    length = float(np.linalg.norm(first) * np.linalg.norm(second))
+    return abs(float(first @ second)) / max(length, 1e-300)
+
+
+def _followed(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
+    machine = findings.machine
+    if not has_ports(machine):
+        return findings
+    best = findings.best
+    free = fits.free(best.names, {})
+    tracked = track(findings.problem, machine, free, best.fit.point)
+    if tracked is None:
+        return findings
+    moved = {
+        item.key: item.mean + item.sd * float(pull)
+        for item, pull in zip(tracked.free, tracked.pulls, strict=True)
+        if item.key.is_of_effect
+    }
+    return replace(findings, tracked=tracked, other_weighting=moved)
+
+
+def _with_any_drafts(
+    findings: MachineFindings, fits: MachineFits, locked: Sequence[Run], rng: np.random.Generator
+) -> MachineFindings:
+    """Search the terms that explain what is left; what is known before is kept, however that search ends."""
+    try:
+        return _with_drafts(findings, fits, locked, rng)
+    except KeyboardInterrupt:
+        return replace(findings, draft_failure="interrupted by ctrl-C")
+    except MemoryError:
+        raise
+    except Exception as error:  # noqa: BLE001 (equations that diverge fail in many ways)
+        return replace(findings, draft_failure=f"{type(error).__name__}: {error}")
+
+
+def _with_drafts(
+    findings: MachineFindings, fits: MachineFits, locked: Sequence[Run], rng: np.random.Generator
+) -> MachineFindings:
+    """Add the free-form terms that explain what is left."""
+    machine = findings.machine
+    if isinstance(machine, CalledMachine):
+        found_equations = equations_of(machine, findings.problem, fits, findings.best, rng)
+        return replace(findings, equations=found_equations)
+    if not has_ports(machine):
+        return findings
+    found = find_drafts(machine, findings.problem, locked, findings.best)
+    return replace(
+        findings,
+        drafts=tuple(draft for draft, _ in found),
+        unlisted=(*findings.unlisted, *_with_terms(machine, [term for _, term in found])),
+    )

@@ -1,0 +1,1 @@
+"""Fits of a machine, and machines that can only be called."""

@@ -1,1 +1,0 @@
-"""The workflow for machines that move: models made of equations with named ports."""

@@ -1,1 +1,0 @@
-"""Models that can only be called, as machines."""

@@ -1,1 +1,0 @@
-"""What speaks for an explanation, and how large its effects are."""

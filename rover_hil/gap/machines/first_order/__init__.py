@@ -1,1 +1,0 @@
-"""What effects and free-form terms change in the predictions, to first order."""

@@ -1,1 +1,0 @@
-"""Fits of a machine with some effects."""

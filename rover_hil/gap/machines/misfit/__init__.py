@@ -1,1 +1,0 @@
-"""Is there a gap, how large is it, and where?"""

@@ -1,1 +1,0 @@
-"""Laws that no effect describes."""

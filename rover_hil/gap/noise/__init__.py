@@ -1,0 +1,1 @@
+"""Noise of the measurements: of sensors, of replicates, of random forces."""

@@ -1,1 +1,0 @@
-"""Report and files of an analysis of a machine."""

@@ -1,0 +1,1 @@
+"""The search for effects, and for laws that no effect describes."""

@@ -1,0 +1,87 @@
+"""Free-form terms at the outputs of a machine that has no ports: laws that no effect describes."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rover_hil.gap.data.problem import Problem
+from rover_hil.gap.evidence.evidence import MachineFit
+from rover_hil.gap.evidence.score import Projection, Score, family_draws, of_terms, quantile, score_all
+from rover_hil.gap.evidence.terms import Term, directions, series_terms, steady_terms
+from rover_hil.gap.fit.called_machine import CalledMachine
+from rover_hil.gap.fit.machine_fit import MachineFits
+from rover_hil.gap.parameters import MACHINES
+from rover_hil.gap.search.residual_equations import Equation, find_equations
+from rover_hil.gap.search.search import score_effects
+from sim_backends.models.interface import Array
+
+
+def output_terms(machine: CalledMachine, problem: Problem, at: MachineFit) -> tuple[Term, ...]:
+    """Return shapes of inputs and predicted channels, and of time; of steady experiments, of conditions."""
+    units = machine.condition_units
+    if problem.observations.is_steady:
+        return tuple(steady_terms(problem.observations, units))
+    predicted = problem.predict(at.fit.point)
+    return tuple(series_terms(problem.observations, predicted, machine.input_units, units))
+
+
+def term_scores(machine: CalledMachine, problem: Problem, at: MachineFit) -> list[Score]:
+    """Return the first-order score of each term in each channel; runs must agree on it."""
+    at = at.decorrelated
+    terms = directions(problem.observations, at.noise, output_terms(machine, problem, at))
+    return of_terms(score_all(at.fit, at.noise, terms, is_steady=problem.observations.is_steady))
+
+
+def equal_terms(
+    machine: CalledMachine,
+    problem: Problem,
+    part: MachineFit,
+    best: MachineFit,
+) -> list[str]:
+    """Return the terms that explain what an explanation explains, the best first.
+
+    A term with nearly the same change is the effect as an equation; it is another law only where it explains
+    more.
+    """
+    change = part.noise.whiten(_finite(problem.predict(best.fit.point) - problem.predict(part.fit.point)))
+    projection = Projection(part.fit)
+    effect = projection.apply(change)
+    left = part.fit.residual - change
+    gain = float(part.fit.residual @ part.fit.residual - left @ left) + _base_pulls(part) - _base_pulls(best)
+    effect = effect / max(float(np.linalg.norm(effect)), 1e-300)
+    terms = directions(problem.observations, part.noise, output_terms(machine, problem, part))
+    found = {}
+    for score in score_all(part.fit, part.noise, terms, is_steady=True):
+        is_alike = abs(float(score.projected @ effect)) >= MACHINES.terms.alike
+        explained = score.z_by_samples**2
+        if is_alike and explained <= gain / MACHINES.search.set_share:
+            continue
+        if explained >= MACHINES.search.set_share * gain:
+            found[score.direction.name] = explained
+    return sorted(found, key=lambda name: -found[name])
+
+
+def _base_pulls(found: MachineFit) -> float:
+    """Return what the base parameters cost by their priors."""
+    return sum(
+        float(pull) ** 2
+        for item, pull in zip(found.fit.free, found.fit.pull, strict=True)
+        if not item.key.is_of_effect
+    )
+
+
+def equations_of(
+    machine: CalledMachine, problem: Problem, fits: MachineFits, best: MachineFit, rng: np.random.Generator
+) -> tuple[Equation, ...]:
+    """Return equations for what an explanation leaves."""
+    scores = term_scores(machine, problem, best)
+    threshold = quantile(family_draws(scores, best.evidence.freedom, rng), MACHINES.tests.alpha)
+    terms = output_terms(machine, problem, best)
+    effects: Sequence[Score] = score_effects(fits, best)
+    best = best.decorrelated
+    return tuple(find_equations(problem.observations, best.noise, best.fit, terms, effects, threshold))
+
+
+def _finite(values: Array) -> Array:
+    finite: Array = np.where(np.isfinite(values), values, 0.0)
+    return finite

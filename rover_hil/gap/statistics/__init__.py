@@ -1,1 +1,0 @@
-"""Errors, fits and scores."""

@@ -1,0 +1,89 @@
+"""The simulated decision against real ones: errors after a new run, and causes that nobody listed."""
+
+import numpy as np
+import pytest
+
+from benchmarks.gap_machines.small_carts import SmallCart, make_cart, make_model
+from rover_hil.gap.findings import Analysis
+from rover_hil.gap.fit.machine_fit import MachineFits
+from rover_hil.gap.next_run.hypotheses import unlisted_of
+from rover_hil.gap.next_run.prediction import Planning
+from rover_hil.gap.next_run.refit import NewRun
+from rover_hil.gap.parameters import MACHINES
+from rover_hil.gap.workflow import analyse
+from sim_backends.models.interface import Array
+
+CUBIC = 3
+"""Number of a cart whose resistance, the cube of the speed, is in no list; drag imitates it."""
+
+
+@pytest.fixture(scope="module")
+def cart() -> SmallCart:
+    return make_cart(CUBIC)
+
+
+@pytest.fixture(scope="module")
+def analysis(cart: SmallCart) -> Analysis:
+    return analyse(make_model(), cart.runs, allowed=cart.allowed)
+
+
+def simulated(cart: SmallCart, analysis: Analysis, effect: str, *, has_slopes: bool = True) -> Array:
+    """Return the left-out errors with a repetition that was measured, by linearisation."""
+    assert analysis.proposal is not None
+    planned = next(one.planned for one in analysis.proposal.options if one.planned.is_repeat)
+    hypotheses = [one for one in analysis.proposal.hypotheses if one.name == effect]
+    planning = Planning(hypotheses, [planned], None)
+    ((prediction,),) = planning.predictions()
+    run = cart.made(planned, np.random.default_rng(1))
+    data = planning.blocks[0].of(run.measured["speedometer"])
+    new = NewRun(
+        errors=(data - prediction.mean)[:, None],
+        slopes=prediction.slopes * float(has_slopes),
+        starts=prediction.starts,
+        channel=prediction.channel,
+    )
+    found: Array = hypotheses[0].refit.squares([new])[0]
+    return found
+
+
+def refitted(cart: SmallCart, analysis: Analysis, effect: str) -> Array:
+    """Return the left-out errors with the same repetition, by a new analysis."""
+    assert analysis.proposal is not None
+    assert analysis.plan is not None
+    planned = next(one.planned for one in analysis.proposal.options if one.planned.is_repeat)
+    run = cart.made(planned, np.random.default_rng(1))
+    locked = " or ".join(f'run == "{name}"' for name in analysis.plan.confirm)
+    after = analyse(make_model(), [*cart.runs, run], confirm=locked).machine
+    assert after is not None
+    fits = MachineFits(after.problem, after.machine.effects)
+    return fits.best((effect,), {}, after.base.fit.point).left_out.squares
+
+
+@pytest.mark.parametrize("effect", ["quadratic_drag", "viscous_friction"])
+@pytest.mark.nightly
+def test_errors_with_a_new_run_are_those_of_a_new_fit(
+    cart: SmallCart, analysis: Analysis, effect: str
+) -> None:
+    expected = refitted(cart, analysis, effect)
+    np.testing.assert_allclose(simulated(cart, analysis, effect), expected, rtol=0.03)
+
+
+def test_a_new_run_that_says_nothing_about_the_parameters_changes_no_other(
+    cart: SmallCart, analysis: Analysis
+) -> None:
+    assert analysis.proposal is not None
+    found = simulated(cart, analysis, "viscous_friction", has_slopes=False)
+    before = next(one for one in analysis.proposal.hypotheses if one.name == "viscous_friction")
+    np.testing.assert_allclose(found[:-1], before.fit.left_out.squares, rtol=1e-6)
+
+
+def test_drawn_laws_fit_the_measured_runs_and_make_a_wrong_name_probable(analysis: Analysis) -> None:
+    assert analysis.machine is not None
+    laws = unlisted_of(analysis.machine, None, np.random.default_rng(2))
+    assert 1 <= len(laws) <= MACHINES.hypotheses.laws
+    assert 0.5 < sum(one.weight for one in laws) <= 1.0 + 1e-9
+    best = analysis.machine.best.left_out.squares.sum()
+    assert all(one.fit.left_out.squares.sum() < 3.0 * best for one in laws)
+    assert {one.machine.name for one in laws} == {"cart"}
+    wrong = [float(str(one["probability_wrong"])) for one in analysis.verdict.next_runs]
+    assert max(wrong) > 0.01
