@@ -112,6 +112,18 @@ class StandingParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RepeatingGroundParameters:
+    """Ground whose pattern repeats, by the correlation of a picture with itself.
+
+    Random ground of two renderers rises to 0.27 at most, and tiles, ribs and furrows to 0.5 and more.
+    """
+
+    every: int = 10  # frames: a ground does not change its kind from one to the next
+    most_lag_share: float = 0.3  # of the view; farther apart, too little is compared
+    least_rise: float = 0.4  # of the correlation from its lowest value on
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PatternParameters:
     """What is fixed in the picture while the ground moves: specks, the rover's shadow, its own parts."""
 
@@ -192,6 +204,7 @@ class GroundMotionParameters:
     structure: StructureParameters = StructureParameters()
     flow: FlowParameters = FlowParameters()
     validity: ValidityParameters = ValidityParameters()
+    repeating: RepeatingGroundParameters = RepeatingGroundParameters()
     pattern: PatternParameters = PatternParameters()
     repeats: RepeatParameters = RepeatParameters()
     order: FrameOrderParameters = FrameOrderParameters()

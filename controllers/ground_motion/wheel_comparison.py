@@ -13,6 +13,7 @@ from controllers.ground_motion.ground_patch import Floats, GroundPatch
 from controllers.ground_motion.mounting_watch import MountedMotion, MountingWatch
 from controllers.ground_motion.parameters import GroundMotionParameters
 from controllers.ground_motion.reference_frames import rotated
+from controllers.ground_motion.repeating_ground import REPEATS
 from controllers.ground_motion.rig_tolerance import RigTolerance
 from controllers.ground_motion.rig_watch import RigWatch
 from controllers.ground_motion.tolerance import effects_of, scale_of
@@ -28,6 +29,7 @@ class ComparedPair(NamedTuple):
         turn_rad: By the gyro.
         has_gyro: Whether it has measured all axes.
         duration_s: From frame to frame.
+        period_m: Of a pattern that repeats along the motion; 0 for none.
     """
 
     motion: PatchMotion
@@ -36,6 +38,7 @@ class ComparedPair(NamedTuple):
     turn_rad: float
     has_gyro: bool
     duration_s: float
+    period_m: float
 
 
 class WheelComparison:
@@ -146,9 +149,18 @@ class WheelComparison:
         self._ambiguities.append(pair.motion.ambiguity)
         if doubt := self._rig_watch.text or self._mounting.text:
             return doubt
-        if median(self._ambiguities) <= self._parameters.validity.most_ambiguous:
-            return ""
-        return "several motions explain the ground, its pattern repeats: take more frames per second"
+        is_ambiguous = median(self._ambiguities) > self._parameters.validity.most_ambiguous
+        return REPEATS if is_ambiguous and self._fits_otherwise(pair) else ""
+
+    def _fits_otherwise(self, pair: ComparedPair) -> bool:
+        """Return whether a motion that is a period longer, or shorter, is one of a rover on these wheels."""
+        period_m = pair.period_m
+        if pair.wheel_m is None or not period_m:
+            return True
+        numbers = self._parameters.rig_watch
+        along_m, length_m = _along(pair.motion, pair.wheel_m)
+        least_m, most_m = -numbers.backwards * length_m, (1.0 + numbers.skid) * length_m
+        return along_m - period_m > least_m or along_m + period_m < most_m
 
     def _against_wheels(self, motion: PatchMotion, wheel_m: Floats) -> str:
         numbers = self._parameters.rig_watch
