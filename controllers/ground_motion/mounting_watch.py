@@ -1,6 +1,5 @@
 """Whether the camera is mounted, and built, as its rig says: pitch, focal length, yaw, mirrored pictures."""
 
-import cmath
 import math
 from dataclasses import dataclass
 
@@ -36,8 +35,8 @@ class MountedMotion:
     Attributes:
         duration_s: From frame to frame.
         forward_m: Of the measured point, as the pictures show it.
-        moved_m: Of the rover's origin, as the pictures show it: forward, to the left as imaginary part.
-        wheel_m: The same by rolling wheels.
+        drift_m: Of the point below the camera, as the pictures show it, ahead, and to the left beyond that of
+            rolling wheels as imaginary part; None where the wheels do not roll ahead.
         turn_rad: By the gyro.
         seen_turn_rad: By the pictures.
         seen_turn_sd_rad: Standard deviation of it.
@@ -46,8 +45,7 @@ class MountedMotion:
 
     duration_s: float
     forward_m: float
-    moved_m: complex
-    wheel_m: complex
+    drift_m: complex | None
     turn_rad: float
     seen_turn_rad: float
     seen_turn_sd_rad: float
@@ -130,7 +128,8 @@ class MountingWatch:
         if motion.forward_m:
             self._duration_s += motion.duration_s
         self._pitch.add(motion.forward_m, motion.pitch_rad)
-        self._add_drift(motion)
+        if motion.drift_m is not None:
+            self._drifts.add(motion.drift_m)
         self.compare_turn(motion.turn_rad, motion.seen_turn_rad, motion.seen_turn_sd_rad)
 
     def compare_turn(self, turn_rad: float, seen_turn_rad: float, seen_turn_sd_rad: float) -> None:
@@ -138,13 +137,6 @@ class MountingWatch:
         self._turn.add(turn_rad, seen_turn_rad)
         self._seen_rad2 += (turn_rad * seen_turn_sd_rad) ** 2
         self.text = self._mirrored() or self._near_and_far() or self._drifts.text or self._scale()
-
-    def _add_drift(self, motion: MountedMotion) -> None:
-        """Add the angle from the wheels' motion ahead to that of the ground, at the present heading."""
-        wheel_m = motion.wheel_m
-        if wheel_m.real <= 0.0 or abs(wheel_m.imag) > self._numbers.ahead * wheel_m.real:
-            return
-        self._drifts.add(motion.moved_m * cmath.rect(1.0, -cmath.phase(wheel_m)))
 
     def _mirrored(self) -> str:
         numbers = self._numbers
@@ -174,10 +166,11 @@ class MountingWatch:
         if math.degrees(self._spun_rad) < self._numbers.confirming_deg:
             return ""
         numbers, scale = self._numbers, self._swing.slope
-        radius_m = self._swing.length / self._spun_rad
-        by_centre = numbers.centre_sd_m / radius_m
-        sd = math.hypot(self._scale_sd, self._swing.sd, numbers.gyro_scale_sd, by_centre)
-        if abs(scale - 1.0) <= numbers.deviations * sd:
+        by_centre = numbers.centre_sd_m * self._spun_rad / self._swing.length
+        # Pictures that rotate as the gyro says show its scale.
+        by_gyro = min(abs(self._turn.slope - 1.0) + self._turn.sd, numbers.gyro_scale_sd)
+        sd = math.hypot(self._scale_sd, self._swing.sd, by_gyro, by_centre)
+        if abs(scale - 1.0) <= numbers.scale_deviations * sd:
             return ""
         return (
             f"in rotations on the spot the ground moves {scale:.2f} times as far as the gyro measures: check "

@@ -198,14 +198,20 @@ class WheelComparison:
         moved_m = self.factor * complex(motion.forward_m, motion.left_m) - lever_m
         wheel_m = complex(*pair.wheel_m) - lever_m
         swing_m = 1j * pair.turn_rad * foot
+        # A rover that steers rolls ahead at its origin, or at the measured wheel. Below the camera the angle
+        # by a wrong yaw is the same in rotations.
+        rolls_ahead = any(
+            abs(each.imag) <= self._parameters.mounting.ahead * each.real
+            for each in (wheel_m, wheel_m + lever_m)
+        )
+        drift_m = complex((moved_m + swing_m).real, (moved_m - wheel_m).imag)
         if abs(wheel_m) < self._parameters.mounting.on_the_spot * abs(swing_m):
             self._mounting.spin(pair.turn_rad, swing_m, moved_m - wheel_m + swing_m)
         self._mounting.update(
             MountedMotion(
                 duration_s=pair.duration_s,
                 forward_m=motion.forward_m,
-                moved_m=moved_m,
-                wheel_m=wheel_m,
+                drift_m=drift_m if rolls_ahead and drift_m.real > 0.0 else None,
                 turn_rad=pair.turn_rad,
                 seen_turn_rad=motion.turn_rad,
                 seen_turn_sd_rad=motion.turn_sd_rad,

@@ -157,6 +157,20 @@ def test_wheels_spin_while_a_stuck_rover_stands() -> None:
     assert motion.wheel[33:].min() > 0.0
 
 
+def test_a_rotation_on_the_spot_is_about_its_centre() -> None:
+    recipe = prepare("spot_right", 1, 60)
+    assert recipe.rotation is not None
+    assert recipe.centre is not None
+    motion, (start, length, degrees) = recipe.motion, recipe.rotation
+    turned = np.degrees(motion.psi[start + length - 1] - motion.psi[start - 1])
+    assert turned == pytest.approx(degrees)
+    x, y = recipe.centre
+    c, s = np.cos(motion.psi), np.sin(motion.psi)
+    centre = np.stack([motion.x + c * x - s * y, motion.y + s * x + c * y])[:, start - 1 : start + length]
+    assert np.ptp(centre, axis=1).max() < 1e-3
+    assert motion.travel[start - 1] < 0.2 * motion.travel[: start - 8].mean()
+
+
 def test_same_draw_gives_same_pictures() -> None:
     first, again = (np.array(pictures(prepare("clean", 4, 3))) for _ in range(2))
     assert (first == again).all()
