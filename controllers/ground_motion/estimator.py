@@ -177,6 +177,7 @@ class GroundMotionEstimator:
         compared = ComparedPair(
             motion=motion,
             pitch_rad=found.pitch_rad,
+            gyro_pitch_rad=float(self._turned[0, 1]),
             wheel_m=self._travel_m,
             turn_rad=float(self._turned[0, 2]),
             has_gyro=self._has_gyro,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from controllers.ground_motion.heading_drifts import HeadingDrifts
 from controllers.ground_motion.parameters import MountingParameters
-from controllers.ground_motion.slope import Slope
+from controllers.ground_motion.slope import Slope, SlopeWithBias
 
 CONFIRMS_SD = 2.0
 """A rotation on the spot confirms a scale that is within so many standard deviations."""
@@ -20,11 +20,13 @@ class MountingEffects:
     Attributes:
         pitch_per_rad: Change of pitch per metre, per rad of wrong pitch.
         pitch_per_focal: The same, per share of wrong focal length.
+        pitch_per_bend: The same of ground that curves, per change of pitch that a gyro measures.
         tolerance: Standard deviation of it, by the tolerance of the rig.
     """
 
     pitch_per_rad: float
     pitch_per_focal: float
+    pitch_per_bend: float
     tolerance: float
 
 
@@ -41,6 +43,7 @@ class MountedMotion:
         seen_turn_rad: By the pictures.
         seen_turn_sd_rad: Standard deviation of it.
         pitch_rad: Change of pitch that the pictures show and the gyro does not.
+        gyro_pitch_rad: That by the gyro.
     """
 
     duration_s: float
@@ -50,6 +53,7 @@ class MountedMotion:
     seen_turn_rad: float
     seen_turn_sd_rad: float
     pitch_rad: float
+    gyro_pitch_rad: float
 
 
 class MountingWatch:
@@ -85,9 +89,10 @@ class MountingWatch:
         self._effects, self._scale_sd, self._numbers = effects, scale_sd, parameters
         self._is_confirmed = is_calibrated
         self._swing, self._spun_rad = Slope(), 0.0
-        self._pitch, self._turn = Slope(), Slope()
+        self._pitch, self._bend = (SlopeWithBias(parameters.gyro_bias_rad_s) for _ in range(2))
+        self._turn = Slope()
         self._drifts = HeadingDrifts(yaw_sd_deg, parameters)
-        self._seen_rad2 = self._duration_s = 0.0
+        self._seen_rad2 = 0.0
         self.text = ""
 
     @property
@@ -121,13 +126,11 @@ class MountingWatch:
     def update(self, motion: MountedMotion) -> None:
         """Take a pair."""
         kept = math.exp(-abs(motion.forward_m) / self._numbers.memory_m)
-        for slope in (self._pitch, self._turn):
+        for slope in (self._pitch, self._bend, self._turn):
             slope.fade(kept)
         self._seen_rad2 *= kept
-        self._duration_s *= kept
-        if motion.forward_m:
-            self._duration_s += motion.duration_s
-        self._pitch.add(motion.forward_m, motion.pitch_rad)
+        self._pitch.add_over(motion.forward_m, motion.duration_s, motion.pitch_rad)
+        self._bend.add_over(motion.forward_m, motion.duration_s, motion.gyro_pitch_rad)
         if motion.drift_m is not None:
             self._drifts.add(motion.drift_m)
         self.compare_turn(motion.turn_rad, motion.seen_turn_rad, motion.seen_turn_sd_rad)
@@ -149,9 +152,11 @@ class MountingWatch:
     def _near_and_far(self) -> str:
         if self._pitch.length < self._numbers.least_travel_m:
             return ""
-        effects, slope = self._effects, self._pitch.slope
-        by_bias = self._numbers.gyro_bias_rad_s * self._duration_s / self._pitch.length
-        limit = self._numbers.deviations * math.hypot(self._pitch.sd, effects.tolerance, by_bias)
+        effects, (slope, sd), (bend, bend_sd) = self._effects, self._pitch.fitted, self._bend.fitted
+        # Ground that curves is not in the plane of the wheels.
+        slope -= effects.pitch_per_bend * bend
+        by_bend = effects.pitch_per_bend * bend_sd
+        limit = self._numbers.deviations * math.hypot(sd, effects.tolerance, by_bend)
         causes = []
         if abs(effects.pitch_per_rad) > self._numbers.least_effect:
             wrong_deg = math.degrees(slope / effects.pitch_per_rad)

@@ -25,6 +25,7 @@ class ComparedPair(NamedTuple):
     Attributes:
         motion: By the pictures, in the axes of the patch.
         pitch_rad: Change of pitch in it that the gyro does not measure.
+        gyro_pitch_rad: That by the gyro.
         wheel_m: By the wheels, likewise; None where they are not measured.
         turn_rad: By the gyro.
         has_gyro: Whether it has measured all axes.
@@ -34,6 +35,7 @@ class ComparedPair(NamedTuple):
 
     motion: PatchMotion
     pitch_rad: float
+    gyro_pitch_rad: float
     wheel_m: Floats | None
     turn_rad: float
     has_gyro: bool
@@ -216,6 +218,7 @@ class WheelComparison:
                 seen_turn_rad=motion.turn_rad,
                 seen_turn_sd_rad=motion.turn_sd_rad,
                 pitch_rad=pair.pitch_rad,
+                gyro_pitch_rad=pair.gyro_pitch_rad,
             )
         )
 

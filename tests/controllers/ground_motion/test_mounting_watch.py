@@ -10,7 +10,7 @@ import pytest
 from controllers.ground_motion.mounting_watch import MountedMotion, MountingEffects, MountingWatch
 from controllers.ground_motion.parameters import DEFAULTS
 
-EFFECTS = MountingEffects(pitch_per_rad=1.7, pitch_per_focal=-0.8, tolerance=0.006)
+EFFECTS = MountingEffects(pitch_per_rad=1.7, pitch_per_focal=-0.8, pitch_per_bend=0.7, tolerance=0.006)
 SCALE_SD = 0.02
 STEP_M, STEP_S = 0.02, 0.1
 
@@ -26,6 +26,7 @@ def drive(
     turn_rad: float = 0.0,
     seen_turn: float = 1.0,
     pitch_per_m: float = 0.0,
+    bend_per_m: float = 0.0,
     aside: float = 0.0,
 ) -> str:
     """Drive ahead; return what is reported."""
@@ -41,6 +42,7 @@ def drive(
                 seen_turn_rad=seen_turn * turn_rad,
                 seen_turn_sd_rad=0.002,
                 pitch_rad=pitch_per_m * STEP_M + float(rng.normal(0.0, 5e-4)),
+                gyro_pitch_rad=bend_per_m * STEP_M,
             )
         )
     return watched.text
@@ -58,16 +60,41 @@ def test_a_pitch_within_the_tolerance_is_not_reported() -> None:
     assert not drive(watch(), 200, pitch_per_m=EFFECTS.pitch_per_rad * math.radians(0.3))
 
 
+def test_ground_that_curves_is_no_error_of_pitch() -> None:
+    assert drive(watch(), 100, pitch_per_m=0.7 * 0.1)
+    assert not drive(watch(), 100, pitch_per_m=0.7 * 0.1, bend_per_m=0.1)
+
+
 def test_a_slow_rover_cannot_distinguish_it_from_the_bias_of_the_gyro() -> None:
     watched = watch()
     for _ in range(500):
         watched.update(
             MountedMotion(
                 duration_s=1.0, forward_m=STEP_M, drift_m=STEP_M + 0j, turn_rad=0.0, seen_turn_rad=0.0,
-                seen_turn_sd_rad=0.002, pitch_rad=0.09 * STEP_M,
+                seen_turn_sd_rad=0.002, pitch_rad=0.09 * STEP_M, gyro_pitch_rad=0.0,
             )
         )  # fmt: skip
     assert not watched.text
+
+
+def test_a_rover_that_stood_before_knows_the_bias_of_the_gyro() -> None:
+    """Its pictures do not move then, and the gyro measures the bias: 0.1 deg/s."""
+    reported = []
+    for pitch_per_m in (0.0, 0.09):
+        watched, rng = watch(), np.random.default_rng(5)
+        for pair in range(150):
+            forward_m = STEP_M if pair >= 30 else 0.0
+            watched.update(
+                MountedMotion(
+                    duration_s=0.2, forward_m=forward_m, drift_m=None, turn_rad=0.0, seen_turn_rad=0.0,
+                    seen_turn_sd_rad=0.002,
+                    pitch_rad=pitch_per_m * forward_m - 0.2 * 0.002 + float(rng.normal(0.0, 1e-4)),
+                    gyro_pitch_rad=0.2 * 0.002,
+                )
+            )  # fmt: skip
+        reported.append(watched.text)
+    assert not reported[0]
+    assert "about +3.1 deg wrong" in reported[1]
 
 
 def rotate_and_drive(

@@ -74,6 +74,7 @@ def test_a_pattern_is_ambiguous_where_another_motion_is_possible(
     pair = ComparedPair(
         motion=replace(NO_MOTION, forward_m=0.01, ambiguity=1.0),
         pitch_rad=0.0,
+        gyro_pitch_rad=0.0,
         wheel_m=np.array([wheel_m, 0.0]),
         turn_rad=0.0,
         has_gyro=False,
