@@ -18,7 +18,7 @@ from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
 from controllers.ground_motion.rig import RigFile
 from controllers.ground_motion.rig_tolerance import RigTolerance
-from controllers.ground_motion.tolerance import pitched, scale_of, travel_factor
+from controllers.ground_motion.tolerance import effects_of, pitched, scale_of, travel_factor
 from drivers.errors import ConfigError
 from drivers.samples import Image
 from tests.controllers.ftrace.rigs import geometry
@@ -125,3 +125,16 @@ def test_deviation_of_the_scale_is_the_root_of_the_sum_of_squares() -> None:
     assert scale_of(ground, flow, RigTolerance())[1] == pytest.approx(math.hypot(*parts), rel=1e-3)
     assert scale_of(ground, flow, RigTolerance())[1] * height_m / 0.8 == pytest.approx(0.015, abs=0.002)
     assert scale_of(ground, flow, RigTolerance(sinkage_m=0.01))[0] == pytest.approx(1 - 0.01 / height_m)
+
+
+def test_ground_that_falls_away_behind_looks_like_a_change_of_pitch() -> None:
+    """A point at the height z seems to move by 1 + z / height of the camera, over its motion."""
+    ground = GroundPatch(geometry())
+    flow = GroundFlow(ground, DEFAULTS.flow)
+    x_m = ground.to_vehicle(*flow.points_m().T)[:, 0]
+    foot_m, height_m = float(ground.rig.position_m[0]), float(ground.rig.position_m[2])
+    design = np.stack([-np.ones_like(x_m), (x_m - foot_m) * x_m / height_m], axis=1)
+    expected = np.linalg.lstsq(design, 0.5 * x_m**2 / height_m, rcond=None)[0][1]
+
+    assert expected > 0.1
+    assert effects_of(ground, flow, RigTolerance()).pitch_per_bend == pytest.approx(expected, rel=0.15)
