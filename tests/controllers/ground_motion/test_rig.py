@@ -131,10 +131,14 @@ def test_ground_that_falls_away_behind_looks_like_a_change_of_pitch() -> None:
     """A point at the height z seems to move by 1 + z / height of the camera, over its motion."""
     ground = GroundPatch(geometry())
     flow = GroundFlow(ground, DEFAULTS.flow)
-    x_m = ground.to_vehicle(*flow.points_m().T)[:, 0]
-    foot_m, height_m = float(ground.rig.position_m[0]), float(ground.rig.position_m[2])
-    design = np.stack([-np.ones_like(x_m), (x_m - foot_m) * x_m / height_m], axis=1)
-    expected = np.linalg.lstsq(design, 0.5 * x_m**2 / height_m, rcond=None)[0][1]
+    points_m = ground.to_vehicle(*flow.points_m().T)
+    away, height_m = (points_m - ground.rig.position_m)[:, :2], float(ground.rig.position_m[2])
+    x_m, y_m = points_m[:, 0], points_m[:, 1]
+    zero, one = np.zeros_like(x_m), np.ones_like(x_m)
+    ahead = np.stack([-one, zero, y_m, -away[:, 0] * y_m / height_m, away[:, 0] * x_m / height_m], axis=1)
+    left = np.stack([zero, -one, -x_m, -away[:, 1] * y_m / height_m, away[:, 1] * x_m / height_m], axis=1)
+    seen = np.concatenate([0.5 * x_m**2 / height_m, zero])
+    expected = np.linalg.lstsq(np.concatenate([ahead, left]), seen, rcond=None)[0][4]
 
     assert expected > 0.1
     assert effects_of(ground, flow, RigTolerance()).pitch_per_bend == pytest.approx(expected, rel=0.15)
