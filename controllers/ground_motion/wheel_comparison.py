@@ -151,14 +151,16 @@ class WheelComparison:
         self._ambiguities.append(pair.motion.ambiguity)
         if doubt := self._rig_watch.text or self._mounting.text:
             return doubt
-        is_ambiguous = median(self._ambiguities) > self._parameters.validity.most_ambiguous
-        return REPEATS if is_ambiguous and self._fits_otherwise(pair) else ""
+        return REPEATS if self._is_ambiguous(pair) else ""
 
-    def _fits_otherwise(self, pair: ComparedPair) -> bool:
-        """Return whether a motion that is a period longer, or shorter, is one of a rover on these wheels."""
+    def _is_ambiguous(self, pair: ComparedPair) -> bool:
+        """Return whether several motions explain the ground.
+
+        Where its period is known: whether one that is a period longer or shorter is possible on these wheels.
+        """
         period_m = pair.period_m
         if pair.wheel_m is None or not period_m:
-            return True
+            return median(self._ambiguities) > self._parameters.validity.most_ambiguous
         numbers = self._parameters.rig_watch
         along_m, length_m = _along(pair.motion, pair.wheel_m)
         least_m, most_m = -numbers.backwards * length_m, (1.0 + numbers.skid) * length_m
