@@ -139,7 +139,7 @@ def test_a_drift_on_a_slope_is_not_the_camera(headings_deg: Sequence[float], sin
 
 def test_a_rover_that_drifts_irregularly_shows_no_yaw() -> None:
     rng = np.random.default_rng(2)
-    assert not rotate_and_drive(watch(), np.arange(0.0, 80.0, 10.0), lambda _: float(rng.normal(0.05, 0.03)))
+    assert not rotate_and_drive(watch(), range(0, 80, 10), lambda _: float(rng.normal(0.05, 0.03)))
 
 
 @pytest.mark.parametrize(("seen_turn", "is_mirrored"), [(1.0, False), (0.3, False), (-0.7, True)])

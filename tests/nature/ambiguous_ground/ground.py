@@ -65,7 +65,8 @@ class GroundView:
     def __init__(self, camera: Camera, cloth: Cloth, height: float = 0.0) -> None:
         self.cloth = cloth
         self.curvature = self.twist = 0.0
-        self._camera = np.array(camera.position, dtype=np.float32) - np.float32([0.0, 0.0, height])
+        self._camera = np.array(camera.position, dtype=np.float32)
+        self._camera[2] -= np.float32(height)
         self._levels = _pyramid(cloth.texture)
         u, v = sub_pixels()
         self.points = camera.on_plane(u, v, height).astype(np.float32)
