@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import JsonValue
 
 from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.ground_patch import GroundPatch
@@ -68,6 +69,7 @@ def measure(
         tolerance: What is not known about the rig.
     """
     inputs = read_inputs(folder / "frames", folder / "rig.json", folder / "telemetry.csv")
+    inputs = inputs._replace(is_of_rover=_scene(folder).get("speed_of") == "rover")
     truth = _columns(folder / "truth.csv")
     ground = GroundPatch(inputs.rig.geometry())
     estimator = _Timed(GroundView(ground), tolerance)
@@ -86,7 +88,7 @@ def measure(
     table = np.array(rows)
     return Pairs(
         name=folder.name,
-        look=_look_of(folder),
+        look=str(_scene(folder).get("look", "")),
         wheel_m=table[:, 0],
         slip=table[:, 1],
         true=table[:, 2:],
@@ -138,8 +140,6 @@ def _apart(before: Floats, after: Floats) -> tuple[float, float, float]:
     )
 
 
-def _look_of(folder: Path) -> str:
+def _scene(folder: Path) -> dict[str, JsonValue]:
     path = folder / "scene.json"
-    if not path.exists():
-        return ""
-    return str(json.loads(path.read_text("utf-8")).get("look", ""))
+    return dict(json.loads(path.read_text("utf-8"))) if path.exists() else {}

@@ -16,6 +16,7 @@ from controllers.ground_motion.moving_parts import MovingParts
 from controllers.ground_motion.parameters import DEFAULTS, GroundMotionParameters
 from controllers.ground_motion.prior import MotionPrior
 from controllers.ground_motion.reference_frames import Reference, ReferenceFrames, rotated
+from controllers.ground_motion.repeating_ground import REPEATS, RepeatingGround
 from controllers.ground_motion.repeats import RepeatWatch
 from controllers.ground_motion.rig_tolerance import RigTolerance
 from controllers.ground_motion.standing_proof import StandingProof
@@ -97,6 +98,7 @@ class GroundMotionEstimator:
         self._visible = ground.visible.astype(np.uint8)
         self._pattern = StaticPattern(ground.shape, parameters.pattern)
         self.moving_parts = MovingParts(len(self._flow.points_m()), parameters.moving_parts)
+        self._repeating = RepeatingGround(ground, parameters.repeating)
         self._proof = StandingProof(ground.pixel_m, parameters.standing)
         self._repeats = RepeatWatch(parameters.repeats)
         self._frames = ReferenceFrames(ground, parameters.validity)
@@ -162,18 +164,25 @@ class GroundMotionEstimator:
             return self._invalid(before_ns, t_ns, "frame repeated")
         picture = self._structure.picture(self._pattern.without(structure))
         found, reason = self._measure(picture)
+        self._repeating.take(structure, is_needed=found is None)
+        period_m = self._repeating.period_m(self._travel_m)
         if found is None:
-            reason = self._mirrored(picture) or reason + self._wheels.miss(self._travel_m)
+            unfollowed = self._wheels.miss(self._travel_m)
+            if period_m and not self._travels_too_far():
+                reason, unfollowed = REPEATS, ""
+            reason = self._mirrored(picture) or reason + unfollowed
             self._restart(t_ns, patch, structure)
             return self._invalid(before_ns, t_ns, reason)
         motion = found.motion
         compared = ComparedPair(
             motion=motion,
             pitch_rad=found.pitch_rad,
+            gyro_pitch_rad=float(self._turned[0, 1]),
             wheel_m=self._travel_m,
             turn_rad=float(self._turned[0, 2]),
             has_gyro=self._has_gyro,
             duration_s=seconds(t_ns - before_ns),
+            period_m=period_m,
         )
         moved_m = np.array([motion.forward_m, motion.left_m])
         reason = self._proof.why_not(structure, self._travel_m, moved_m, is_fixed=found.is_fixed)
@@ -225,6 +234,11 @@ class GroundMotionEstimator:
         wheel_m = self._travel_m
         return wheel_m is None or 2.0 * float(np.hypot(*wheel_m)) < self._most_travel_m
 
+    def _travels_too_far(self) -> bool:
+        """Return whether the wheels have rolled too far for two frames in a row."""
+        wheel_m = self._travel_m
+        return wheel_m is not None and not self._left_out and bool(np.hypot(*wheel_m) > self._most_travel_m)
+
     def _leave_out(self, t_ns: int, patch: Image, structure: Patch) -> None:
         """Leave a frame out: the pair stays open, and its motion is measured with a later one."""
         self._left_out += 1
@@ -236,7 +250,7 @@ class GroundMotionEstimator:
     def _measure(self, picture: Image) -> tuple[_Compared | None, str]:
         """Return the motion of the pair, and why there is none."""
         wheel_m = self._travel_m
-        if wheel_m is not None and not self._left_out and np.hypot(*wheel_m) > self._most_travel_m:
+        if wheel_m is not None and self._travels_too_far():
             return None, _too_far(float(np.hypot(*wheel_m)), self._most_travel_m)
         reason = ""
         order, second = self._frames.choose(self._last_m)

@@ -1,12 +1,11 @@
 """Whether the camera is mounted, and built, as its rig says: pitch, focal length, yaw, mirrored pictures."""
 
-import cmath
 import math
 from dataclasses import dataclass
 
 from controllers.ground_motion.heading_drifts import HeadingDrifts
 from controllers.ground_motion.parameters import MountingParameters
-from controllers.ground_motion.slope import Slope
+from controllers.ground_motion.slope import Slope, SlopeWithBias
 
 CONFIRMS_SD = 2.0
 """A rotation on the spot confirms a scale that is within so many standard deviations."""
@@ -21,11 +20,13 @@ class MountingEffects:
     Attributes:
         pitch_per_rad: Change of pitch per metre, per rad of wrong pitch.
         pitch_per_focal: The same, per share of wrong focal length.
+        pitch_per_bend: The same of ground that curves, per change of pitch that a gyro measures.
         tolerance: Standard deviation of it, by the tolerance of the rig.
     """
 
     pitch_per_rad: float
     pitch_per_focal: float
+    pitch_per_bend: float
     tolerance: float
 
 
@@ -36,22 +37,23 @@ class MountedMotion:
     Attributes:
         duration_s: From frame to frame.
         forward_m: Of the measured point, as the pictures show it.
-        moved_m: Of the rover's origin, as the pictures show it: forward, to the left as imaginary part.
-        wheel_m: The same by rolling wheels.
+        drift_m: Of the point below the camera, as the pictures show it, ahead, and to the left beyond that of
+            rolling wheels as imaginary part; None where the wheels do not roll ahead.
         turn_rad: By the gyro.
         seen_turn_rad: By the pictures.
         seen_turn_sd_rad: Standard deviation of it.
         pitch_rad: Change of pitch that the pictures show and the gyro does not.
+        gyro_pitch_rad: That by the gyro.
     """
 
     duration_s: float
     forward_m: float
-    moved_m: complex
-    wheel_m: complex
+    drift_m: complex | None
     turn_rad: float
     seen_turn_rad: float
     seen_turn_sd_rad: float
     pitch_rad: float
+    gyro_pitch_rad: float
 
 
 class MountingWatch:
@@ -87,9 +89,10 @@ class MountingWatch:
         self._effects, self._scale_sd, self._numbers = effects, scale_sd, parameters
         self._is_confirmed = is_calibrated
         self._swing, self._spun_rad = Slope(), 0.0
-        self._pitch, self._turn = Slope(), Slope()
+        self._pitch, self._bend = (SlopeWithBias(parameters.gyro_bias_rad_s) for _ in range(2))
+        self._turn = Slope()
         self._drifts = HeadingDrifts(yaw_sd_deg, parameters)
-        self._seen_rad2 = self._duration_s = 0.0
+        self._seen_rad2 = 0.0
         self.text = ""
 
     @property
@@ -123,14 +126,13 @@ class MountingWatch:
     def update(self, motion: MountedMotion) -> None:
         """Take a pair."""
         kept = math.exp(-abs(motion.forward_m) / self._numbers.memory_m)
-        for slope in (self._pitch, self._turn):
+        for slope in (self._pitch, self._bend, self._turn):
             slope.fade(kept)
         self._seen_rad2 *= kept
-        self._duration_s *= kept
-        if motion.forward_m:
-            self._duration_s += motion.duration_s
-        self._pitch.add(motion.forward_m, motion.pitch_rad)
-        self._add_drift(motion)
+        self._pitch.add_over(motion.forward_m, motion.duration_s, motion.pitch_rad)
+        self._bend.add_over(motion.forward_m, motion.duration_s, motion.gyro_pitch_rad)
+        if motion.drift_m is not None:
+            self._drifts.add(motion.drift_m)
         self.compare_turn(motion.turn_rad, motion.seen_turn_rad, motion.seen_turn_sd_rad)
 
     def compare_turn(self, turn_rad: float, seen_turn_rad: float, seen_turn_sd_rad: float) -> None:
@@ -138,13 +140,6 @@ class MountingWatch:
         self._turn.add(turn_rad, seen_turn_rad)
         self._seen_rad2 += (turn_rad * seen_turn_sd_rad) ** 2
         self.text = self._mirrored() or self._near_and_far() or self._drifts.text or self._scale()
-
-    def _add_drift(self, motion: MountedMotion) -> None:
-        """Add the angle from the wheels' motion ahead to that of the ground, at the present heading."""
-        wheel_m = motion.wheel_m
-        if wheel_m.real <= 0.0 or abs(wheel_m.imag) > self._numbers.ahead * wheel_m.real:
-            return
-        self._drifts.add(motion.moved_m * cmath.rect(1.0, -cmath.phase(wheel_m)))
 
     def _mirrored(self) -> str:
         numbers = self._numbers
@@ -157,9 +152,11 @@ class MountingWatch:
     def _near_and_far(self) -> str:
         if self._pitch.length < self._numbers.least_travel_m:
             return ""
-        effects, slope = self._effects, self._pitch.slope
-        by_bias = self._numbers.gyro_bias_rad_s * self._duration_s / self._pitch.length
-        limit = self._numbers.deviations * math.hypot(self._pitch.sd, effects.tolerance, by_bias)
+        effects, (slope, sd), (bend, bend_sd) = self._effects, self._pitch.fitted, self._bend.fitted
+        # Ground that curves is not in the plane of the wheels.
+        slope -= effects.pitch_per_bend * bend
+        by_bend = effects.pitch_per_bend * bend_sd
+        limit = self._numbers.deviations * math.hypot(sd, effects.tolerance, by_bend)
         causes = []
         if abs(effects.pitch_per_rad) > self._numbers.least_effect:
             wrong_deg = math.degrees(slope / effects.pitch_per_rad)
@@ -174,10 +171,11 @@ class MountingWatch:
         if math.degrees(self._spun_rad) < self._numbers.confirming_deg:
             return ""
         numbers, scale = self._numbers, self._swing.slope
-        radius_m = self._swing.length / self._spun_rad
-        by_centre = numbers.centre_sd_m / radius_m
-        sd = math.hypot(self._scale_sd, self._swing.sd, numbers.gyro_scale_sd, by_centre)
-        if abs(scale - 1.0) <= numbers.deviations * sd:
+        by_centre = numbers.centre_sd_m * self._spun_rad / self._swing.length
+        # Pictures that rotate as the gyro says show its scale.
+        by_gyro = min(abs(self._turn.slope - 1.0) + self._turn.sd, numbers.gyro_scale_sd)
+        sd = math.hypot(self._scale_sd, self._swing.sd, by_gyro, by_centre)
+        if abs(scale - 1.0) <= numbers.scale_deviations * sd:
             return ""
         return (
             f"in rotations on the spot the ground moves {scale:.2f} times as far as the gyro measures: check "

@@ -112,6 +112,18 @@ class StandingParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RepeatingGroundParameters:
+    """Ground whose pattern repeats, by the correlation of a picture with itself.
+
+    Random ground of two renderers rises to 0.27 at most, and tiles, ribs and furrows to 0.5 and more.
+    """
+
+    every: int = 10  # frames: a ground does not change its kind from one to the next
+    most_lag_share: float = 0.3  # of the view; farther apart, too little is compared
+    least_rise: float = 0.4  # of the correlation from its lowest value on
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PatternParameters:
     """What is fixed in the picture while the ground moves: specks, the rover's shadow, its own parts."""
 
@@ -165,14 +177,14 @@ class MountingParameters:
     """Contradictions of near and far ground, of headings, and of the gyro that a wrong mounting causes."""
 
     deviations: float = 4.0  # of noise and tolerance
+    scale_deviations: float = 3.0  # of the scale in rotations: one comparison in a drive, not one a pair
     memory_m: float = 5.0  # travel over which sums fade
     least_travel_m: float = 0.4  # over which slopes are formed
     gyro_bias_rad_s: float = 0.002  # standard deviation about the pitch axis: 0.1 deg/s
     least_effect: float = 0.1  # change of pitch per metre by a whole error: smaller ones show nothing
     least_turn_deg: float = 3.0  # of rotation, before that by the pictures is compared
-    heading_deg: float = 30.0  # width of a heading
-    headings: int = 3  # next to each other, that must agree: a slope differs by 13 % between three
-    alike: float = 0.1  # greatest difference of these angles, over their mean
+    block_m: float = 0.25  # travel ahead over which an angle aside is formed: errors of pairs are alike
+    least_blocks: float = 7.0  # four more than the fit has parameters: fewer show no scatter
     ahead: float = 0.1  # greatest motion of the wheels to the side, over that ahead, for such an angle
     least_yaw_deg: float = 1.5  # of the mounting, that counts
     unconfirmed_scale_sd: float = 0.1  # of the travel, before a rotation on the spot has confirmed it
@@ -192,6 +204,7 @@ class GroundMotionParameters:
     structure: StructureParameters = StructureParameters()
     flow: FlowParameters = FlowParameters()
     validity: ValidityParameters = ValidityParameters()
+    repeating: RepeatingGroundParameters = RepeatingGroundParameters()
     pattern: PatternParameters = PatternParameters()
     repeats: RepeatParameters = RepeatParameters()
     order: FrameOrderParameters = FrameOrderParameters()

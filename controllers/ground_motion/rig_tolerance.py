@@ -20,8 +20,8 @@ class RigTolerance(Settings):
         height_sd_m: Of the height of the camera over the plane of the wheels' contacts.
         pitch_sd_deg: Of the angle between the camera's axis and the ground.
         focal_length_sd: Of the focal length, over itself.
-        yaw_sd_deg: Of the yaw of the camera. Once the rover has driven on three neighbouring headings without
-            a contradiction, 0.75 deg at most.
+        yaw_sd_deg: Of the yaw of the camera. Once the rover has driven on several headings without a
+            contradiction, 0.75 deg at most.
         sinkage_m: Usual depth to which the wheels sink into the ground, with the camera.
         sinkage_sd_m: Standard deviation of it.
     """

@@ -10,8 +10,8 @@ class RigWatch:
     """Compares the travel of the ground with that of the wheels. A wheel slips, it does not lag behind.
 
     Until the ground has once moved along with the wheels, any direction that is not theirs contradicts the
-    rig; later a rover may slide. Ground that outruns the wheels contradicts it for the whole drive: slip may
-    have hidden that before.
+    rig; later a rover may slide. Ground that outruns the wheels contradicts it for the whole drive, and slip
+    may have hidden that before, and hides it again: it is reported until the wheels have rolled on.
 
     Args:
         scale_sd: Standard deviation of the travel's factor.
@@ -28,6 +28,7 @@ class RigWatch:
         self._wheel_m, self._ground_m = 0.0, 0j
         self._confirmed_m = self._missed_m = 0.0
         self._used_m = self._apart_m = 0.0
+        self._since_outrun_m = math.inf
         self.fault: Fault | None = None
 
     @property
@@ -72,6 +73,7 @@ class RigWatch:
         text = "" if is_confirmed else self._wrong_course(slack_m)
         wrong_m = self._apart_m
         if not text and self._outruns(slack_m, is_confirmed=is_confirmed):
+            self._since_outrun_m = 0.0
             ratio = self._ground_m.real / self._wheel_m
             wrong_m = (1.0 - 1.0 / ratio) * self._used_m
             text = (
@@ -81,6 +83,9 @@ class RigWatch:
         if text:
             bound = Bound(position_m=max(before_m, wrong_m))
             self.fault = Fault("rig", Cause.RIG, text, Severity.UNCERTAIN, bound)
+            return
+        self._since_outrun_m += wheel_m
+        if self._since_outrun_m < numbers.memory_m:
             return
         self.fault = None
         if before_m:

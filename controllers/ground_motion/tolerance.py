@@ -15,6 +15,8 @@ STEP_M = 0.01
 """Travel that is compared; the factor hardly depends on it."""
 PITCH_STEP_RAD, FOCAL_STEP = 0.01, 0.01
 """Errors of the rig that are tried; the effects are hardly more than linear."""
+BEND_STEP_PER_M = 0.01
+"""Curvature of ground that is tried."""
 TILT_SD_RAD = (0.002, 0.002, 0.01)
 """Deviations of the angles turned in the fit, as with a gyro; the factor hardly depends on them."""
 
@@ -53,11 +55,13 @@ def effects_of(ground: GroundPatch, flow: GroundFlow, tolerance: RigTolerance) -
             replace(rig, camera_matrix=rig.camera_matrix @ focal),
         )
     )
+    bent = _fitted_ahead(rig, ground, flow, BEND_STEP_PER_M) - right
     per_rad, per_focal = (by_pitch - right) / PITCH_STEP_RAD, (by_focal - right) / FOCAL_STEP
     effects = per_rad[4] * np.radians(tolerance.pitch_sd_deg), per_focal[4] * tolerance.focal_length_sd
     return MountingEffects(
         pitch_per_rad=float(per_rad[4]),
         pitch_per_focal=float(per_focal[4]),
+        pitch_per_bend=float(bent[4]) / BEND_STEP_PER_M,
         tolerance=float(np.hypot(*effects)),
     )
 
@@ -67,9 +71,15 @@ def travel_factor(true: RigGeometry, ground: GroundPatch, flow: GroundFlow) -> f
     return float(_fitted_ahead(true, ground, flow)[0])
 
 
-def _fitted_ahead(true: RigGeometry, ground: GroundPatch, flow: GroundFlow) -> Floats:
-    """Return the motion that is measured per metre ahead: forward, left, turn, roll, pitch."""
+def _fitted_ahead(
+    true: RigGeometry, ground: GroundPatch, flow: GroundFlow, bend_per_m: float = 0.0
+) -> Floats:
+    """Return the motion that is measured per metre ahead: forward, left, turn, roll, pitch.
+
+    On ground that curves the vehicle lies on its tangent plane, and its rotation is not counted.
+    """
     points = ground.to_vehicle(*flow.points_m().T)
+    points[:, 2] -= 0.5 * bend_per_m * points[:, 0] ** 2
     before, after = (
         seen_at(true, ground, points + np.array([shift_m, 0.0, 0.0])) for shift_m in (STEP_M, 0.0)
     )

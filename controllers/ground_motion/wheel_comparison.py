@@ -13,6 +13,7 @@ from controllers.ground_motion.ground_patch import Floats, GroundPatch
 from controllers.ground_motion.mounting_watch import MountedMotion, MountingWatch
 from controllers.ground_motion.parameters import GroundMotionParameters
 from controllers.ground_motion.reference_frames import rotated
+from controllers.ground_motion.repeating_ground import REPEATS
 from controllers.ground_motion.rig_tolerance import RigTolerance
 from controllers.ground_motion.rig_watch import RigWatch
 from controllers.ground_motion.tolerance import effects_of, scale_of
@@ -24,18 +25,22 @@ class ComparedPair(NamedTuple):
     Attributes:
         motion: By the pictures, in the axes of the patch.
         pitch_rad: Change of pitch in it that the gyro does not measure.
+        gyro_pitch_rad: That by the gyro.
         wheel_m: By the wheels, likewise; None where they are not measured.
         turn_rad: By the gyro.
         has_gyro: Whether it has measured all axes.
         duration_s: From frame to frame.
+        period_m: Of a pattern that repeats along the motion; 0 for none.
     """
 
     motion: PatchMotion
     pitch_rad: float
+    gyro_pitch_rad: float
     wheel_m: Floats | None
     turn_rad: float
     has_gyro: bool
     duration_s: float
+    period_m: float
 
 
 class WheelComparison:
@@ -146,9 +151,20 @@ class WheelComparison:
         self._ambiguities.append(pair.motion.ambiguity)
         if doubt := self._rig_watch.text or self._mounting.text:
             return doubt
-        if median(self._ambiguities) <= self._parameters.validity.most_ambiguous:
-            return ""
-        return "several motions explain the ground, its pattern repeats: take more frames per second"
+        return REPEATS if self._is_ambiguous(pair) else ""
+
+    def _is_ambiguous(self, pair: ComparedPair) -> bool:
+        """Return whether several motions explain the ground.
+
+        Where its period is known: whether one that is a period longer or shorter is possible on these wheels.
+        """
+        period_m = pair.period_m
+        if pair.wheel_m is None or not period_m:
+            return median(self._ambiguities) > self._parameters.validity.most_ambiguous
+        numbers = self._parameters.rig_watch
+        along_m, length_m = _along(pair.motion, pair.wheel_m)
+        least_m, most_m = -numbers.backwards * length_m, (1.0 + numbers.skid) * length_m
+        return along_m - period_m > least_m or along_m + period_m < most_m
 
     def _against_wheels(self, motion: PatchMotion, wheel_m: Floats) -> str:
         numbers = self._parameters.rig_watch
@@ -186,18 +202,25 @@ class WheelComparison:
         moved_m = self.factor * complex(motion.forward_m, motion.left_m) - lever_m
         wheel_m = complex(*pair.wheel_m) - lever_m
         swing_m = 1j * pair.turn_rad * foot
+        # A rover that steers rolls ahead at its origin, or at the measured wheel. Below the camera the angle
+        # by a wrong yaw is the same in rotations.
+        rolls_ahead = any(
+            abs(each.imag) <= self._parameters.mounting.ahead * each.real
+            for each in (wheel_m, wheel_m + lever_m)
+        )
+        drift_m = complex((moved_m + swing_m).real, (moved_m - wheel_m).imag)
         if abs(wheel_m) < self._parameters.mounting.on_the_spot * abs(swing_m):
             self._mounting.spin(pair.turn_rad, swing_m, moved_m - wheel_m + swing_m)
         self._mounting.update(
             MountedMotion(
                 duration_s=pair.duration_s,
                 forward_m=motion.forward_m,
-                moved_m=moved_m,
-                wheel_m=wheel_m,
+                drift_m=drift_m if rolls_ahead and drift_m.real > 0.0 else None,
                 turn_rad=pair.turn_rad,
                 seen_turn_rad=motion.turn_rad,
                 seen_turn_sd_rad=motion.turn_sd_rad,
                 pitch_rad=pair.pitch_rad,
+                gyro_pitch_rad=pair.gyro_pitch_rad,
             )
         )
 

@@ -148,6 +148,6 @@ def _report(angles: list[FrameAngle], out: Path, method: Method, *, as_json: boo
         Terminal(soft_wrap=True).print(NO_MOTION)
     elif mounting_deg:
         Terminal(soft_wrap=True).print(
-            f"all angles share the yaw of the camera's mounting, known to {mounting_deg:.2g} deg: three "
-            "neighbouring headings, each driven straight for 0.4 m, check it"
+            f"all angles share the yaw of the camera's mounting, known to {mounting_deg:.2g} deg: "
+            "travel on several headings checks it"
         )

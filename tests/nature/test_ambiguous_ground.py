@@ -35,9 +35,9 @@ def centre(picture: Picture) -> tuple[float, float]:
     return float((u * weight).sum() / weight.sum()), float((v * weight).sum() / weight.sum())
 
 
-def by_hand(x: float, y: float) -> tuple[float, float]:
+def by_hand(x: float, y: float, z: float = 0.0) -> tuple[float, float]:
     """The pixel of a point of the ground in the vehicle frame, for a camera that looks straight back."""
-    back, left, down = -0.3 - x, y - 0.1, 0.5
+    back, left, down = -0.3 - x, y - 0.1, 0.5 - z
     c, s = np.cos(np.radians(50.0)), np.sin(np.radians(50.0))
     depth = back * c + down * s
     return 159.5 + 300.0 * left / depth, 119.5 + 300.0 * (down * c - back * s) / depth
@@ -55,6 +55,15 @@ def drive() -> Motion:
 def test_marker_lands_where_a_pinhole_sees_it(x: float, y: float) -> None:
     seen = centre(marker_view(x, y).see(Pose(0.0, 0.0, 0.0)))
     assert seen == pytest.approx(by_hand(x, y), abs=0.15)
+
+
+def test_marker_on_ground_that_curves_lies_below_the_plane_and_twisted_ground_beside_it() -> None:
+    view = marker_view(-0.72, 0.1)
+    view.curvature, view.twist = 0.04, 0.02
+    height = -0.5 * 0.04 * 0.72**2 - 0.02 * 0.72 * 0.1
+    seen = centre(view.see(Pose(0.0, 0.0, 0.0)))
+    assert seen == pytest.approx(by_hand(-0.72, 0.1, height), abs=0.3)
+    assert seen != pytest.approx(by_hand(-0.72, 0.1), abs=1.0)
 
 
 def test_marker_moves_as_truth_says(drive: Motion) -> None:
@@ -155,6 +164,20 @@ def test_wheels_spin_while_a_stuck_rover_stands() -> None:
     assert (motion.slip[33:] == 1.0).all()
     assert np.ptp(motion.x[33:]) == np.ptp(motion.psi[33:]) == 0.0
     assert motion.wheel[33:].min() > 0.0
+
+
+def test_a_rotation_on_the_spot_is_about_its_centre() -> None:
+    recipe = prepare("spot_right", 1, 60)
+    assert recipe.rotation is not None
+    assert recipe.centre is not None
+    motion, (start, length, degrees) = recipe.motion, recipe.rotation
+    turned = np.degrees(motion.psi[start + length - 1] - motion.psi[start - 1])
+    assert turned == pytest.approx(degrees)
+    x, y = recipe.centre
+    c, s = np.cos(motion.psi), np.sin(motion.psi)
+    centre = np.stack([motion.x + c * x - s * y, motion.y + s * x + c * y])[:, start - 1 : start + length]
+    assert np.ptp(centre, axis=1).max() < 1e-3
+    assert motion.travel[start - 1] < 0.2 * motion.travel[: start - 8].mean()
 
 
 def test_same_draw_gives_same_pictures() -> None:

@@ -158,6 +158,15 @@ def test_on_a_slope_it_moves_along_the_ground() -> None:
     assert along_ground(uphill, turned)[2] == pytest.approx(0.1 * math.cos(pitch))
 
 
+def test_ground_bends_as_the_rover_tilts_on_its_way() -> None:
+    scene = LiveScene(prepare_live("clean", 1, 200, FPS, 0.02))
+    for frame in range(120):
+        way = 0.02 * frame
+        scene.render(replace(STILL, yaw_rad=0.0, x_m=way, pitch_rad=0.04 * way, roll_rad=-0.02 * way))
+    assert scene.recipe.view.curvature == pytest.approx(0.04, rel=0.02)
+    assert scene.recipe.view.twist == pytest.approx(-0.02, rel=0.02)
+
+
 def test_the_way_is_that_of_the_rover() -> None:
     scene, truth = LiveScene(live("clean")), STILL
     steps = [(0.01, 0.002, 0.05), (0.02, -0.01, -0.1), (0.0, 0.0, 0.3)]

@@ -249,7 +249,7 @@ def test_a_right_rig_is_not_contradicted(left_angles: AnglesOf, right_angles: An
 
 
 def three_headings(monkeypatch: pytest.MonkeyPatch, aside_deg: float, curve_rad: float = 0.0) -> TraceAngle:
-    """Drive 0.6 m on each of three headings, where the ground moves aside by an angle; return the end."""
+    """Drive 1 m on each of three headings, where the ground moves aside by an angle; return the end."""
     motion = PatchMotion(
         forward_m=0.02,
         left_m=0.02 * np.tan(np.radians(aside_deg)),
@@ -267,7 +267,7 @@ def three_headings(monkeypatch: pytest.MonkeyPatch, aside_deg: float, curve_rad:
     rig = geometry()
     estimator, image, t_s = TraceEstimator(rig), np.full((rig.height, rig.width), 90, np.uint8), 0.0
     for _ in range(3):
-        for rate_rad_s in (*[curve_rad / 0.1] * 30, *[np.radians(150.0)] * 2):
+        for rate_rad_s in (*[curve_rad / 0.1] * 50, *[np.radians(150.0)] * 2):
             t_s += 0.1
             found = estimator.step(
                 nanoseconds(t_s), image, wheel_speed_m_s=0.2, rates_rad_s=(0.0, 0.0, rate_rad_s)

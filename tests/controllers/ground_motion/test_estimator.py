@@ -12,6 +12,7 @@ from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.motion import GroundMotion
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
+from controllers.ground_motion.repeating_ground import REPEATS
 from controllers.ground_motion.rig_tolerance import RigTolerance
 from controllers.ground_motion.structure import FineStructure
 from drivers.errors import ModelError
@@ -344,3 +345,15 @@ def test_wrong_frames_are_refused() -> None:
         estimator.step(0, image, prior)
     with pytest.raises(ModelError, match="use frames of this rig"):
         estimator.step(2 * STEP_NS, image[:10], prior)
+
+
+def test_ribs_that_several_motions_explain_are_reported() -> None:
+    """The ground moves by four pixels: half a pixel back is a motion on these wheels, too."""
+    drive, wide = Drive(), wide_ground().astype(np.float32)
+    rows = np.arange(len(wide), dtype=np.float32)[:, None]
+    ribs = 128.0 + 0.1 * (wide - 128.0) + 60.0 * np.cos(2.0 * np.pi * rows / 4.5)
+    for frame in range(20):
+        drive.show(patch_at(np.asarray(ribs, np.uint8), frame * WHEEL_M), wheel_m=1.5 * WHEEL_M)
+
+    assert REPEATS in {motion.invalid_because for motion in drive.motions}
+    assert not any(motion.is_valid for motion in drive.motions)

@@ -18,7 +18,7 @@ from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
 from controllers.ground_motion.rig import RigFile
 from controllers.ground_motion.rig_tolerance import RigTolerance
-from controllers.ground_motion.tolerance import pitched, scale_of, travel_factor
+from controllers.ground_motion.tolerance import effects_of, pitched, scale_of, travel_factor
 from drivers.errors import ConfigError
 from drivers.samples import Image
 from tests.controllers.ftrace.rigs import geometry
@@ -125,3 +125,20 @@ def test_deviation_of_the_scale_is_the_root_of_the_sum_of_squares() -> None:
     assert scale_of(ground, flow, RigTolerance())[1] == pytest.approx(math.hypot(*parts), rel=1e-3)
     assert scale_of(ground, flow, RigTolerance())[1] * height_m / 0.8 == pytest.approx(0.015, abs=0.002)
     assert scale_of(ground, flow, RigTolerance(sinkage_m=0.01))[0] == pytest.approx(1 - 0.01 / height_m)
+
+
+def test_ground_that_falls_away_behind_looks_like_a_change_of_pitch() -> None:
+    """A point at the height z seems to move by 1 + z / height of the camera, over its motion."""
+    ground = GroundPatch(geometry())
+    flow = GroundFlow(ground, DEFAULTS.flow)
+    points_m = ground.to_vehicle(*flow.points_m().T)
+    away, height_m = (points_m - ground.rig.position_m)[:, :2], float(ground.rig.position_m[2])
+    x_m, y_m = points_m[:, 0], points_m[:, 1]
+    zero, one = np.zeros_like(x_m), np.ones_like(x_m)
+    ahead = np.stack([-one, zero, y_m, -away[:, 0] * y_m / height_m, away[:, 0] * x_m / height_m], axis=1)
+    left = np.stack([zero, -one, -x_m, -away[:, 1] * y_m / height_m, away[:, 1] * x_m / height_m], axis=1)
+    seen = np.concatenate([0.5 * x_m**2 / height_m, zero])
+    expected = np.linalg.lstsq(np.concatenate([ahead, left]), seen, rcond=None)[0][4]
+
+    assert expected > 0.1
+    assert effects_of(ground, flow, RigTolerance()).pitch_per_bend == pytest.approx(expected, rel=0.15)

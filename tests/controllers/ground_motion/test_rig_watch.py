@@ -54,10 +54,20 @@ def test_a_rover_that_rolls_back_at_first_is_measured_once_it_drives_on() -> Non
     assert not any(found[-150:])
 
 
+def test_slip_does_not_hide_at_once_that_the_ground_outran_the_wheels() -> None:
+    rig_watch = RigWatch(0.015, DEFAULTS.rig_watch)
+    reported = []
+    for ratio, travel_m in ((1.3, 0.5), (0.7, 0.8), (0.7, 1.0)):
+        for _ in range(round(travel_m / WHEEL_M)):
+            rig_watch.update(WHEEL_M, complex(ratio * WHEEL_M), SD_M)
+        reported.append(bool(rig_watch.text))
+    assert reported == [True, True, False]
+
+
 def test_the_share_of_the_travel_that_outran_the_wheels_is_doubted_once() -> None:
     rig_watch = RigWatch(0.015, DEFAULTS.rig_watch)
     told_m = []
-    for ratio in [0.975] * 200 + [1.5] * 500 + [1.0] * 200:
+    for ratio in [0.975] * 200 + [1.5] * 500 + [1.0] * 600:
         rig_watch.update(WHEEL_M, complex(ratio * WHEEL_M), SD_M)
         told_m.append(0.0 if rig_watch.fault is None else rig_watch.fault.bound.position_m)
     assert told_m[199] == 0.0

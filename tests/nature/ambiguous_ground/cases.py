@@ -29,7 +29,7 @@ AMBIGUOUS = _named(
 )  # fmt: skip
 GEOMETRY = _named(
     mounting.rig_right, mounting.focal_long, mounting.height_low, mounting.pitch_off, mounting.yaw_off,
-    mounting.mirrored, mounting.upside_down,
+    mounting.mirrored, mounting.upside_down, mounting.spot_right, mounting.spot_height_low,
 )  # fmt: skip
 RELIEF = _named(relief.relief_known, relief.blurred_relief)
 GROUPS = {"sound": SOUND, "ambiguous": AMBIGUOUS, "geometry": GEOMETRY, "relief": RELIEF}

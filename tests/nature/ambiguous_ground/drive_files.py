@@ -30,6 +30,7 @@ def facts(recipe: Recipe) -> Params:
         "turned_deg": round(float(np.degrees(motion.psi[-1] - motion.psi[0])), 2),
         "contrast_grey": round(recipe.contrast, 2),
         "noise_grey": round(recipe.noise, 2),
+        "speed_of": "wheel" if recipe.centre is None else "rover",
         **recipe.params,
     }
 
@@ -44,6 +45,7 @@ def write(recipe: Recipe, folder: Path) -> None:
     rig = recipe.told.rig(FPS, speed or recipe.travel * FPS)
     (folder / "rig.json").write_text(json.dumps(rig, indent=1))
     noise = generator(recipe.case, recipe.draw, 2)
-    (folder / "telemetry.csv").write_text("\n".join(telemetry_rows(recipe.motion, noise)) + "\n")
+    rows = telemetry_rows(recipe.motion, noise, of_rover=recipe.centre is not None)
+    (folder / "telemetry.csv").write_text("\n".join(rows) + "\n")
     (folder / "truth.csv").write_text("\n".join(truth_rows(recipe.motion)) + "\n")
     (folder / "scene.json").write_text(json.dumps(facts(recipe), indent=1))

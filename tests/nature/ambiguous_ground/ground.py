@@ -53,10 +53,20 @@ class GroundView:
     """A cloth on a horizontal plane, as a camera sees it.
 
     Where the rays of the camera spread, coarser copies of the texture are used, blended smoothly.
+
+    Attributes:
+        cloth: the cloth.
+        points: where the rays meet the plane, in the vehicle frame.
+        curvature: of the ground along the vehicle, 1/m; positive where it falls away ahead and behind. The
+            cloth lies on it, and the vehicle on its tangent plane.
+        twist: change of the ground's slope to the left per metre ahead, 1/m; positive where that rises.
     """
 
     def __init__(self, camera: Camera, cloth: Cloth, height: float = 0.0) -> None:
         self.cloth = cloth
+        self.curvature = self.twist = 0.0
+        self._camera = np.array(camera.position, dtype=np.float32)
+        self._camera[2] -= np.float32(height)
         self._levels = _pyramid(cloth.texture)
         u, v = sub_pixels()
         self.points = camera.on_plane(u, v, height).astype(np.float32)
@@ -76,7 +86,12 @@ class GroundView:
 
     def in_world(self, pose: Pose, seconds: float) -> tuple[Picture, Picture]:
         """Where in the world the cloth is that the rays meet."""
-        return self.from_vehicle(self.points, pose)
+        if not self.curvature and not self.twist:
+            return self.from_vehicle(self.points, pose)
+        x, y = self.points[..., 0], self.points[..., 1]
+        rise = x * (np.float32(self.twist) * y - np.float32(0.5 * self.curvature) * x)
+        nearer = (rise / self._camera[2])[..., None]
+        return self.from_vehicle(self.points + nearer * (self._camera[:2] - self.points), pose)
 
     @staticmethod
     def from_vehicle(points: Picture, pose: Pose) -> tuple[Picture, Picture]:

@@ -20,6 +20,8 @@ from tests.nature.ambiguous_ground.motion import integrate
 from tests.nature.ambiguous_ground.picture import Frame, Numbers
 from tests.nature.ambiguous_ground.recipe import Recipe, digital, generator
 
+BEND_M = 0.3
+"""Way over which the curvature of the ground is averaged."""
 DELAY_S = 0.06
 """From the middle of an exposure to the arrival of its frame."""
 
@@ -92,9 +94,17 @@ class LiveScene:
         if frame == 0:
             motion.x[0], motion.y[0], motion.psi[0] = truth.x_m, truth.y_m, truth.yaw_rad
         else:
-            self._step(frame - 1, along_ground(self.truths[-1], truth))
+            step = along_ground(self.truths[-1], truth)
+            self._step(frame - 1, step)
+            self._bend(truth, step[0])
         ahead = (truth.velocity_x_m_s, truth.velocity_y_m_s, truth.yaw_rate_rad_s)
         self._step(frame, (speed / motion.fps for speed in ahead))
+
+    def _bend(self, truth: Truth, forward: float) -> None:
+        """Bend the ground as the rover tilts on its way: a gyro measures that, so pictures must show it."""
+        view, before = self.recipe.view, self.truths[-1]
+        view.curvature += (truth.pitch_rad - before.pitch_rad - view.curvature * forward) / BEND_M
+        view.twist += (truth.roll_rad - before.roll_rad - view.twist * forward) / BEND_M
 
     def _step(self, frame: int, step: Iterable[float]) -> None:
         motion, (forward, left, turn) = self.recipe.motion, step

@@ -92,13 +92,20 @@ def truth_rows(motion: Motion) -> list[str]:
     return rows
 
 
-def telemetry_rows(motion: Motion, rng: np.random.Generator) -> list[str]:
-    """Lines of telemetry.csv: the wheel's mean speed since the previous frame, and the turn rates."""
+def telemetry_rows(motion: Motion, rng: np.random.Generator, *, of_rover: bool = False) -> list[str]:
+    """Lines of telemetry.csv: the wheel's mean speed since the previous frame, and the turn rates.
+
+    Args:
+        motion: the drive.
+        rng: noise of the sensors.
+        of_rover: whether the speed is that of the vehicle's origin by its wheels, instead of the watched one.
+    """
     rows = ["frame,t,wheel_speed_mps,compass_deg,gyro_roll_dps,gyro_pitch_dps,gyro_yaw_dps"]
     bias = rng.normal(0.0, 0.12, 3)
     north = rng.normal(0.0, 1.0)
+    rolled = motion.wheel + (motion.turn * WHEEL_CONTACT[1] if of_rover else 0.0)
     for i in range(len(motion.x)):
-        speed = motion.wheel[i] * motion.fps * (1.0 + 0.003 * rng.standard_normal())
+        speed = rolled[i] * motion.fps * (1.0 + 0.003 * rng.standard_normal())
         compass = np.degrees(motion.psi[i]) + north + 0.3 * rng.standard_normal()
         rates = bias + 0.12 * rng.standard_normal(3)
         rates[2] += np.degrees(motion.turn[i]) * motion.fps

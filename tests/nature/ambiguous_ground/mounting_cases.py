@@ -23,6 +23,21 @@ def rig_right(recipe: Recipe) -> None:
     recipe.params["rotation_frames"] = [start, start + length]
 
 
+def spot_right(recipe: Recipe) -> None:
+    """The rig file is right, and the rotation is one on the spot, about a point near the vehicle's origin."""
+    rig_right(recipe)
+    assert recipe.rotation is not None
+    recipe.rotation = (recipe.rotation[0], round(0.3 * recipe.frames), recipe.rotation[2])
+    centre = recipe.draw_from("centre_x_m", -0.01, 0.01), recipe.draw_from("centre_y_m", -0.01, 0.01)
+    recipe.centre = centre
+
+
+def spot_height_low(recipe: Recipe) -> None:
+    """The same, and the real height is 0.9 of that in the rig file."""
+    spot_right(recipe)
+    _lower(recipe)
+
+
 def focal_long(recipe: Recipe) -> None:
     """The real focal length is 1.2 times that in the rig file."""
     rig_right(recipe)
@@ -33,6 +48,10 @@ def focal_long(recipe: Recipe) -> None:
 def height_low(recipe: Recipe) -> None:
     """The real height is 0.9 of that in the rig file."""
     rig_right(recipe)
+    _lower(recipe)
+
+
+def _lower(recipe: Recipe) -> None:
     x, y, z = recipe.told.position
     recipe.camera = replace(recipe.told, position=(x, y, 0.9 * z))
     recipe.params["real_height_over_told"] = 0.9

@@ -8,13 +8,15 @@ from typing import Any
 import numpy as np
 
 from tests.nature.ambiguous_ground import textures
-from tests.nature.ambiguous_ground.camera import HEIGHT, WIDTH, Camera
+from tests.nature.ambiguous_ground.camera import HEIGHT, WHEEL_CONTACT, WIDTH, Camera
 from tests.nature.ambiguous_ground.ground import Cloth, GroundView
 from tests.nature.ambiguous_ground.motion import Motion, integrate
 from tests.nature.ambiguous_ground.optics import Exposure, Vignette, digitise
 from tests.nature.ambiguous_ground.picture import Frame, Layer, Params, Picture, Stream, slow, uniform
 
 FPS = 10.0
+STOPPING = 8
+"""Frames over which a vehicle stops, or starts."""
 
 
 def generator(case: str, draw: int, part: int) -> np.random.Generator:
@@ -38,6 +40,7 @@ class Recipe:
         self.stuck_from: int | None = None
         self.stands = False
         self.rotation: tuple[int, int, float] | None = None
+        self.centre: tuple[float, float] | None = None
         self.camera = Camera(
             focal=uniform(rng, 260.0, 380.0),
             centre=((WIDTH - 1) / 2 + uniform(rng, -4.0, 4.0), (HEIGHT - 1) / 2 + uniform(rng, -4.0, 4.0)),
@@ -81,7 +84,17 @@ class Recipe:
         if self.rotation is not None:
             start, length, degrees = self.rotation
             bell = 1.0 - np.cos(2 * np.pi * (np.arange(length) + 0.5) / length)
-            turn[start : start + length] += np.radians(degrees) * bell / bell.sum()
+            turned = np.radians(degrees) * bell / bell.sum()
+            turn[start : start + length] += turned
+            if self.centre is not None:
+                # The watched wheel is dragged around the centre, and rolls as far as that is along it.
+                x, y = np.array(WHEEL_CONTACT) - self.centre
+                rotates = slice(start, start + length)
+                away = np.maximum(start - np.arange(n), np.arange(n) - (start + length - 1))
+                stops = np.clip(away / STOPPING, 0.0, 1.0)
+                wheel, turn = stops * wheel, stops * turn
+                turn[rotates] = turned
+                wheel[rotates], slip[rotates], theta[rotates] = -turned * y, 0.0, np.arctan2(-x, y)
         return integrate(FPS, wheel, slip, theta, turn, self.heading)
 
     @cached_property
