@@ -29,10 +29,10 @@ from drivers.can_wheels.mapping_file import read_dbc
 from drivers.errors import RoverHilError
 from rover_hil.drives.drive import read_drive
 from rover_hil.drives.files.csv_table import read_csv
-from rover_hil.drives.formats.oddities import NOT_SHOWN
 from rover_hil.drives.formats.table.columns import read_columns, rover_of
 from rover_hil.drives.formats.table.to_log import write_table_as_log
 from rover_hil.drives.quality.judge import drive_findings
+from rover_hil.drives.quality.oddities import NOT_SHOWN
 from rover_hil.recording.reader import LogReader
 
 Array = NDArray[np.float64]

@@ -22,8 +22,8 @@ from drivers.xsens.settings import XsensSettings
 from rover_hil.config import Config, RoleSettings
 from rover_hil.config.ros2_settings import Ros2Settings
 from rover_hil.drives.formats.imu_message import imu_bytes
-from rover_hil.drives.formats.oddities import Evidence, Oddity, merged, unseen
 from rover_hil.drives.formats.wheel_frames import wheel_frame
+from rover_hil.drives.quality.oddities import Evidence, Oddity, merged, unseen
 from rover_hil.drives.quality.position_use import PositionUse
 from rover_hil.recording.data_files import collect_data_files
 from rover_hil.recording.findings import FindingList, FoundFinding

@@ -12,9 +12,9 @@ from rover_hil.console.json_text import print_json
 from rover_hil.console.steps import show_steps
 from rover_hil.drives.formats.drive import START_NS, Contents
 from rover_hil.drives.formats.limits import LimitSettings
-from rover_hil.drives.formats.oddities import Oddity
 from rover_hil.drives.formats.reading_process import Report, read_in_child
 from rover_hil.drives.quality.judge import drive_findings, with_causes
+from rover_hil.drives.quality.oddities import Oddity
 from rover_hil.pages.atomic_write import check_new_file, unfinished
 from rover_hil.recording.findings import finding_lines
 from rover_hil.terminal import Terminal

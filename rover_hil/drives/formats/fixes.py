@@ -13,7 +13,7 @@ from drivers.samples import UNKNOWN_YAW_STD_RAD, PoseFixSample
 from drivers.settings import Settings
 from rover_hil.config.ros2_settings import POSE_FIX
 from rover_hil.drives.arrays import Array, Flags
-from rover_hil.drives.formats.oddities import Oddity
+from rover_hil.drives.quality.oddities import Oddity
 
 
 class MarkerPlace(Settings):

@@ -23,10 +23,10 @@ from rover_hil.drives.files.can_frames import CanFrames, timed_payloads
 from rover_hil.drives.formats.can.listing import absence_of, identifier_text
 from rover_hil.drives.formats.can.places import CanPlaces, drive_of_places
 from rover_hil.drives.formats.drive import LONGEST_GAP_NS, START_NS, Contents, check_steering, write_drive
-from rover_hil.drives.formats.oddities import LEFT_OUT, NO_FAULT, REPAIRED, Evidence, Oddity
 from rover_hil.drives.formats.table.drive_table import Row
 from rover_hil.drives.formats.table.place_feed import PlaceFeed
 from rover_hil.drives.formats.to_log import observing_config
+from rover_hil.drives.quality.oddities import LEFT_OUT, NO_FAULT, REPAIRED, Evidence, Oddity
 from rover_hil.recording.schema import TruthRecord
 from rover_hil.run.composition import ReplayLinks, find_wheel_count_conflict
 

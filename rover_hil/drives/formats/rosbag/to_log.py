@@ -32,11 +32,11 @@ from rover_hil.drives.formats.drive import (
     write_drive,
 )
 from rover_hil.drives.formats.fixes import FixMaker, invented_poses
-from rover_hil.drives.formats.oddities import REPAIRED, TOLD, Evidence, Oddity
 from rover_hil.drives.formats.rosbag.bag import Bag, BagMessage
 from rover_hil.drives.formats.rosbag.joints import Joint, JointSurvey, values_of
 from rover_hil.drives.formats.rosbag.topics import NAV_SAT_FIX, ODOMETRY, POINT, TWISTS, Topics
 from rover_hil.drives.formats.wheel_frames import write_mapping
+from rover_hil.drives.quality.oddities import REPAIRED, TOLD, Evidence, Oddity
 from rover_hil.drives.quality.twist_check import twist_fault
 from rover_hil.recording.images import decode_picture
 from rover_hil.recording.schema import TruthRecord

@@ -27,7 +27,6 @@ from rover_hil.drives.clocks import (
 from rover_hil.drives.files.array_table import Table, read_table
 from rover_hil.drives.files.csv_table import CsvTable
 from rover_hil.drives.files.flight_table import FlightTable
-from rover_hil.drives.formats.oddities import NO_FAULT, REPAIRED, TOLD, Oddity
 from rover_hil.drives.formats.rosbag.joints import REGULAR
 from rover_hil.drives.formats.table.columns import (
     SI_PER_UNIT,
@@ -39,6 +38,7 @@ from rover_hil.drives.formats.table.columns import (
     TimeColumn,
     angle_unit,
 )
+from rover_hil.drives.quality.oddities import NO_FAULT, REPAIRED, TOLD, Oddity
 
 FIX = "correct the cell or the file of columns"
 LONGEST_S = 1e6

@@ -10,7 +10,6 @@ from drivers.errors import LogError
 from rover_hil.drives.arrays import Array
 from rover_hil.drives.files.array_table import Table
 from rover_hil.drives.formats.fixes import invented_poses
-from rover_hil.drives.formats.oddities import Oddity
 from rover_hil.drives.formats.table.columns import (
     SI_PER_UNIT,
     Column,
@@ -20,6 +19,7 @@ from rover_hil.drives.formats.table.columns import (
     angle_unit,
 )
 from rover_hil.drives.formats.table.drive_table import FIX, DriveTable, Row
+from rover_hil.drives.quality.oddities import Oddity
 
 DEGREES = {"deg": 1.0, "1e-7 deg": 1e-7}
 

@@ -17,12 +17,12 @@ from rover_hil.drives.formats.drive import (
     drive_config,
     write_drive,
 )
-from rover_hil.drives.formats.oddities import Evidence
 from rover_hil.drives.formats.table.columns import Columns, FixColumns
 from rover_hil.drives.formats.table.drive_table import Row
 from rover_hil.drives.formats.table.place_feed import PlaceFeed
 from rover_hil.drives.formats.table.rows import read_drive_table
 from rover_hil.drives.formats.wheel_frames import write_mapping
+from rover_hil.drives.quality.oddities import Evidence
 from rover_hil.recording.schema import TruthRecord
 from rover_hil.run.composition import ReplayLinks
 

@@ -11,7 +11,6 @@ from drivers.clock import NANOSECONDS_PER_SECOND
 from drivers.errors import LogError
 from rover_hil.drives.arrays import Array
 from rover_hil.drives.formats.drive import check_steering
-from rover_hil.drives.formats.oddities import NO_FAULT, REPAIRED, Oddity
 from rover_hil.drives.formats.rosbag.joints import REGULAR, Steps
 from rover_hil.drives.formats.table.columns import (
     LENGTHS,
@@ -24,6 +23,7 @@ from rover_hil.drives.formats.table.columns import (
     turn_unit,
 )
 from rover_hil.drives.formats.table.drive_table import DriveTable
+from rover_hil.drives.quality.oddities import NO_FAULT, REPAIRED, Oddity
 
 LEAST_WRAP = 256
 """Fewer ticks are no counter."""
