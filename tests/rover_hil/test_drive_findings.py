@@ -108,8 +108,8 @@ def test_opposite_rotations_are_reported_and_the_region_contains_both_ends(
     assert end.contains((CORNER_END[0], -CORNER_END[1], -CORNER_END[2]))
     assert command("replay", "drive.mcap", "--out", "report") == 0
     summary = json.loads(Path("report/summary.json").read_text("utf-8"))
-    assert "turn" in {finding["name"] for finding in summary["findings"]}
-    assert "this drive does not show which" in Path("report/report.html").read_text("utf-8")
+    assert "turn" in {finding["name"] for finding in summary["findings"][0]["consequences"]}
+    assert "the gyro has the opposite sign" in Path("report/report.html").read_text("utf-8")
 
 
 class DeadEncoder:

@@ -112,7 +112,8 @@ def _first_numbers(rows: Sequence[Sequence[str]]) -> int:
     """Return the number of rows above the first that holds numbers where the others do."""
     if not rows:
         return 0
-    width = Counter(map(len, rows)).most_common(1)[0][0]
+    # Of lengths that are equally frequent the one that comes last: a header is above.
+    width = Counter(map(len, reversed(rows))).most_common(1)[0][0]
     sample = [row for row in rows[len(rows) // 2 :] if len(row) == width][:SAMPLE_ROWS]
     numeric = [
         place

@@ -198,7 +198,10 @@ def test_a_truth_that_begins_after_the_first_motion_is_no_judge(
     def late(self: Drive) -> TruePoses:
         poses = true_poses(self)
         use = poses.t_ns >= self.log.start_ns + 1e9 * begin_s
-        return replace(poses, **{key.name: getattr(poses, key.name)[use] for key in fields(poses)[1:]})
+        values = {key.name: getattr(poses, key.name) for key in fields(poses)}
+        return replace(
+            poses, **{name: value[use] for name, value in values.items() if isinstance(value, np.ndarray)}
+        )
 
     def without(hidden: tuple[str, ...]) -> Callable[[Channels, str], Readings]:
         return lambda self, name: readings(self, "none" if name in hidden else name)
