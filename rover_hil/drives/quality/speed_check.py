@@ -52,7 +52,11 @@ def speed_findings(rows: Channels) -> Iterator[FoundFinding]:
             text = f"{what}: an angle that jumps or starts again, or one of another wheel"
             yield FoundFinding(name="speed", t_s=None, text=text)
         if fit.residual <= AGREES and not SPEED_SCALES[0] <= fit.ratio <= SPEED_SCALES[1]:
-            why = "its sign" if abs(fit.ratio + 1.0) <= SAME_UNIT else unit_of(abs(fit.ratio), f"{OTHERS}, or a clock")
+            why = (
+                "its sign"
+                if abs(fit.ratio + 1.0) <= SAME_UNIT
+                else unit_of(abs(fit.ratio), f"{OTHERS}, or a clock")
+            )
             text = f"wheel {fit.wheel}: its speed is {fit.ratio:.4g} times the change of its angle: {why}"
             yield FoundFinding(name="speed", t_s=None, text=text)
     factors, sds = np.array([fit.factor for fit in fits]), np.array([fit.sd for fit in fits])
