@@ -199,7 +199,8 @@ def lagged(t: Array, values: Array, lag_s: float) -> Array:
         return values
     step = float(t[1] - t[0])
     kernel = np.exp(-np.arange(0.0, 8.0 * lag_s, step) / lag_s)
-    return np.convolve(values - values[0], kernel / kernel.sum())[: len(values)] + values[0]
+    result: Array = np.convolve(values - values[0], kernel / kernel.sum())[: len(values)] + values[0]
+    return result
 
 
 def record(
@@ -210,7 +211,7 @@ def record(
     ahead, left, turn = (np.repeat([leg[place] for leg in legs], counts) for place in (1, 2, 3))
     ramp = np.ones(max(1, round((0.4 + 0.3 * robot.speed) / STEP_S)))
     ahead, left, turn = (np.convolve(each, ramp / ramp.sum(), "same") for each in (ahead, left, turn))
-    t = np.arange(len(ahead)) * STEP_S
+    t = np.arange(len(ahead), dtype=np.float64) * STEP_S
     steering = np.arctan(turn * robot.wheelbase_m) if robot.wheelbase_m else np.zeros(len(t))
     rate = turn * ahead if robot.wheelbase_m else turn
     slips = [wander(rng, t, ground.slip, ground.change_s) for _ in range(2)]
@@ -260,7 +261,7 @@ def _table(
     sensors: Sensors,
     rng: np.random.Generator,
 ) -> Table:
-    t_s = np.round(np.arange(0.0, t[-1], 1.0 / sensors.rate_hz), 4)
+    t_s = np.arange(0.0, t[-1], 1.0 / sensors.rate_hz, dtype=np.float64).round(4)
     table = Table(t_s, speed=np.interp(t_s, t, ahead))
     wheels: list[dict[str, Any]] = [{}, {}] if robot.is_front_driven else []
     measured = [2] if robot.is_front_driven else range(len(speeds))
