@@ -170,7 +170,7 @@ class _Judge:
         self._has_signs = bool((windows.turned_rad < 0.0).any())
         gyro_rad = windows.gyro_rad
         turned_rad = np.zeros(1) if gyro_rad is None else np.column_stack((gyro_rad, self._moves[:, 2]))
-        is_shown = np.ptp(np.cumsum(turned_rad, axis=0), axis=0).max() >= LEAST_TURN_RAD
+        is_shown = np.abs(turned_rad).sum(axis=0).max() >= LEAST_TURN_RAD
         self._gyro = None if gyro_rad is None or not is_shown else GyroReference("gyro", gyro_rad)
 
     def contradictions(self, rows: Channels) -> Iterator[FoundFinding]:
