@@ -93,7 +93,7 @@ class Wheels:
             RATIOS, key=lambda each: float(reference.errors(self._steered(each), self.moves)[0].sum())
         )
         what = (
-            f"the steering angles {factor:.3g} times as large, as with ratio = {factor:.3g}: "
+            f"the steering angles {factor:.2g} times as large, as with ratio = {factor:.2g}: "
             "the angle of a steering wheel, or of a motor"
         )
         correction = Correction(what, self._steered(factor))
@@ -140,13 +140,10 @@ class Wheels:
             yield f"wheel {wheel} reversed", signs, same
         if len(self.measured) > 1:
             yield BACKWARDS, tuple(-sign for sign in ones), same
-        rover = self._rover
-        is_whole = len(self.measured) == self.count
-        if isinstance(rover, WheelsRoverSettings) and is_whole and self.count > 2 and self.count % 2 == 0:
-            mirrored = _mirrored(rover)
-            if mirrored is not None:
-                yield EXCHANGED, ones, mirrored
-                yield f"{EXCHANGED} and all reversed", tuple(-sign for sign in ones), mirrored
+        mirrored = _mirrored(self._rover)
+        if mirrored is not None and len(self.measured) == self.count > 2:
+            yield EXCHANGED, ones, mirrored
+            yield f"{EXCHANGED} and all reversed", tuple(-sign for sign in ones), mirrored
         for first, second in combinations(self.measured, 2):
             order = list(same)
             order[first], order[second] = second, first
@@ -154,8 +151,12 @@ class Wheels:
             yield f"{name} exchanged", ones, tuple(order)
 
 
-def _mirrored(rover: WheelsRoverSettings) -> tuple[int, ...] | None:
+def _mirrored(rover: RoverSettings) -> tuple[int, ...] | None:
     """Return which wheel sits on the other side of each; None where one has no such."""
+    if isinstance(rover, SkidSteerRoverSettings):
+        return 1, 0, 3, 2
+    if not isinstance(rover, WheelsRoverSettings):
+        return None
     order = []
     for wheel in rover.wheels:
         others = [

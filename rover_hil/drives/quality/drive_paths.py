@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from controllers.motion.kinematics import Kinematics
 from drivers.samples import UNKNOWN_YAW_STD_RAD
@@ -18,6 +17,8 @@ STEP_S = 0.1
 LEAST_STEPS = 20
 MOST_STEPS = 10_000_000
 """A drive of more, eleven days, is one with a gap of days in it: it is not compared."""
+STEERING_STEP = 0.001
+"""Share of the largest steering angle to which all are rounded: equal angles are computed once."""
 JITTERS = 3.0
 """Errors of positions last longer than from one to the next."""
 GROUND_TRUTH, POSITIONS = "ground truth", "positions"
@@ -39,20 +40,6 @@ class DrivePath:
     yaw_rad: Array | None
     sd_m: float = 0.0
     arm_m: complex = 0j
-
-    def body_steps(self, edges_s: Array) -> NDArray[np.complex128]:
-        """Return what the rover went between times in its own frame, to the left as imaginary part.
-
-        Zero where the yaw is not measured.
-        """
-        if self.yaw_rad is None:
-            return np.zeros(max(0, len(edges_s) - 1), complex)
-        x_m, y_m, yaw_rad = (
-            np.interp(edges_s, self.t_s, values) for values in (self.x_m, self.y_m, self.yaw_rad)
-        )
-        middle_rad = 0.5 * (yaw_rad[1:] + yaw_rad[:-1])
-        steps: NDArray[np.complex128] = (np.diff(x_m) + 1j * np.diff(y_m)) * np.exp(-1j * middle_rad)
-        return steps
 
     def steps(self, edges_s: Array) -> tuple[Array, Array]:
         """Return chords and turns between times; turns of zero where the yaw is not measured."""
@@ -92,6 +79,12 @@ def places_of(rows: Channels) -> Iterator[tuple[str, DrivePath]]:
         yield POSITIONS, DrivePath(fixes.t_ns / 1e9, fixes.x_m, fixes.y_m, yaw_rad, sd_m, arm_m)
 
 
+def rounded_angles(steering_rad: Array) -> Array:
+    """Return steering angles, of any shape, in steps that are finer than any steering is set up."""
+    step_rad = STEERING_STEP * float(np.abs(steering_rad).max(initial=0.0))
+    return np.round(steering_rad / step_rad) * step_rad if step_rad > 0.0 else steering_rad
+
+
 def effects_of(kinematics: Kinematics, steering_rad: Array | None) -> Array:
     """Return the motion of the body per angle of each wheel, shape (n or 1, wheels, 3).
 
@@ -101,7 +94,8 @@ def effects_of(kinematics: Kinematics, steering_rad: Array | None) -> Array:
     """
     if steering_rad is None:
         return np.array([kinematics.wheel_effects()])
-    return np.array([kinematics.wheel_effects(row) for row in map(tuple, steering_rad.tolist())])
+    angles, places = np.unique(steering_rad, axis=0, return_inverse=True)
+    return np.array([kinematics.wheel_effects(row) for row in map(tuple, angles.tolist())])[places.ravel()]
 
 
 def moves_of(turned_rad: Array, effects: Array) -> Array:
@@ -148,7 +142,8 @@ def path_of_wheels(rows: Channels, kinematics: Kinematics, late_s: float | None 
     for wheel, angles in enumerate(readings):
         if len(angles):
             steering[:, wheel] = np.interp(edges_ns[1:] + (late_s or 0.0) * 1e9, angles.t_ns, angles.value)
-    moves = moves_of(turned, effects_of(kinematics, steering if any(map(len, readings)) else None))
+    has_steering = any(map(len, readings))
+    moves = moves_of(turned, effects_of(kinematics, rounded_angles(steering) if has_steering else None))
     yaw_rad = np.concatenate(([0.0], np.cumsum(moves[:, 2])))
     along = (moves[:, 0] + 1j * moves[:, 1]) * np.exp(1j * 0.5 * (yaw_rad[1:] + yaw_rad[:-1]))
     place_m = np.concatenate(([0j], np.cumsum(along)))

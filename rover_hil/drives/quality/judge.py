@@ -19,7 +19,7 @@ from rover_hil.drives.channels import Channels
 from rover_hil.drives.drive import read_drive
 from rover_hil.drives.quality.clock_check import clock_findings
 from rover_hil.drives.quality.corrections import Wheels
-from rover_hil.drives.quality.drive_paths import GROUND_TRUTH, POSITIONS, DrivePath, path_of_wheels, places_of
+from rover_hil.drives.quality.drive_paths import GROUND_TRUTH, POSITIONS, path_of_wheels
 from rover_hil.drives.quality.motion import LEAST_MOTION, WINDOW_S, Windows, windows_of
 from rover_hil.drives.quality.references import (
     LEAST_TURN_RAD,
@@ -28,7 +28,6 @@ from rover_hil.drives.quality.references import (
     PoseReference,
     PositionReference,
     Reference,
-    Steps,
     references_of,
 )
 from rover_hil.drives.quality.sampling_check import sampling_findings
@@ -149,7 +148,7 @@ def findings_of(rows: Channels, config: Config) -> list[FoundFinding]:
     if windows is not None and not clocks:  # with another clock, all other differences are its consequences
         wheels = Wheels(config.rover, kinematics, windows)
         judge = _Judge(wheels, windows, config.limits.wheel_speed_rad_s)
-        findings += judge.contradictions(rows, path)
+        findings += judge.contradictions(rows)
     return [*findings, *sampling_findings(rows)]
 
 
@@ -168,21 +167,18 @@ class _Judge:
         self._moves = wheels.moves
         self._corrections = list(wheels.corrections())
         self._limit_rad_s = limit_rad_s
+        self._has_signs = bool((windows.turned_rad < 0.0).any())
         gyro_rad = windows.gyro_rad
         turned_rad = np.zeros(1) if gyro_rad is None else np.column_stack((gyro_rad, self._moves[:, 2]))
         is_shown = np.abs(turned_rad).sum(axis=0).max() >= LEAST_TURN_RAD
         self._gyro = None if gyro_rad is None or not is_shown else GyroReference("gyro", gyro_rad)
 
-    def contradictions(self, rows: Channels, path: DrivePath | None) -> Iterator[FoundFinding]:
+    def contradictions(self, rows: Channels) -> Iterator[FoundFinding]:
         """Yield the one contradiction that decides, if there is one."""
         reference = next(references_of(rows, self._windows, self._moves[:, 2]), None)
-        if reference is not None:
-            steps = _body_steps(rows, path)
-            opposite = "" if steps is None else _opposite_ways(*steps)
-            if text := self._explain(reference, opposite):
-                yield FoundFinding(name=NAMES[reference.name], t_s=None, text=text)
-                return
-        if text := (reference and self._gyro_fault(reference)) or self._by_gyro():
+        if reference is not None and (text := self._explain(reference, self._opposite_ways(reference))):
+            yield FoundFinding(name=NAMES[reference.name], t_s=None, text=text)
+        elif text := (reference and self._gyro_fault(reference)) or self._by_gyro():
             yield FoundFinding(name="gyro", t_s=None, text=text)
         elif reference is not None and (text := _unexplained(reference, self._moves)):
             yield FoundFinding(name=NAMES[reference.name], t_s=None, text=text)
@@ -190,17 +186,20 @@ class _Judge:
     def _explain(self, reference: Reference, opposite: str) -> str:
         """Return what is wrong with the wheels or with the places; "" where they agree."""
         plain = reference.fit(self._moves)
-        if opposite and not (self._windows.turned_rad < 0.0).any():
+        if opposite and not self._has_signs:
             return opposite
         fits = [(each.what, each.moves, reference.fit(each.moves)) for each in self._corrections]
+        fits = [
+            each for each in fits if _is_slip(each[-1].scale)
+        ]  # with another factor it would be two faults
         fits += _separate(self._moves, reference)
         fits += self._exchanged_places(reference)
         best = min((fit.residual for *_, fit in fits), default=math.inf)
         ratio = self._wheels.ratio(reference)
-        if ratio is not None and ratio[1].residual < BETTER * best:
+        if ratio is not None and _is_slip(ratio[1].scale) and ratio[1].residual < BETTER * best:
             fits, best = [(*ratio[0], ratio[1])], ratio[1].residual
-        if plain.residual <= AGREES and best > MUCH_BETTER * plain.residual:
-            return _factors(self._wheels, self._windows, reference, plain)
+        if plain.residual <= AGREES and best > min(MUCH_BETTER * plain.residual, plain.residual - ALIKE):
+            return self._factors(reference, plain)
         if best > AGREES or best > BETTER * plain.residual:
             return _side(self._wheels, reference, plain) or self._partly(reference) or opposite
         which = [(what, moves, fit) for what, moves, fit in fits if fit.residual <= best + ALIKE]
@@ -209,14 +208,85 @@ class _Judge:
             f"wheels and {reference.name}", plain.residual, best, [what for what, *_ in agreeing]
         )
 
+    def _opposite_ways(self, reference: Reference) -> str:
+        """Return that wheels and poses go opposite ways in a part of the drive; "" where they do not."""
+        if not isinstance(reference, PoseReference):
+            return ""
+        used = reference.is_used
+        said_m = self._moves[used, 0] + 1j * self._moves[used, 1]
+        true_m = reference.at_origin(self._moves).step_m[used]
+        sizes_m = np.abs(said_m)
+        is_moving = (sizes_m > LEAST_MOTION * sizes_m.max(initial=0.0)) & (np.abs(true_m) > 0.5 * sizes_m)
+        alike = (said_m * true_m.conjugate()).real / np.maximum(sizes_m * np.abs(true_m), 1e-12)
+        is_opposite, is_same = is_moving & (alike < -SAME_WAY), is_moving & (alike > SAME_WAY)
+        if min(is_opposite.sum(), is_same.sum()) < LEAST_OPPOSITE:
+            return ""
+        cause = "the speeds have no sign"
+        if self._has_signs:
+            cause = "wheels or ground truth are reversed there, or the yaw of the ground truth is wrong"
+        return (
+            f"wheels and ground truth go opposite ways in {is_opposite.sum()} of {is_moving.sum()} s of "
+            f"motion, and the same way in {is_same.sum()} s: {cause}"
+        )
+
+    def _factors(self, reference: Reference, plain: Fit) -> str:
+        """Return a factor of wheels that otherwise agree that is not usual; "" where all are."""
+        by = f"by the {reference.name}"
+        if not _is_slip(plain.scale):
+            # Rotations have the factor, too: without it they fit.
+            factor = plain.scale * reference.fit(plain.scale * self._moves).scale
+            what = unit_of(factor, OTHERS)
+            return f"{by} the rover moves {factor:.3g} times as far as by the wheels: {what}"
+        sd = plain.residual / math.sqrt(max(1, int(self._windows.is_moving.sum())))
+        if text := _side(self._wheels, reference, plain):
+            return text
+        distance, turn, aside_rad = plain.distance_scale, plain.turn_scale, 0.0
+        if isinstance(reference, PoseReference):
+            reference = reference.at_origin(self._moves)
+            aside_rad = reference.aside_rad(self._moves) if reference.goes else 0.0
+            distance, turn = distance if reference.goes else 1.0, turn if reference.turns else distance
+            # A common factor is that of the radius.
+            ratio = turn / distance
+        else:
+            ratio = turn
+            by_gyro = turn if self._gyro is None else self._gyro.fit(self._moves).scale
+            if turn != 1.0 and abs(by_gyro - turn) > TRACK_SHARE:
+                return ""  # uneven slip bends a path, too
+        if self._wheels.is_skidding:
+            ratio = 1.0
+        is_track = abs(ratio - 1.0) > TRACK_SHARE + SURE_SD * sd
+        track = f"track or wheelbase {1.0 / ratio:.3g} times as wide"
+        if isinstance(reference, PositionReference) and self._gyro is None:
+            track += ", or uneven slip"
+        if not USUAL_SCALES[0] - SURE_SD * sd <= distance <= USUAL_SCALES[1] + SURE_SD * sd:
+            slip = "" if distance > 1.0 else f", or a slip of {1.0 - distance:.2g} throughout"
+            return (
+                f"{by} the rover goes {distance:.3g} times as far as by the wheels: radius, ticks_per_turn "
+                f"or gear_ratio of all wheels{slip}{f'; {track}' if is_track else ''}"
+            )
+        if is_track:
+            return f"{by} the rover turns {turn:.3g} times as much as by the wheels: {track}"
+        if abs(aside_rad) >= LEAST_ASIDE_RAD:
+            return (
+                f"the ground truth goes {math.degrees(aside_rad):+.0f} deg aside of where the wheels go: "
+                "truth.marker.yaw_deg is not given, wheels are exchanged, or the distance is reversed"
+                f"{UNSURE}"
+            )
+        return ""
+
     def _agrees_with_gyro(self, moves: Array) -> bool:
         if self._gyro is None:
             return False
         fit = self._gyro.fit(moves)
-        return fit.residual <= AGREES and SCALES[0] <= fit.scale <= SCALES[1]
+        return fit.residual <= AGREES and _is_slip(fit.scale)
 
     def _exchanged_places(self, reference: Reference) -> Iterator[tuple[str, Array, Fit]]:
-        """Yield the fit with exchanged coordinates of positions."""
+        """Yield fits with exchanged coordinates, and with the other sign of a yaw."""
+        if isinstance(reference, PoseReference) and reference.goes:
+            what = "x and y of the ground truth exchanged, or one of them with the opposite sign"
+            yield what, self._moves, reference.mirrored().fit(self._moves)
+            what = "the yaw of the ground truth has the opposite sign"
+            yield what, self._moves, reference.reversed_yaw().fit(self._moves)
         if isinstance(reference, PositionReference):
             fits = [reference.mirrored(stretch).fit(self._moves) for stretch in STRETCHES]
             what = "latitude and longitude, or x and y, exchanged"
@@ -225,7 +295,9 @@ class _Judge:
     def _partly(self, reference: Reference) -> str:
         """Return which part of the drive contradicts, and why; "" where nothing explains it."""
         plain, size = reference.errors(self._moves, self._moves)
-        most = min(AGREES, BETTER * math.sqrt(float(plain.sum())))
+        most = min(
+            AGREES, BETTER * math.sqrt(float(plain.sum())), BETTER * reference.fit(self._moves).residual
+        )
         who, of = f"wheels and {reference.name} contradict each other", len(self._windows.is_moving)
         begins_s = self._windows.edges_s[::size][: len(plain)] - self._windows.edges_s[0]
         parts = self._parts(reference, plain)
@@ -255,7 +327,7 @@ class _Judge:
 
     def _parts(self, reference: Reference, plain: Array) -> list[tuple[str, Flags, float]]:
         """Return corrections that hold in a part of the drive, that part, and what they leave."""
-        unsigned = [] if (self._windows.turned_rad < 0.0).any() else self._wheels.signs()
+        unsigned = [] if self._has_signs else self._wheels.signs()
         tried = [(each.what, [each.moves]) for each in self._corrections]
         if unsigned:
             tried = [("the speeds of the wheels have no sign: they are negative", unsigned)]
@@ -269,14 +341,16 @@ class _Judge:
         return parts
 
     def _gyro_fault(self, reference: Reference) -> str:
-        """Return a sign or factor of the gyro against ground truth or positions; "" where it agrees."""
-        if self._gyro is None:
+        """Return a sign or factor of the gyro that wheels and ground truth, or positions, both show."""
+        plain = reference.fit(self._moves)
+        if self._gyro is None or plain.residual > AGREES:
             return ""
-        fit = reference.turn_factor(self._moves, self._gyro.turn_rad)
-        if fit.residual > AGREES or fit.turn_scale == 0.0:
+        fit, by_wheels = reference.turn_factor(self._moves, self._gyro.turn_rad), self._gyro.fit(self._moves)
+        if max(fit.residual, by_wheels.residual) > AGREES or fit.turn_scale * plain.turn_scale == 0.0:
             return ""
         factor = 1.0 / fit.turn_scale
-        if abs(factor - 1.0) <= GYRO_SHARE:
+        errors = factor - 1.0, by_wheels.scale / plain.turn_scale - 1.0
+        if max(errors) >= -GYRO_SHARE and min(errors) <= GYRO_SHARE:
             return ""
         return f"{_gyro_text(factor)}; wheels and {reference.name} agree"
 
@@ -286,14 +360,12 @@ class _Judge:
         if reference is None:
             return ""
         plain = reference.fit(self._moves)
-        if plain.residual <= AGREES and SCALES[0] <= plain.scale <= SCALES[1]:
+        if plain.residual <= AGREES and _is_slip(plain.scale):
             return self._partly(reference)
         if text := self._steering_wheel(reference, plain):
             return text
         fits = [(each.what, reference.fit(each.moves)) for each in self._corrections]
-        explaining = [
-            what for what, fit in fits if fit.residual <= AGREES and SCALES[0] <= fit.scale <= SCALES[1]
-        ]
+        explaining = [what for what, fit in fits if fit.residual <= AGREES and _is_slip(fit.scale)]
         if plain.residual <= AGREES and plain.scale != 0.0:
             explaining.append(self._scale(plain.scale))
         if not explaining:
@@ -316,9 +388,11 @@ class _Judge:
 
     def _steering_wheel(self, reference: Reference, plain: Fit) -> str:
         """Return the ratio of steering angles that no wheel has; "" where they are usual."""
-        angles, ratio = self._windows.steering_rad, self._wheels.ratio(reference)
-        if angles is None or ratio is None or np.abs(angles).max() <= MOST_STEERING_RAD:
+        angles = self._windows.steering_rad
+        if angles is None or np.abs(angles).max() <= MOST_STEERING_RAD:
             return ""
+        ratio = self._wheels.ratio(reference)
+        assert ratio is not None  # noqa: S101 there are angles
         correction, fit = ratio
         if fit.residual > min(AGREES, BETTER * plain.residual):
             return ""
@@ -326,6 +400,10 @@ class _Judge:
         return (
             f"{largest}: {_contradiction('wheels and gyro', plain.residual, fit.residual, [correction.what])}"
         )
+
+
+def _is_slip(factor: float) -> bool:
+    return SCALES[0] <= factor <= SCALES[1]
 
 
 def _contradiction(who: str, residual: float, best: float, which: Sequence[str]) -> str:
@@ -342,8 +420,9 @@ def _unexplained(reference: Reference, moves: Array) -> str:
     if residual <= UNLIKE:
         return ""
     return (
-        f"wheels and {reference.name} contradict each other, {100.0 * residual:.0f} % of the motion is left: "
-        "more than one wheel reversed or exchanged, another order of the wheels, or they are of another drive"
+        f"wheels and {reference.name} contradict each other, {100.0 * residual:.0f} % of the motion is left, "
+        "and no cause that is tried explains it: more than one fault, or one in a part of the drive only, "
+        "another order of the wheels, or another drive"
     )
 
 
@@ -352,12 +431,16 @@ def _separate(moves: Array, reference: Reference) -> Iterator[tuple[str, Array, 
     if not isinstance(reference, PoseReference):
         return
     plain = reference.fit(moves)
-    for what, factor in (("rotations", plain.turn_scale), ("distances", plain.distance_scale)):
-        if factor <= 0.0 or SCALES[0] <= factor <= SCALES[1]:
+    tracks = f"track or wheelbase {1.0 / plain.turn_scale:.3g} times as wide" if plain.turn_scale else ""
+    for what, factor, others in (
+        ("rotations", plain.turn_scale, f"{tracks}, or unit of the yaw of the {reference.name}"),
+        ("distances", plain.distance_scale, f"unit of x and y of the {reference.name}"),
+    ):
+        if factor <= 0.0 or _is_slip(factor):
             continue
         corrected = moves.copy()
         corrected[:, 2 if what == "rotations" else slice(0, 2)] *= factor
-        text = f"all {what} {factor:.4g} times as large: {unit_of(factor, OTHERS)}"
+        text = f"all {what} {factor:.4g} times as large: {unit_of(factor, others)}"
         yield text, corrected, reference.fit(corrected)
 
 
@@ -367,47 +450,10 @@ def _side(wheels: Wheels, reference: Reference, plain: Fit) -> str:
     if side is None or abs(side[0] - 1.0) <= SIDE_SHARE:
         return ""
     factor, fit = side
-    if fit.residual > min(AGREES, BETTER * plain.residual):
+    if fit.residual > min(AGREES, BETTER * plain.residual) or not _is_slip(fit.scale):
         return ""
     what = f"radius of the wheels of one side, or uneven slip: the left ones roll {factor:.3g} times as far"
     return _contradiction(f"wheels and {reference.name}", plain.residual, fit.residual, [what])
-
-
-def _factors(wheels: Wheels, windows: Windows, reference: Reference, plain: Fit) -> str:
-    """Return a factor of wheels that otherwise agree that is not usual; "" where all are."""
-    by = f"by the {reference.name}"
-    if not SCALES[0] <= plain.scale <= SCALES[1]:
-        what = unit_of(plain.scale, OTHERS)
-        return f"{by} the rover moves {plain.scale:.4g} times as far as by the wheels: {what}"
-    sd = plain.residual / math.sqrt(max(1, int(windows.is_moving.sum())))
-    if text := _side(wheels, reference, plain):
-        return text
-    distance, turn = plain.distance_scale, plain.turn_scale
-    if isinstance(reference, PoseReference):
-        distance, turn = distance if reference.goes else 1.0, turn if reference.turns else distance
-        # A common factor is that of the radius.
-        ratio = turn / distance
-    else:
-        ratio = turn
-    if wheels.is_skidding:
-        ratio = 1.0
-    is_track = abs(ratio - 1.0) > TRACK_SHARE + SURE_SD * sd
-    track = f"track or wheelbase {1.0 / ratio:.3g} times as wide"
-    if not USUAL_SCALES[0] - SURE_SD * sd <= distance <= USUAL_SCALES[1] + SURE_SD * sd:
-        slip = "" if distance > 1.0 else f", or a slip of {1.0 - distance:.2g} throughout"
-        return (
-            f"{by} the rover goes {distance:.3g} times as far as by the wheels: radius, ticks_per_turn or "
-            f"gear_ratio of all wheels{slip}{f'; {track}' if is_track else ''}"
-        )
-    if is_track:
-        return f"{by} the rover turns {turn:.3g} times as much as by the wheels: {track}"
-    aside_rad = reference.aside_rad(wheels.moves) if isinstance(reference, PoseReference) else 0.0
-    if abs(aside_rad) >= LEAST_ASIDE_RAD:
-        return (
-            f"the ground truth goes {math.degrees(aside_rad):+.0f} deg aside of where the wheels go: "
-            f"truth.marker.yaw_deg is not given, wheels are exchanged, or the distance is reversed{UNSURE}"
-        )
-    return ""
 
 
 def _stretches(errors: Array) -> Times:
@@ -438,28 +484,3 @@ def _gyro_text(factor: float) -> str:
         return f"{SIGN_OF_GYRO}: {size}"
     sign = f"{SIGN_OF_GYRO}, and another scale" if factor < 0.0 else "the gyro has another scale"
     return f"{sign}: {size}: {unit_of(abs(factor), 'its scale factor')}"
-
-
-def _body_steps(rows: Channels, wheels: DrivePath | None) -> tuple[Array, Steps, Steps] | None:
-    """Return the begin of each window, and how far wheels and ground truth go in it."""
-    truth = dict(places_of(rows)).get(GROUND_TRUTH)
-    if wheels is None or truth is None or truth.yaw_rad is None:
-        return None
-    edges_s = np.arange(max(wheels.t_s[0], truth.t_s[0]), min(wheels.t_s[-1], truth.t_s[-1]), WINDOW_S)
-    return edges_s[:-1], wheels.body_steps(edges_s), truth.body_steps(edges_s)
-
-
-def _opposite_ways(begins_s: Array, said_m: Steps, true_m: Steps) -> str:
-    """Return that wheels and ground truth go opposite ways in a part of the drive; "" where they do not."""
-    sizes_m = np.abs(said_m)
-    is_moving = (sizes_m > LEAST_MOTION * sizes_m.max(initial=0.0)) & (np.abs(true_m) > 0.5 * sizes_m)
-    alike = (said_m * true_m.conjugate()).real / np.maximum(sizes_m * np.abs(true_m), 1e-12)
-    is_opposite, is_same = is_moving & (alike < -SAME_WAY), is_moving & (alike > SAME_WAY)
-    if min(is_opposite.sum(), is_same.sum()) < LEAST_OPPOSITE:
-        return ""
-    is_one_way = bool(np.all(said_m.real[is_moving] >= 0.0))
-    cause = "the speeds have no sign" if is_one_way else "wheels or ground truth are reversed there"
-    return (
-        f"wheels and ground truth go opposite ways in {is_opposite.sum()} of {is_moving.sum()} s of motion, "
-        f"and the same way in {is_same.sum()} s: {cause}"
-    )

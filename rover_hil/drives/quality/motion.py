@@ -7,7 +7,7 @@ import numpy as np
 from controllers.motion.kinematics import Kinematics
 from rover_hil.drives.arrays import Array, Flags
 from rover_hil.drives.channels import Channels
-from rover_hil.drives.quality.drive_paths import MOST_STEPS, wheel_angles
+from rover_hil.drives.quality.drive_paths import MOST_STEPS, rounded_angles, wheel_angles
 
 WINDOW_S = 1.0
 LEAST_WINDOWS = 8
@@ -69,12 +69,11 @@ def _steering(rows: Channels, count: int, middles_ns: Array) -> Array | None:
     readings = [rows[f"steer{wheel}_rad"] for wheel in range(1, count + 1)]
     if not any(map(len, readings)):
         return None
-    return np.column_stack(
-        [
-            np.interp(middles_ns, each.t_ns, each.value) if len(each) else np.zeros(len(middles_ns))
-            for each in readings
-        ]
-    )
+    angles = [
+        np.interp(middles_ns, each.t_ns, each.value) if len(each) else np.zeros(len(middles_ns))
+        for each in readings
+    ]
+    return rounded_angles(np.column_stack(angles))
 
 
 def _gyro(rows: Channels, edges_ns: Array, is_moving: Flags) -> Array | None:

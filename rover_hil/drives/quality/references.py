@@ -31,7 +31,8 @@ LEAST_SEGMENT_SD = 10.0
 LEAST_SEGMENT_WINDOWS = 8
 LEAST_EXTENT_M = 0.3
 CLEARLY = 0.6
-"""Another factor of the rotations leaves less than this share of the residual, or there is none."""
+"""Another factor of the rotations, or an arm of the marker, leaves less than this share of the residual, or
+there is none."""
 TURN_FACTORS = tuple(np.geomspace(0.35, 1.3, 14).tolist())
 """Of the rotations by wheels that slip in turning: see `SCALES` of the judge."""
 
@@ -95,33 +96,66 @@ class PoseReference:
         is_used: Windows that are compared, (n,).
         turn_rad: (n,).
         step_m: In the axes of the marker, left as imaginary part, (n,).
+        yaw_rad: In the middle of each window, (n,).
     """
 
     name: str
     is_used: Flags
     turn_rad: Array
     step_m: Steps
+    yaw_rad: Array
+
+    def at_origin(self, moves: Array) -> "PoseReference":
+        """Return the poses without the arm of their marker, where that explains what a motion leaves.
+
+        A marker beside the origin goes 2 sin(rotation / 2) times its arm, across it.
+        """
+        if not self.turns:
+            return self
+        across = 2j * np.sin(0.5 * self.turn_rad)
+        steps = np.column_stack((moves[:, 0] + 1j * moves[:, 1], across))[self.is_used]
+        arm_m = np.linalg.lstsq(steps, self.step_m[self.is_used], rcond=1e-6)[0][1]
+        other = replace(self, step_m=self.step_m - arm_m * across)
+        return other if other.fit_there(moves).residual < CLEARLY * self.fit_there(moves).residual else self
 
     def fit(self, moves: Array) -> Fit:
         """See `Reference`. One factor is common to rotations and distances."""
-        own, seen = self._weighted(moves, self.aside_rad(moves))
+        return self.at_origin(moves).fit_there(moves)
+
+    def fit_there(self, moves: Array) -> Fit:
+        """Return the fit with the marker at the origin."""
+        own, seen = self._weighted(moves, moves)
         scale = max(0.0, _factor(own.ravel(), seen.ravel()))
         residual = math.sqrt(float(np.sum((seen - scale * own) ** 2) / max(float(np.sum(seen**2)), 1e-30)))
         distance = _factor(own[:, 1:].ravel(), seen[:, 1:].ravel())
         return Fit(residual, scale, distance, _factor(own[:, 0], seen[:, 0]))
 
     def errors(self, moves: Array, like: Array) -> tuple[Array, int]:
-        """See `Reference`. All parts have the axes of the marker in common."""
-        own, seen = self._weighted(moves, self.aside_rad(like))
+        """See `Reference`. All parts have the axes and the arm of the marker in common."""
         errors = np.zeros(len(moves))
-        errors[self.is_used] = np.sum((seen - own) ** 2, axis=1) / max(float(np.sum(seen**2)), 1e-30)
+        errors[self.is_used] = self.at_origin(like).errors_there(moves, like)
         return errors, 1
+
+    def errors_there(self, moves: Array, like: Array) -> Array:
+        """Return the errors of windows in use with the marker at the origin."""
+        own, seen = self._weighted(moves, like)
+        errors: Array = np.sum((seen - own) ** 2, axis=1) / max(float(np.sum(seen**2)), 1e-30)
+        return errors
 
     def turn_factor(self, moves: Array, turn_rad: Array) -> Fit:
         """See `Reference`."""
         if not self.turns:
             return NO_FIT
         return _turns_alone(turn_rad[self.is_used], self.turn_rad[self.is_used])
+
+    def mirrored(self) -> "PoseReference":
+        """Return poses with y of the opposite sign, which is x and y exchanged in axes that are turned."""
+        return replace(self, step_m=self.step_m.conjugate() * np.exp(-2j * self.yaw_rad))
+
+    def reversed_yaw(self) -> "PoseReference":
+        """Return poses with a yaw of the opposite sign."""
+        step_m = self.step_m * np.exp(2j * self.yaw_rad)
+        return replace(self, step_m=step_m, turn_rad=-self.turn_rad, yaw_rad=-self.yaw_rad)
 
     def aside_rad(self, moves: Array) -> float:
         """Return by how much the axes of the marker are turned against those of the motion."""
@@ -138,9 +172,9 @@ class PoseReference:
         """Whether the rover goes so far that its distances are shown."""
         return bool(np.abs(self.step_m[self.is_used]).sum() >= LEAST_WAY_M)
 
-    def _weighted(self, moves: Array, aside_rad: float) -> tuple[Array, Array]:
+    def _weighted(self, moves: Array, like: Array) -> tuple[Array, Array]:
         """Return rotations and distances of a motion and of the poses, both counted alike, (used, 3)."""
-        steps = (moves[:, 0] + 1j * moves[:, 1]) * np.exp(1j * aside_rad)
+        steps = (moves[:, 0] + 1j * moves[:, 1]) * np.exp(1j * self.aside_rad(like))
         own = np.column_stack((moves[:, 2], steps.real, steps.imag))[self.is_used]
         seen = np.column_stack((self.turn_rad, self.step_m.real, self.step_m.imag))[self.is_used]
         turns, distances = float(np.sum(seen[:, 0] ** 2)), float(np.sum(seen[:, 1:] ** 2))
@@ -254,8 +288,9 @@ def references_of(rows: Channels, windows: Windows, turn_rad: Array) -> Iterator
         if places.yaw_rad is not None and name == GROUND_TRUTH:
             yaw_rad = np.interp(windows.edges_s, places.t_s, places.yaw_rad)
             is_used = windows.is_moving & inside[1:] & inside[:-1]
-            steps_m = np.diff(x_m + 1j * y_m) * np.exp(-0.5j * (yaw_rad[1:] + yaw_rad[:-1]))
-            reference = PoseReference(name, is_used, np.diff(yaw_rad), steps_m)
+            middle_rad = 0.5 * (yaw_rad[1:] + yaw_rad[:-1])
+            steps_m = np.diff(x_m + 1j * y_m) * np.exp(-1j * middle_rad)
+            reference = PoseReference(name, is_used, np.diff(yaw_rad), steps_m, middle_rad)
             if is_used.sum() >= LEAST_WINDOWS and (reference.goes or reference.turns):
                 yield reference
         elif segment := _segment(place_m, places.sd_m, turn_rad):

@@ -9,7 +9,9 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from drivers.errors import ConfigError, LogError
@@ -198,10 +200,9 @@ def test_a_truth_that_begins_after_the_first_motion_is_no_judge(
     def late(self: Drive) -> TruePoses:
         poses = true_poses(self)
         use = poses.t_ns >= self.log.start_ns + 1e9 * begin_s
-        values = {key.name: getattr(poses, key.name) for key in fields(poses)}
-        return replace(
-            poses, **{name: value[use] for name, value in values.items() if isinstance(value, np.ndarray)}
-        )
+        values: dict[str, Any] = {key.name: getattr(poses, key.name) for key in fields(poses)}
+        used = {name: value[use] for name, value in values.items() if isinstance(value, np.ndarray)}
+        return replace(poses, **used)
 
     def without(hidden: tuple[str, ...]) -> Callable[[Channels, str], Readings]:
         return lambda self, name: readings(self, "none" if name in hidden else name)
