@@ -201,7 +201,9 @@ def test_a_truth_that_begins_after_the_first_motion_is_no_judge(
         poses = true_poses(self)
         use = poses.t_ns >= self.log.start_ns + 1e9 * begin_s
         values: dict[str, Any] = {key.name: getattr(poses, key.name) for key in fields(poses)}
-        used = {name: value[use] for name, value in values.items() if isinstance(value, np.ndarray)}
+        used: dict[str, Any] = {
+            name: value[use] for name, value in values.items() if isinstance(value, np.ndarray)
+        }
         return replace(poses, **used)
 
     def without(hidden: tuple[str, ...]) -> Callable[[Channels, str], Readings]:
