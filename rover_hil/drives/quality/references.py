@@ -24,6 +24,8 @@ Steps: TypeAlias = NDArray[np.complex128]
 Number = TypeVar("Number", np.float64, np.complex128)
 LEAST_WAY_M = 1.0
 """A drive that goes less far, and hardly turns, shows the noise of its ground truth."""
+LEAST_TURN_RAD2 = 0.01
+"""Sum of squares of rotations, so that noise of poses that do not turn is no measure."""
 LEAST_TURN_RAD = 1.5
 """Drives that turn less in one sense do not show the sense of a rotation: uneven slip turns a rover, too."""
 LEAST_SEGMENT_SD = 10.0
@@ -97,6 +99,7 @@ class PoseReference:
         turn_rad: (n,).
         step_m: In the axes of the marker, left as imaginary part, (n,).
         yaw_rad: In the middle of each window, (n,).
+        wheels_turn: Whether the wheels report rotations that show their sense.
     """
 
     name: str
@@ -104,6 +107,7 @@ class PoseReference:
     turn_rad: Array
     step_m: Steps
     yaw_rad: Array
+    wheels_turn: bool
 
     def at_origin(self, moves: Array) -> "PoseReference":
         """Return the poses without the arm of their marker, where that explains what a motion leaves.
@@ -178,9 +182,11 @@ class PoseReference:
         own = np.column_stack((moves[:, 2], steps.real, steps.imag))[self.is_used]
         seen = np.column_stack((self.turn_rad, self.step_m.real, self.step_m.imag))[self.is_used]
         turns, distances = float(np.sum(seen[:, 0] ** 2)), float(np.sum(seen[:, 1:] ** 2))
-        # A drive that does not turn is judged by its distances, and one on the spot by its rotations.
+        # A drive that does not turn is judged by its distances, and one on the spot by its rotations. Wheels
+        # that report rotations which the poses do not have contradict them, too.
+        turns_count = self.turns or self.wheels_turn
         along = distances**-0.5 if self.goes else 0.0
-        weights = np.array([turns**-0.5 if self.turns else 0.0, along, along])
+        weights = np.array([max(turns, LEAST_TURN_RAD2) ** -0.5 if turns_count else 0.0, along, along])
         return own * weights, seen * weights
 
 
@@ -228,6 +234,8 @@ class PositionReference:
     def fit(self, moves: Array) -> Fit:
         """See `Reference`. Distances and rotations have a factor each."""
         plain = self._best(moves, moves[:, 2], (1.0,))
+        if np.abs(moves[:, 2]).sum() < LEAST_TURN_RAD:
+            return plain  # a path that hardly bends fits any factor
         best = self._best(moves, moves[:, 2], TURN_FACTORS)
         return best if best.residual < CLEARLY * plain.residual else plain
 
@@ -290,7 +298,10 @@ def references_of(rows: Channels, windows: Windows, turn_rad: Array) -> Iterator
             is_used = windows.is_moving & inside[1:] & inside[:-1]
             middle_rad = 0.5 * (yaw_rad[1:] + yaw_rad[:-1])
             steps_m = np.diff(x_m + 1j * y_m) * np.exp(-1j * middle_rad)
-            reference = PoseReference(name, is_used, np.diff(yaw_rad), steps_m, middle_rad)
+            wheels_turn = bool(np.ptp(np.cumsum(turn_rad)) >= LEAST_TURN_RAD)
+            reference = PoseReference(
+                name, is_used, np.diff(yaw_rad), steps_m, middle_rad, wheels_turn=wheels_turn
+            )
             if is_used.sum() >= LEAST_WINDOWS and (reference.goes or reference.turns):
                 yield reference
         elif segment := _segment(place_m, places.sd_m, turn_rad):
