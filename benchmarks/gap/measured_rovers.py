@@ -3,7 +3,7 @@
     python -m benchmarks.gap.measured_rovers DATA [--runs 6] [--robot diff]
 
 DATA holds `diff`, `omni3` and `tricyc` of the optiodom recordings. The rover is that of their file of columns
-in docs/examples/optiodom. The reference was fitted and stored before the first comparison
+in rover_hil/drives/presets. The reference was fitted and stored before the first comparison
 (`benchmarks.gap.reference_rovers`). The rear wheels of the tricycle have neither a motor nor a sensor.
 """
 
@@ -36,7 +36,7 @@ def main() -> None:
     for robot in ROBOTS:
         if arguments.robot not in (None, robot):
             continue
-        columns = f"docs/examples/optiodom/{robot}.toml"
+        columns = f"optiodom_{robot}"
         radius_m = load_rover(columns).rover.wheel_radius_m
         files = sorted(one for one in (data / robot).rglob("*_run-??.csv.gz"))
         chosen = np.unique(

@@ -1,5 +1,6 @@
 """`rover-hil replay`: run a log again and list the outputs that differ."""
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -28,8 +29,9 @@ from rover_hil.console.options import (
 from rover_hil.console.steps import show_progress
 from rover_hil.drive.run_surroundings import live_mirror
 from rover_hil.drives.formats.described_rover import load_rover
+from rover_hil.drives.position_frame import COLUMNS, PositionFrame, position_frame
 from rover_hil.drives.quality.judge import drive_findings, with_causes
-from rover_hil.pages.atomic_write import check_new_file, refuse_overwrite, unfinished
+from rover_hil.pages.atomic_write import check_new_file, refuse_overwrite, unfinished, write_file
 from rover_hil.recording.data_files import restore_config, with_controller_of
 from rover_hil.recording.findings import finding_lines
 from rover_hil.recording.made_with import changes_since, made_with
@@ -42,6 +44,8 @@ from rover_hil.run.replay import ReplayResult, replay
 from rover_hil.terminal import Terminal
 
 ROWS_SHOWN = 25
+POSES_NAME = "poses_in_frame.csv"
+"""Poses in the frame of positions without yaw, where its direction is known."""
 TEXT_SHOWN = 40
 
 
@@ -75,7 +79,7 @@ def replay_log(
     `rover-hil run robotino --virtual --out runs/first`.
     """
     if out is not None:
-        refuse_overwrite(out / SUMMARY_NAME, out / REPORT_NAME, force=force)
+        refuse_overwrite(out / SUMMARY_NAME, out / REPORT_NAME, out / POSES_NAME, force=force)
     path = log_at(log_path)
     log = LogReader(path)
     estimated = _estimated_path(log, out, force=force)
@@ -96,14 +100,16 @@ def replay_log(
         raise LogError(f"log {path} holds no complete cycle")
     causes = [] if log.origin in DRIVEN else drive_findings(path)
     result.findings, result.doubts = with_causes(causes, result.findings, result.doubts)
+    frame = position_frame(estimated or path)
     if as_json:
-        print_json(_record(result, log))
+        print_json({**_record(result, log), "position_frame": _frame_record(frame)})
     else:
-        _print_words(result, log, estimated)
+        _print_words(result, log, estimated, frame)
     if live:
         _stream(LogReader(estimated or path), live_port)
     if out is not None:
         write_report(estimated or path, out)
+        _write_poses(frame, out)
         if not as_json:
             Terminal().print(f"report of the recorded run: {out / REPORT_NAME}", soft_wrap=True)
     return EXIT_NO if result.differences else EXIT_OK
@@ -179,7 +185,34 @@ def _record(result: ReplayResult, log: LogReader) -> dict[str, object]:
     }
 
 
-def _print_words(result: ReplayResult, log: LogReader, estimated: Path | None) -> None:
+def _write_poses(frame: PositionFrame | None, out: Path) -> None:
+    if frame is not None:
+        rows = [",".join(COLUMNS), *(",".join(f"{value:.6f}" for value in row) for row in frame.poses)]
+        write_file(out / POSES_NAME, "\n".join(rows) + "\n")
+
+
+def _frame_record(frame: PositionFrame | None) -> dict[str, object] | None:
+    if frame is None:
+        return None
+    end = dict(zip(COLUMNS, frame.poses[-1].tolist(), strict=True))
+    numbers = {name: getattr(frame, name) for name in ("turned_rad", "turned_sd_rad", "rms_m")}
+    return {"device": frame.device, "count": frame.count, **numbers, "end": end}
+
+
+def _frame_sentence(frame: PositionFrame) -> str:
+    x_m, y_m, yaw_rad = frame.poses[-1, 1:].tolist()
+    turned_deg, sd_deg = math.degrees(frame.turned_rad), math.degrees(frame.turned_sd_rad)
+    return (
+        f"in the frame of the {frame.count} positions of {frame.device}, turned by {turned_deg:.1f} deg "
+        f"(standard deviation {sd_deg:.1f}): it ends at {x_m:.3f}, {y_m:.3f} m, yaw "
+        f"{math.degrees(math.remainder(yaw_rad, math.tau)):.1f} deg; positions and estimate differ by "
+        f"{frame.rms_m:.3g} m rms; --out writes all poses to {POSES_NAME}"
+    )
+
+
+def _print_words(
+    result: ReplayResult, log: LogReader, estimated: Path | None, frame: PositionFrame | None
+) -> None:
     console = Terminal()
     if not log.is_complete:
         console.print(f"{log.path} was cut off; everything up to the cut was replayed")
@@ -191,6 +224,8 @@ def _print_words(result: ReplayResult, log: LogReader, estimated: Path | None) -
             "everything in the log was replayed",
             soft_wrap=True,
         )
+    if frame is not None:
+        console.print(_frame_sentence(frame), soft_wrap=True)
     for finding in (*result.findings, *result.doubts):
         console.print("\n".join(finding_lines(finding)), soft_wrap=True)
     if estimated is not None:

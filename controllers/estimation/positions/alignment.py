@@ -1,6 +1,7 @@
 """Turns the axes of positions without yaw onto the path of the rover."""
 
 import cmath
+import math
 
 LEAST_SPREAD_SD = 10.0
 """Root of the sum of squares of the spread, in standard deviations: the angle is known to 6 deg."""
@@ -51,6 +52,12 @@ class PathAlignment:
     def turned_rad(self) -> float:
         """Angle by which the axes of the positions are turned."""
         return cmath.phase(self._centred)
+
+    @property
+    def turned_sd_rad(self) -> float:
+        """Standard deviation of that angle, from the noise of the positions; infinite without a spread."""
+        spread2 = min(self._spread2)
+        return spread2**-0.5 if spread2 > 0.0 else math.inf
 
     @property
     def origin_m(self) -> complex:

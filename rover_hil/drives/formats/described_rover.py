@@ -5,6 +5,7 @@ from pathlib import Path
 from rover_hil.config import Config, Rule, load_config, read_config_table, shipped_configs
 from rover_hil.console.options import LOG_SUFFIX, log_at
 from rover_hil.drives.formats.table.columns import Columns, read_columns, rover_of
+from rover_hil.drives.presets import presets
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 
@@ -52,6 +53,8 @@ def columns_at(source: str) -> Columns | None:
     Raises:
         ConfigError: The file cannot be read, or is a file of columns with mistakes.
     """
+    if source in presets():
+        return read_columns(Path(source))
     table = read_config_table(source)
     if "schema" in table or table.keys().isdisjoint(OF_COLUMNS):
         return None

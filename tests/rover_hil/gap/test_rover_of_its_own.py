@@ -15,6 +15,7 @@ from drivers.errors import ConfigError, LogError
 from rover_hil.config import load_config
 from rover_hil.drives.formats.table.columns import read_columns, rover_of
 from rover_hil.drives.formats.table.to_log import write_table_as_log
+from rover_hil.drives.presets import columns_file
 from rover_hil.gap.command.rover import rover_subject
 from rover_hil.gap.data.described_wheels import wheels_of
 from sim_backends.models.interface import Run
@@ -226,14 +227,14 @@ def test_three_omnidirectional_wheels_as_a_list_move_alike() -> None:
 
 @pytest.mark.parametrize("robot", ["diff", "omni3", "tricyc"])
 def test_a_measured_robot_needs_one_file_of_twenty_lines(shared_data: Path, robot: str) -> None:
-    columns = ROOT / "docs/examples/optiodom" / f"{robot}.toml"
-    lines = [line for line in columns.read_text("utf-8").splitlines() if line and not line.startswith("#")]
-    assert len(lines) <= MOST_LINES
+    columns = f"optiodom_{robot}"
+    text = columns_file(Path(columns)).read_text("utf-8")
+    assert len([line for line in text.splitlines() if line and not line.startswith("#")]) <= MOST_LINES
     folder = shared_data / "vehicles" / "optiodom" / robot / "circular"
     tables = sorted(folder.glob("*/*_run-01.csv.gz"))[:1]
-    runs = runs_of(str(columns), *tables)
+    runs = runs_of(columns, *tables)
     assert len(runs) > 1  # one drive is cut into stretches
-    model = rover_subject(str(columns), tables).make()
+    model = rover_subject(columns, tables).make()
     (table,) = model.predict(runs[:1], {}, {})
     # The nominal wheels are nearly right, which a wrong order or sign is not.
     assert root_mean_square(runs[0], table, "forward_m_s", "left_m_s") < 0.25
@@ -251,8 +252,7 @@ def root_mean_square(run: Run, table: dict[str, np.ndarray], *channels: str) -> 
 def test_a_measured_differential_robot_has_no_gap(
     command: Command, shared_data: Path, unrendered: None
 ) -> None:
-    columns = ROOT / "docs/examples/optiodom/diff.toml"
     folder = shared_data / "vehicles" / "optiodom" / "diff" / "circular"
     tables = map(str, sorted(folder.glob("*/*_run-0?.csv.gz")))
-    assert command("gap", "rover", str(columns), *tables, "--out", "gap") == 0, command.error
+    assert command("gap", "rover", "optiodom_diff", *tables, "--out", "gap") == 0, command.error
     assert json.loads(Path("gap/verdict.json").read_text("utf-8"))["verdict"] == "NO_GAP"

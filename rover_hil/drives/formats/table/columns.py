@@ -13,6 +13,7 @@ from drivers.units import STANDARD_GRAVITY_M_S2
 from rover_hil.config import Config, load_config, validated
 from rover_hil.drives.files.csv_layout import MOST_HEADER_LINES
 from rover_hil.drives.formats.fixes import FixNoise, MarkerPlace
+from rover_hil.drives.presets import columns_file, presets
 
 TURN_RAD = 2.0 * math.pi
 ColumnName = Annotated[str, Field(min_length=1, max_length=255)] | Annotated[int, Field(ge=1, le=10_000)]
@@ -369,12 +370,13 @@ def _check_ticks(unit: str, ticks_per_turn: float | None) -> None:
 
 
 def read_columns(path: Path) -> Columns:
-    """Return the content of a file of columns.
+    """Return the content of a file of columns, or of a known data set by its name.
 
     Raises:
         ConfigError: It cannot be read, or holds mistakes; one line per mistake.
     """
-    return validated(Columns, read_toml(path, f"file of columns {path}", "correct the path"), str(path))
+    fix = f"correct the path, or name a known data set: {', '.join(presets())}"
+    return validated(Columns, read_toml(columns_file(path), f"file of columns {path}", fix), str(path))
 
 
 def rover_of(columns: Columns, path: Path) -> Config:
