@@ -69,11 +69,10 @@ class HeadingDrifts:
         mean_deg = math.degrees(self._angles[0] / self._normal[0, 0])
         is_common = yaw_deg / mean_deg > COMMON_SHARE if mean_deg else False
         self.text = ""
-        if (
-            is_common
-            and abs(yaw_deg) > numbers.deviations * sd_deg
-            and abs(mean_deg) >= numbers.least_yaw_deg
-        ):
+        # On nearly one heading the fit has any yaw: it must be known better than the least that counts.
+        is_known = sd_deg < numbers.least_yaw_deg
+        is_known &= abs(yaw_deg) > numbers.deviations * sd_deg
+        if is_common and is_known and abs(mean_deg) >= numbers.least_yaw_deg:
             self.text = (
                 f"ground moves {mean_deg:+.1f} deg aside on all headings: check the yaw of the camera's "
                 "mounting, and that the pictures are not mirrored"
