@@ -49,7 +49,10 @@ def position_frame(path: Path) -> PositionFrame | None:
         pose = record["estimate"]
         rows.append((t_ns, pose["x_m"], pose["y_m"], pose["yaw_rad"]))
 
-    drive = Drive(path).read(take_estimate=take)
+    drive = Drive(path)
+    if not drive.config.fix_sources:
+        return None
+    drive.read(take_estimate=take)
     table = np.array(rows, np.float64).reshape(-1, 4)
     frames = [
         frame

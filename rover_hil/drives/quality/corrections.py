@@ -67,6 +67,17 @@ class Wheels:
         return effects
 
     @property
+    def steering_limit_rad(self) -> float:
+        """Return how far the wheels steer at most, by their description; infinite where it has none."""
+        wheels = self._rover.wheels if isinstance(self._rover, WheelsRoverSettings) else ()
+        limits_deg = [
+            max(-each.steering.low_deg, each.steering.high_deg)
+            for each in wheels
+            if each.steering is not None
+        ]
+        return math.radians(max(limits_deg, default=math.inf))
+
+    @property
     def is_skidding(self) -> bool:
         """Whether the wheels must slip in a rotation, so that its factor shows nothing."""
         rover = self._rover

@@ -1,4 +1,4 @@
-"""Paths of a recorded drive: by its wheels, by its truth and by its fixes."""
+"""Paths of a recorded drive: by its wheels, its gyro, its ground truth and its positions."""
 
 import math
 from collections.abc import Iterator
@@ -9,13 +9,13 @@ import numpy as np
 from controllers.motion.kinematics import Kinematics
 from drivers.samples import UNKNOWN_YAW_STD_RAD
 from rover_hil.drives.arrays import Array, Times
-from rover_hil.drives.channels import Channels
+from rover_hil.drives.channels import Channels, Readings
 from rover_hil.drives.ground_truth import measured_poses
 
 STEP_S = 0.1
 """Of the path of the wheels."""
 LEAST_STEPS = 20
-MOST_STEPS = 10_000_000
+LONGEST_S = 1e6
 """A drive of more, eleven days, is one with a gap of days in it: it is not compared."""
 STEERING_STEP = 0.001
 """Share of the largest steering angle to which all are rounded: equal angles are computed once."""
@@ -49,6 +49,12 @@ class DrivePath:
         return np.hypot(x_m, y_m), np.diff(np.interp(edges_s, self.t_s, self.yaw_rad))
 
 
+def integrated(rate: Readings) -> Array:
+    """Return the integral of a rate up to each of its readings, from 0."""
+    steps = 0.5 * (rate.value[1:] + rate.value[:-1]) * np.diff(rate.t_ns) / 1e9
+    return np.concatenate(([0.0], np.cumsum(steps)))
+
+
 def wheel_angles(rows: Channels, wheel: int) -> tuple[Times, Array] | None:
     """Return how far a wheel, from 1, has turned; by its speeds where it has no angle; None without both."""
     readings = rows[f"position{wheel}_rad"]
@@ -57,8 +63,32 @@ def wheel_angles(rows: Channels, wheel: int) -> tuple[Times, Array] | None:
     readings = rows[f"speed{wheel}_rad_s"]
     if len(readings) < 2:
         return None
-    steps = 0.5 * (readings.value[1:] + readings.value[:-1]) * np.diff(readings.t_ns) / 1e9
-    return readings.t_ns, np.concatenate(([0.0], np.cumsum(steps)))
+    return readings.t_ns, integrated(readings)
+
+
+def wheel_steps(
+    rows: Channels, kinematics: Kinematics, step_s: float, least: int
+) -> tuple[Array, Array] | None:
+    """Return edges of n equal steps in ns, (n + 1,), and how far each wheel turned, (n, wheels).
+
+    Zero for a wheel without an encoder; None where another is not measured, or for `least` steps and fewer.
+    """
+    count = kinematics.wheel_count
+    measured = [wheel for wheel in range(count) if wheel not in kinematics.unmeasured]
+    known = [series for wheel in measured if (series := wheel_angles(rows, wheel + 1)) is not None]
+    if len(known) < len(measured) or not known:
+        return None
+    begin_ns, end_ns = max(times[0] for times, _ in known), min(times[-1] for times, _ in known)
+    if end_ns - begin_ns > LONGEST_S * 1e9:
+        return None
+    edges_ns = np.arange(begin_ns, end_ns, step_s * 1e9)
+    if len(edges_ns) <= least:
+        return None
+    turned = np.zeros((len(edges_ns) - 1, count))
+    turned[:, measured] = np.column_stack(
+        [np.diff(np.interp(edges_ns, times, angles)) for times, angles in known]
+    )
+    return edges_ns, turned
 
 
 def places_of(rows: Channels) -> Iterator[tuple[str, DrivePath]]:
@@ -109,9 +139,8 @@ def path_of_gyro(rows: Channels) -> DrivePath | None:
     rate = rows["gyro_z_rad_s"]
     if len(rate) <= LEAST_STEPS:
         return None
-    steps_rad = 0.5 * (rate.value[1:] + rate.value[:-1]) * np.diff(rate.t_ns) / 1e9
     nowhere = np.zeros(len(rate))
-    return DrivePath(rate.t_ns / 1e9, nowhere, nowhere, np.concatenate(([0.0], np.cumsum(steps_rad))))
+    return DrivePath(rate.t_ns / 1e9, nowhere, nowhere, integrated(rate))
 
 
 def path_of_wheels(rows: Channels, kinematics: Kinematics, late_s: float | None = None) -> DrivePath | None:
@@ -122,20 +151,11 @@ def path_of_wheels(rows: Channels, kinematics: Kinematics, late_s: float | None 
         kinematics: Of the wheels.
         late_s: Steering angles are corrected by so much, and the result is None where none steers.
     """
-    count = kinematics.wheel_count
-    measured = [wheel for wheel in range(count) if wheel not in kinematics.unmeasured]
-    known = [series for wheel in measured if (series := wheel_angles(rows, wheel + 1)) is not None]
-    if len(known) < len(measured) or not known:
+    stepped = wheel_steps(rows, kinematics, STEP_S, LEAST_STEPS)
+    if stepped is None:
         return None
-    begin_ns, end_ns = max(times[0] for times, _ in known), min(times[-1] for times, _ in known)
-    if not LEAST_STEPS < (end_ns - begin_ns) / (STEP_S * 1e9) < MOST_STEPS:
-        return None
-    edges_ns = np.arange(begin_ns, end_ns, STEP_S * 1e9)
-    turned = np.zeros((len(edges_ns) - 1, count))
-    turned[:, measured] = np.column_stack(
-        [np.diff(np.interp(edges_ns, times, angles)) for times, angles in known]
-    )
-    readings = [rows[f"steer{wheel}_rad"] for wheel in range(1, count + 1)]
+    edges_ns, turned = stepped
+    readings = [rows[f"steer{wheel}_rad"] for wheel in range(1, kinematics.wheel_count + 1)]
     if late_s is not None and not any(map(len, readings)):
         return None
     steering = np.zeros_like(turned)

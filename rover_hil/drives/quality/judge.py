@@ -58,13 +58,11 @@ SIDE_SHARE = 0.06
 SAME_WAY = 0.8
 """Cosine of the angle between two steps, from which on they go the same way."""
 LEAST_OPPOSITE = 2
-"""So many windows in each way: one is noise, or the turn back itself."""
+"""Windows in each direction: a single one is noise, or the change of direction itself."""
 LEAST_ASIDE_RAD = 0.5
 """Ground truth goes aside by more than a marker is set up wrong."""
 STRETCH_PRICE = 0.02
-"""A stretch of the drive needs a correction of its own if that explains so much of all errors, twice."""
-MOST_STEERING_RAD = 1.3
-"""No wheel of a rover that is steered by its wheels steers further ahead."""
+"""Price of each change to and from a correction, as a share of all errors of the drive."""
 STRETCHES = tuple(np.geomspace(0.3, 3.0, 13).tolist())
 """Of exchanged latitude and longitude: their degrees are not equally long."""
 
@@ -189,9 +187,8 @@ class _Judge:
         if opposite and not self._has_signs:
             return opposite
         fits = [(each.what, each.moves, reference.fit(each.moves)) for each in self._corrections]
-        fits = [
-            each for each in fits if _is_slip(each[-1].scale)
-        ]  # with another factor it would be two faults
+        # With another factor besides there would be two faults.
+        fits = [each for each in fits if _is_slip(each[-1].scale)]
         fits += _separate(self._moves, reference)
         fits += self._exchanged_places(reference)
         best = min((fit.residual for *_, fit in fits), default=math.inf)
@@ -303,6 +300,7 @@ class _Judge:
         parts = self._parts(reference, plain)
         best = min((left for *_, left in parts), default=math.inf)
         if best <= most:
+            parts.sort(key=lambda each: each[-1])
             which = [(what, part) for what, part, left in parts if left <= best + ALIKE]
             part = which[0][1]
             unsure = UNSURE if len(which) > 1 else ""
@@ -387,16 +385,19 @@ class _Judge:
         return f"{wheels}; or {_gyro_text(factor)}"
 
     def _steering_wheel(self, reference: Reference, plain: Fit) -> str:
-        """Return the ratio of steering angles that no wheel has; "" where they are usual."""
+        """Return the ratio of steering angles beyond the limit of the wheels; "" where they are within it."""
         angles = self._windows.steering_rad
-        if angles is None or np.abs(angles).max() <= MOST_STEERING_RAD:
+        if angles is None or np.abs(angles).max() <= self._wheels.steering_limit_rad:
             return ""
         ratio = self._wheels.ratio(reference)
         assert ratio is not None  # noqa: S101 there are angles
         correction, fit = ratio
         if fit.residual > min(AGREES, BETTER * plain.residual):
             return ""
-        largest = f"the steering angles are up to {math.degrees(np.abs(angles).max()):.0f} deg"
+        largest = (
+            f"the steering angles are up to {math.degrees(np.abs(angles).max()):.0f} deg, but the wheels of "
+            f"[rover] steer up to {math.degrees(self._wheels.steering_limit_rad):.0f} deg"
+        )
         return (
             f"{largest}: {_contradiction('wheels and gyro', plain.residual, fit.residual, [correction.what])}"
         )

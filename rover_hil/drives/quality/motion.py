@@ -7,7 +7,7 @@ import numpy as np
 from controllers.motion.kinematics import Kinematics
 from rover_hil.drives.arrays import Array, Flags
 from rover_hil.drives.channels import Channels
-from rover_hil.drives.quality.drive_paths import MOST_STEPS, rounded_angles, wheel_angles
+from rover_hil.drives.quality.drive_paths import integrated, rounded_angles, wheel_steps
 
 WINDOW_S = 1.0
 LEAST_WINDOWS = 8
@@ -39,19 +39,10 @@ class Windows:
 
 def windows_of(rows: Channels, kinematics: Kinematics) -> Windows | None:
     """Return what wheels and gyro measured; None where a wheel is not measured, or they hardly move."""
-    count = kinematics.wheel_count
-    measured = [wheel for wheel in range(count) if wheel not in kinematics.unmeasured]
-    known = [series for wheel in measured if (series := wheel_angles(rows, wheel + 1)) is not None]
-    if len(known) < len(measured) or not known:
+    stepped = wheel_steps(rows, kinematics, WINDOW_S, LEAST_WINDOWS)
+    if stepped is None:
         return None
-    begin_ns, end_ns = max(times[0] for times, _ in known), min(times[-1] for times, _ in known)
-    if not LEAST_WINDOWS < (end_ns - begin_ns) / (WINDOW_S * 1e9) < MOST_STEPS:
-        return None
-    edges_ns = np.arange(begin_ns, end_ns, WINDOW_S * 1e9)
-    turned = np.zeros((len(edges_ns) - 1, count))
-    turned[:, measured] = np.column_stack(
-        [np.diff(np.interp(edges_ns, times, angles)) for times, angles in known]
-    )
+    edges_ns, turned = stepped
     rim = np.abs(turned).max(axis=1)
     is_moving = rim > LEAST_MOTION * rim.max()
     if is_moving.sum() < LEAST_WINDOWS:
@@ -59,7 +50,7 @@ def windows_of(rows: Channels, kinematics: Kinematics) -> Windows | None:
     return Windows(
         edges_s=edges_ns / 1e9,
         turned_rad=turned,
-        steering_rad=_steering(rows, count, 0.5 * (edges_ns[:-1] + edges_ns[1:])),
+        steering_rad=_steering(rows, kinematics.wheel_count, 0.5 * (edges_ns[:-1] + edges_ns[1:])),
         gyro_rad=_gyro(rows, edges_ns, is_moving),
         is_moving=is_moving,
     )
@@ -80,7 +71,6 @@ def _gyro(rows: Channels, edges_ns: Array, is_moving: Flags) -> Array | None:
     rate = rows["gyro_z_rad_s"]
     if len(rate) < LEAST_WINDOWS or rate.t_ns[0] > edges_ns[1] or rate.t_ns[-1] < edges_ns[-2]:
         return None
-    steps_rad = 0.5 * (rate.value[1:] + rate.value[:-1]) * np.diff(rate.t_ns) / 1e9
-    turned = np.diff(np.interp(edges_ns, rate.t_ns, np.concatenate(([0.0], np.cumsum(steps_rad)))))
+    turned = np.diff(np.interp(edges_ns, rate.t_ns, integrated(rate)))
     still = turned[~is_moving]
     return turned - (np.median(still) if len(still) >= LEAST_STANDSTILL else 0.0)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from controllers.motion.kinematics import Kinematics
+from rover_hil.drives.quality.references import LEAST_TURN_RAD
 
 LEFT_OUT = "left out"
 REPAIRED = "repaired"
@@ -27,10 +28,6 @@ class Oddity:
     where: str = ""
     count: int | None = None
     done: str = LEFT_OUT
-
-
-LEAST_TURN_RAD = 1.5
-"""A drive that turns less does not show which way: uneven slip turns a rover, too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.drives.channels import Channels
+from rover_hil.drives.quality.drive_paths import LONGEST_S, integrated
 from rover_hil.drives.quality.motion import LEAST_WINDOWS, WINDOW_S
 from rover_hil.drives.quality.units import SAME_UNIT, unit_of
 from rover_hil.recording.findings import FoundFinding
@@ -78,12 +79,13 @@ def _speed_fits(rows: Channels) -> Iterator[_SpeedFit]:
         speed, angle = rows[f"speed{wheel}_rad_s"], rows[f"position{wheel}_rad"]
         if len(angle) < LEAST_WINDOWS or len(speed) < LEAST_WINDOWS:
             continue
+        if angle.t_ns[-1] - angle.t_ns[0] > LONGEST_S * 1e9:
+            continue
         edges_ns = np.arange(angle.t_ns[0], angle.t_ns[-1], WINDOW_S * 1e9)
         if len(edges_ns) <= LEAST_WINDOWS:
             continue
         turned = np.diff(np.interp(edges_ns, angle.t_ns, angle.value))
-        steps = 0.5 * (speed.value[1:] + speed.value[:-1]) * np.diff(speed.t_ns) / 1e9
-        said = np.diff(np.interp(edges_ns, speed.t_ns, np.concatenate(([0.0], np.cumsum(steps)))))
+        said = np.diff(np.interp(edges_ns, speed.t_ns, integrated(speed)))
         # Nothing is measured in a gap.
         held = [np.diff(np.searchsorted(each.t_ns, edges_ns)) > 0 for each in (angle, speed)]
         turned, said = (values[held[0] & held[1]] for values in (turned, said))
