@@ -15,6 +15,7 @@ from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pauses import PauseWatch
 from controllers.estimation.pose_estimate import PoseEstimate
 from controllers.estimation.slip_compensator import NO_SLIP_EVIDENCE
+from controllers.estimation.slip_prior.assumption import SlipAssumption
 from controllers.estimation.wheels.contradiction import ContradictionReport
 from controllers.estimation.wheels.evidence import WheelSetpoints
 from controllers.estimator import Estimator
@@ -144,6 +145,12 @@ class ControlLoop:
             roles,
             self._slip,
             None if meter is None or ground is None else GroundTravel(ground, meter),
+            assumption=SlipAssumption(
+                settings.ground.prior(),
+                settings.ground.unknown(),
+                share_sd=settings.filter.slip_sd_share or 1.0,
+                compares_turns=not skids_in_rotations(settings.rover),
+            ),
             is_yaw_watched=find_unwatched_yaw(settings, roles) is None,
         )
         watched = (settings.safety, roles, kinematics.wheel_count, settings.filter.heading_lag_s)
@@ -243,7 +250,7 @@ class ControlLoop:
         self._travel_rad_s = tuple(map(operator.sub, speed_rad_s, self._excitation_rad_s))
         odometry = self._estimator.odometry
         is_fresh = self._is_motion_fresh(now_ns)
-        ground, fault = self._estimator.ground.report(now_ns), self._estimator.fault
+        ground, faults = self._estimator.ground.report(now_ns), self._estimator.faults
         report = self._slip.report(ground) if self._slip is not None and is_fresh else None
         return StepOutput(
             t_ns=now_ns,
@@ -269,7 +276,7 @@ class ControlLoop:
             ground=ground,
             suspicion=self._announcement
             or (self._supervisor.suspicion if self._check is None else self._check.unconfirmed)
-            or ("" if fault is None else fault.text),
+            or next((fault.text for fault in faults), ""),
             dead_reckoned=self._estimator.dead_reckoned(),
             findings=None if self._check is None else self._check.findings or None,
             waits_for_operator=self._supervisor.waits_for_operator,
@@ -278,7 +285,7 @@ class ControlLoop:
 
     def _judge(self, check: DriveCheck, cycle: Cycle) -> bool:
         """Look for faults of a drive that somebody else controls; return whether they add uncertainty."""
-        check.update(cycle, self._estimator.fault)
+        check.update(cycle, self._estimator.faults)
         self._estimator.take_faults(check.faults)
         if check.is_open:
             self._estimator.leave_open()

@@ -29,6 +29,9 @@ from controllers.estimation.positions.frames import PositionFrames
 from controllers.estimation.sample_intake import SampleIntake
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.slip_compensator import SlipCompensator
+from controllers.estimation.slip_prior.assumption import SlipAssumption
+from controllers.estimation.slip_prior.follower import AssumptionFollower
+from controllers.estimation.slip_prior.prior import UNKNOWN
 from controllers.estimation.wheels.bounds import WheelBounds
 from controllers.estimation.wheels.contradiction import WheelContradiction
 from controllers.estimation.wheels.evidence import WheelEvidence, WheelSetpoints, wheel_evidence
@@ -58,6 +61,7 @@ class Estimator:
         slip: Removes slip from the wheels' motion; None where the wheels are assumed to roll.
         ground: Measures the motion over the ground in the frames of the camera; None without one. Where it
             is valid it takes the place of `slip`.
+        assumption: What is assumed about slip that nothing measures; None for `UNKNOWN`.
         is_yaw_watched: Whether something would notice a wrong yaw, see `unwatched_yaw`.
 
     Attributes:
@@ -67,6 +71,7 @@ class Estimator:
         contradiction: How far the wheels contradict each other.
         pose_filter: The filter that it feeds.
         positions: Frames of the devices that measure positions.
+        assumption: Slip that is assumed where nothing measures it, and its test.
         budget: The account of added uncertainty.
         ground: Motion over the ground that a camera measures.
         standstill: Whether the rover stands.
@@ -82,8 +87,10 @@ class Estimator:
         slip: SlipCompensator | None = None,
         ground: GroundTravel | None = None,
         *,
+        assumption: SlipAssumption | None = None,
         is_yaw_watched: bool = True,
     ) -> None:
+        self.assumption = assumption or SlipAssumption(UNKNOWN, UNKNOWN)
         self._slip, self._settings, self._roles = slip, settings, roles
         self._speed_limit_rad_s = wheel_speed_limit_rad_s
         self.steering = SteeringAngles(kinematics.steering_rates_rad_s)
@@ -102,8 +109,9 @@ class Estimator:
             is_compensated=slip is not None,
             has_ground=ground is not None,
             slip=None if slip is None else slip.states,
+            prior=self.assumption.prior,
         )
-        self.positions = PositionFrames(self.pose_filter, settings)
+        self.positions = PositionFrames(self.pose_filter, settings, self.assumption.unknown)
         self._turns = TurnSource(self.gyro, kinematics.wheel_count)
         self.budget = ErrorBudget(self.pose_filter, self._reach, None if slip is None else slip.forget_gyro)
         self.ground = GroundFollower(ground, roles.camera, self.pose_filter, self.budget, self._turns)
@@ -134,6 +142,16 @@ class Estimator:
             self.ground.moved_m,
             self._reach,
         )
+        self._assumed = AssumptionFollower(
+            self.assumption,
+            settings,
+            self.pose_filter,
+            slip,
+            self._turns,
+            self.ground,
+            self.positions,
+            self.contradiction,
+        )
         self._stuck = StuckEncoders(settings, kinematics.wheel_count)
         self._stuck_fault: Fault | None = None
         # Poses and a camera decide between gyro and wheels themselves, see `YawWatch`.
@@ -143,7 +161,7 @@ class Estimator:
             else None
         )
         self._velocity = BodyVelocity(
-            self.odometry, self.gyro, self._turns, self.pose_filter, slip, self.ground
+            self.odometry, self.gyro, self._turns, self.pose_filter, slip, self.ground, self.assumption
         )
         self._report = PoseReport(
             settings, roles, self.pose_filter, self.positions, self._turns, self._velocity, self._reach, slip
@@ -179,9 +197,10 @@ class Estimator:
         )
 
     @property
-    def fault(self) -> Fault | None:
-        """Why the wheels may not measure the motion of the rover; None without a contradiction."""
-        return self.standstill.fault or self._stuck_fault
+    def faults(self) -> tuple[Fault, ...]:
+        """Why the wheels may not measure the motion of the rover, and what is wrong about the ground."""
+        found = (self.standstill.fault or self._stuck_fault, self.assumption.fault)
+        return tuple(fault for fault in found if fault is not None)
 
     def take(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`; samples of other devices and kinds have no effect."""
@@ -231,6 +250,9 @@ class Estimator:
             self.budget.clear(UNWATCHED_YAW)
         innovations += turns
         innovations += self.standstill.correct_bias(self._roles.gyro)
+        gained_m = self._assumed.test(self._rolled_m)
+        if self._dead_reckoning is not None:
+            self._dead_reckoning.add_slip(gained_m)
         self.budget.limit()
         return tuple(innovations)
 
@@ -303,6 +325,7 @@ class Estimator:
             increment = self._slip.compensate(
                 rolled, set_speed_rad_s, gyro_rate_rad_s if self.gyro.is_fresh(now_ns) else None
             )
+        increment = self._assumed.apply(rolled, increment)
         if self.ground.is_measured:
             increment = replace(rolled, is_measured=True)
         self.budget.note_compensation(
@@ -365,6 +388,7 @@ class Estimator:
     def _move(self, increment: BodyIncrement, turn: Turn) -> Step:
         """Move the estimate; after a gap of the samples the path between is unknown."""
         step = self.pose_filter.predict(increment, turn)
+        self._assumed.drive(increment, step)
         if self._slip is not None and self._slip.states is not None:  # they remove their share there
             self.budget.note_compensation(0.0, increment.x_m - step.x_m, increment.y_m - step.y_m)
         if turn.source is YawSource.GYRO and turn.by_wheels_rad is not None:

@@ -38,6 +38,7 @@ class Cause(StrEnum):
     FLOOD = "{}: flood"
     FROZEN_POSITION = "{}: position stays"
     GROUND_AGAINST_WHEELS = "ground against wheels"
+    GROUND_ASSUMPTION = "ground assumption"
     GYRO_APART = "gyro apart"
     GYRO_BEYOND_WHEELS = "gyro difference"
     GYRO_BIAS = "gyro bias"

@@ -7,6 +7,7 @@ from typing import Annotated, Self
 from pydantic import AliasChoices, Field, model_validator
 
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.slip_prior.settings import GroundSettings
 from controllers.ground_motion.settings import GroundMotionSettings
 from controllers.motion.rover_geometry import (
     OmniRoverSettings,
@@ -38,6 +39,7 @@ class ControlSettings(Settings):
         rover: Geometry of the wheels.
         limits: Limits of the wheel setpoints.
         filter: Noise of the pose filter.
+        ground: What is assumed about slip that nothing measures.
         safety: When the rover stops.
         mission: What the rover is to do; `run` needs one.
         slip: Slip compensation of three omnidirectional wheels.
@@ -48,6 +50,7 @@ class ControlSettings(Settings):
     rover: RoverSettings
     limits: LimitSettings
     filter: FilterSettings = FilterSettings()
+    ground: GroundSettings = GroundSettings()
     safety: SafetySettings = SafetySettings()
     mission: MissionSettings | None = None
     slip: SlipSettings | None = None

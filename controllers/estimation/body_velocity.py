@@ -6,6 +6,7 @@ from controllers.estimation.gyro.integrator import GyroIntegrator
 from controllers.estimation.gyro.turn_source import TurnSource
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.slip_compensator import SlipCompensator
+from controllers.estimation.slip_prior.assumption import SlipAssumption
 from controllers.estimation.wheels.odometry import WheelOdometry
 from controllers.motion.body_motion import BodyMotion
 
@@ -20,6 +21,7 @@ class BodyVelocity:
         pose_filter: Bias of the gyro, and the slip that a camera measured.
         slip: Removes the slip where no camera measures it; None without.
         ground: Whether a camera measures the slip.
+        assumption: What is assumed about slip that nothing measures.
     """
 
     def __init__(
@@ -30,7 +32,9 @@ class BodyVelocity:
         pose_filter: PoseFilter,
         slip: SlipCompensator | None,
         ground: GroundFollower,
+        assumption: SlipAssumption,
     ) -> None:
+        self._assumption = assumption
         self._odometry, self._gyro, self._turns = odometry, gyro, turns
         self._filter, self._slip, self._ground = pose_filter, slip, ground
 
@@ -48,5 +52,6 @@ class BodyVelocity:
             velocity_m_s = complex(*rolled[:2]) * (1.0 + self._ground.measured_slip)
             return velocity_m_s.real, velocity_m_s.imag, rolled[2]
         if self._slip is None:
-            return rolled
+            kept = 1.0 - self._assumption.prior.mean
+            return kept * rolled[0], kept * rolled[1], rolled[2]
         return self._slip.body_motion(self._odometry.wheel_speed_rad_s)

@@ -42,6 +42,10 @@ class DeadReckoning:
         self._aside_m += min(math.pi, math.sqrt(self._yaw_variance_rad2)) * math.hypot(step.x_m, step.y_m)
         self.pose = move(self.pose, step.x_m, step.y_m, step.turn_rad)
 
+    def add_slip(self, slip_m: float) -> None:
+        """Add a standard deviation of the position by slip."""
+        self._slip_m += slip_m
+
     @property
     def _yaw_variance_rad2(self) -> float:
         return self._yaw_rad2 + self._bias_rad**2

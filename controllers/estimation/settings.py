@@ -35,12 +35,11 @@ class FilterSettings(Settings):
         unsure_position_noise_m_sqrt_m: The same where the compensated slip is flagged as not valid.
         slip_sd: Standard deviation of the slip that compensation leaves, as a share of the travel. It changes
             slowly, so that its effect on the position grows with the distance. With [scomp] it is what the
-            slip law leaves beside the uncertainty of its parameters.
+            slip law leaves beside the uncertainty of its parameters. Slip that nothing measures: [ground].
         slip_sd_share: Share of the standard deviation that [slip] reports with its slip, in addition to
             `slip_sd`. Less than 1: only a part of the errors of successive half seconds has one sign.
-        unsure_slip_sd: The same without compensation, or where the compensated slip is flagged as not valid.
-        cross_slip_ratio: Slip across the travel, over that along it.
-        slip_distance_m: The correlation of the slip falls to 37 % over this distance.
+        cross_slip_ratio: This slip across the travel, over that along it.
+        slip_distance_m: The correlation of this slip falls to 37 % over this distance.
         wheel_yaw_noise_rad_sqrt_rad: Standard deviation of the wheels' yaw after turning by one radian.
         wheel_yaw_noise_rad_sqrt_m: Standard deviation of the wheels' yaw after driving one metre.
         gyro_noise_rad_sqrt_s: Standard deviation of the integrated gyro after one second (angle random walk).
@@ -67,7 +66,6 @@ class FilterSettings(Settings):
     unsure_position_noise_m_sqrt_m: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.2
     slip_sd: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     slip_sd_share: Annotated[float, Field(ge=0.0, le=2.0)] = 0.0
-    unsure_slip_sd: Annotated[float, Field(ge=0.0, le=1.0)] = 0.3
     cross_slip_ratio: Annotated[float, Field(ge=0.0, le=10.0)] = 1.0
     slip_distance_m: Annotated[float, Field(ge=0.01, le=100.0)] = 0.5
     wheel_yaw_noise_rad_sqrt_rad: Annotated[float, Field(ge=1e-4, le=1.0)] = 0.1
@@ -84,8 +82,3 @@ class FilterSettings(Settings):
     motor_fields: MotorFields | None = None
     standstill_s: Annotated[float, Field(ge=0.05, le=10.0)] = 0.3
     gate_probability: Annotated[float, Field(ge=0.5, lt=1.0)] = 0.9995
-
-    @property
-    def has_slip(self) -> bool:
-        """Whether slip is a part of the estimate."""
-        return self.slip_sd > 0.0 or self.slip_sd_share > 0.0 or self.unsure_slip_sd > 0.0

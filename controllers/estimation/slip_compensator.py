@@ -19,6 +19,7 @@ class SlipEvidence(NamedTuple):
 
     Attributes:
         slip: Valid slip of the rover; None where it is unknown.
+        slip_sd: Its standard deviation.
         lost_response: Why the yaw's response to the excitation shows that the rover may make no progress; ""
             where it does not.
         unknown_share: Greatest error of the estimated travel, over that of the wheels, while the slip is
@@ -30,6 +31,7 @@ class SlipEvidence(NamedTuple):
     """
 
     slip: float | None = None
+    slip_sd: float = 1.0
     lost_response: str = ""
     unknown_share: float = 0.0
     unanswered_m: float = 0.0
@@ -52,6 +54,11 @@ class SlipCompensator(Protocol):
     def states(self) -> SlipStates | None:
         """The states in the pose filter; None without."""
         ...
+
+    @property
+    def evidence(self) -> SlipEvidence:
+        """What the stop rules see of the slip in this cycle."""
+        return NO_SLIP_EVIDENCE
 
     @property
     def unsettled_m(self) -> complex:
@@ -97,11 +104,6 @@ class SlipCompensator(Protocol):
 
 class SlipEstimator(SlipCompensator, Protocol[ReportT]):
     """A slip compensator that reports, offers evidence, and may change what is commanded."""
-
-    @property
-    def evidence(self) -> SlipEvidence:
-        """What the stop rules see of the slip in this cycle."""
-        ...
 
     @property
     def drift_rad(self) -> float:

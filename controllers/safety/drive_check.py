@@ -1,5 +1,7 @@
 """The stop rules on a drive that somebody else controls: findings are reported and inflate the covariance."""
 
+from collections.abc import Sequence
+
 from controllers.fault import Cause, Fault, Severity
 from controllers.roles import DeviceRoles
 from controllers.safety.reasons import Cycle
@@ -74,18 +76,19 @@ class DriveCheck:
         """Take one sample as of `t_ns`."""
         self._rules.observe(sample, t_ns)
 
-    def update(self, cycle: Cycle, estimated: Fault | None = None) -> None:
+    def update(self, cycle: Cycle, estimated: Sequence[Fault] = ()) -> None:
         """Ask the rules about a cycle.
 
         Args:
             cycle: What they see.
-            estimated: Why the wheels may not measure the motion, by the estimator; None for no such fault.
+            estimated: Why the wheels may not measure the motion, and what is wrong about the ground, by the
+                estimator.
         """
         found = self._rules.faults(cycle)
         recoverable = {fault.key for fault in found if fault.severity in OF_HEALTHY_ROVERS}
         faults = self._unexplained(found, estimated, cycle.now_ns)
         confirmed = [fault for fault in faults if self._is_confirmed(fault)]
-        told = [*confirmed, *([] if estimated is None else [estimated])]
+        told = [*confirmed, *estimated]
         lasting = [fault._replace(since_ns=self._since_ns.get(fault.key, cycle.now_ns)) for fault in told]
         self._since_ns = {fault.key: fault.since_ns for fault in lasting}
         self.findings = tuple(
@@ -101,10 +104,10 @@ class DriveCheck:
             # It is confirmed where it comes again after it had ended.
             self._is_past[key] = self._is_past.get(key, False) or key not in recoverable
 
-    def _unexplained(self, faults: list[Fault], estimated: Fault | None, now_ns: int) -> list[Fault]:
+    def _unexplained(self, faults: list[Fault], estimated: Sequence[Fault], now_ns: int) -> list[Fault]:
         """Return the faults that a fault of the wheels does not explain."""
         wrong = {(self._wheels, Cause.REPEATS), ("wheels", Cause.STANDING_WHEELS)}
-        is_estimated = estimated is not None and estimated.cause is Cause.STUCK_ENCODER
+        is_estimated = any(fault.cause is Cause.STUCK_ENCODER for fault in estimated)
         if is_estimated or any(fault.key in wrong for fault in faults):
             self._wheels_ns = now_ns
         if self._wheels_ns is None or now_ns - self._wheels_ns > EXPLAINED_NS:

@@ -205,9 +205,9 @@ class DisplacedFixRule(StopRule):
                 "test_a_rover_that_follows_displaced_fixes_stops_and_names_their_device",
             ),
             within="the third measurement",
-            settings=("unseen_position_m", "unseen_yaw_rad", "filter.unsure_slip_sd"),
+            settings=("unseen_position_m", "unseen_yaw_rad", "ground.slip_sd"),
             clears="when the estimate has followed them; the third time it is final. On very slippery "
-            "ground raise `filter.unsure_slip_sd`",
+            "ground raise `ground.slip_sd`",
         ),
     )
 
@@ -285,7 +285,7 @@ class DifferentMotionRule(StopRule):
                 "tests/controllers/test_position_relation.py::"
                 "test_a_scale_of_the_positions_is_reported_and_the_region_contains_both_places",
             ),
-            settings=("filter.unsure_slip_sd", "filter.slip_distance_m"),
+            settings=("ground.slip", "ground.slip_sd", "ground.slip_distance_m"),
         ),
     )
 

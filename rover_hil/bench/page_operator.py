@@ -45,6 +45,7 @@ class PageOperator:
         clock: The clock of a simulated run, or None.
         frames: Chooses the frames to be shown, or None.
         yaw_unwatched: That nothing in the run would notice a wrong yaw; empty where something does.
+        assumed: What is assumed about slip that nothing measures.
         watches: Without these heartbeats the rover stops; when they are back it waits for a confirmation.
         real_clock: Their clock.
     """
@@ -57,6 +58,7 @@ class PageOperator:
         clock: PacedClock | None,
         frames: FrameChoice | None = None,
         yaw_unwatched: str = "",
+        assumed: str = "",
         watches: Sequence[LifeWatch] = (),
         real_clock: Clock | None = None,
     ) -> None:
@@ -64,7 +66,7 @@ class PageOperator:
         self._notices = notices
         self._clock = clock
         self._frames = frames
-        self._yaw_unwatched = yaw_unwatched
+        self._yaw_unwatched, self._assumed = yaw_unwatched, assumed
         self._latch = LossLatch(watches)
         self._real_clock = real_clock or SystemClock()
         self._stop_reason = ""
@@ -207,6 +209,7 @@ class PageOperator:
             "slip": slip,
             "slip_names": slip_names,
             "slip_reason": slip_reason,
+            "assumed": self._assumed,
             "suspicion": "; ".join(filter(None, (output.suspicion, self._yaw_unwatched))),
             "current_a": list(self._current_a),
             "set_rad_s": view.sent.speed_rad_s,

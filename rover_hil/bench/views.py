@@ -75,6 +75,7 @@ class View(TypedDict):
         slip: Slip ratio of each wheel, or of the rover where only that is estimated; None where not valid.
         slip_names: What each entry of `slip` is.
         slip_reason: Why the first entry that is not valid is not, or why all are unsure.
+        assumed: What is assumed about slip that nothing measures.
         suspicion: What may be wrong although it stops nothing; empty for nothing.
         current_a: Newest current of each wheel; None before the first.
         set_rad_s: Setpoints as sent.
@@ -99,6 +100,7 @@ class View(TypedDict):
     slip: list[float | None]
     slip_names: list[str]
     slip_reason: str
+    assumed: str
     suspicion: str
     current_a: list[float | None]
     set_rad_s: Sequence[float]

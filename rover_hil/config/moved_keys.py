@@ -37,6 +37,8 @@ def rename_sections(table: MutableMapping[str, object]) -> None:
     if OLD_SCOMP_KEY in table and "scomp" not in table:
         _note(f"[{OLD_SCOMP_KEY}] is now called [scomp]: rename it")
         table["scomp"] = table.pop(OLD_SCOMP_KEY)
+    if move_slip_keys(table):
+        _note("filter.unsure_slip_sd is now slip_sd in [ground]: move it")
     mission, safety = table.get("mission"), table.get("safety", {})
     box = mission.get("area") if isinstance(mission, dict) else None
     points = _corners_of(box)
@@ -49,16 +51,51 @@ def rename_sections(table: MutableMapping[str, object]) -> None:
         )
 
 
-def forget_plan_area(config_json: bytes) -> bytes:
-    """Return the configuration of a log without `mission.area`, which stopped nothing while it drove."""
+def move_slip_keys(table: MutableMapping[str, object]) -> bool:
+    """Move the slip that nothing measures from [filter] to [ground], as it acted; return whether."""
+    noise = table.get("filter")
+    if not isinstance(noise, dict) or "unsure_slip_sd" not in noise or "ground" in table:
+        return False
+    sd = noise.pop("unsure_slip_sd")
+    numbers = (sd, noise.get("cross_slip_ratio", 1.0), noise.get("slip_distance_m", 0.5))
+    if all(isinstance(number, int | float) for number in numbers):
+        cross_sd = min(1.0, numbers[0] * numbers[1])
+        table["ground"] = {
+            "slip_sd": sd,
+            "cross_slip_sd": cross_sd,
+            "slip_distance_m": numbers[2],
+            "local_slip_sd": 0.0,
+        }
+    else:
+        table["ground"] = {"slip_sd": sd}
+    _rename_tuned(table.get("tune"))
+    return True
+
+
+def _rename_tuned(tune: object) -> None:
+    logs = tune.get("logs") if isinstance(tune, dict) else None
+    tuned = logs.get("parameters") if isinstance(logs, dict) else None
+    if isinstance(tuned, dict) and "filter.unsure_slip_sd" in tuned:
+        tuned["ground.slip_sd"] = tuned.pop("filter.unsure_slip_sd")
+
+
+def of_earlier_log(config_json: bytes) -> bytes:
+    """Return the configuration of a log with today's keys, as it acted while the rover drove.
+
+    It is without `mission.area`, which stopped nothing then.
+    """
     try:
         table = from_json(config_json)
     except ValueError:
         return config_json
-    mission = table.get("mission") if isinstance(table, dict) else None
-    if not isinstance(mission, dict) or "area" not in mission:
+    if not isinstance(table, dict):
         return config_json
-    del mission["area"]
+    has_moved = move_slip_keys(table)
+    mission = table.get("mission")
+    if isinstance(mission, dict) and "area" in mission:
+        del mission["area"]
+    elif not has_moved:
+        return config_json
     return to_json(table, inf_nan_mode="constants")
 
 

@@ -44,13 +44,14 @@ class CycleRecorder:
     """
 
     def __init__(self, config: Config, offset: WallOffset) -> None:
-        self._odometry = OdometryRecorder(config.filter)
+        self._odometry = OdometryRecorder(config.filter, config.ground)
         wheel_count = make_kinematics(config.rover).wheel_count
         self._position_rad: list[float | None] = [None] * wheel_count
         self._speed_rad_s: list[float | None] = [None] * wheel_count
         self._steered = steered_wheels(config.rover)
         self._force_m_s2: Triple | None = None
         self._offset = offset
+        self._ground = config.ground.words
         self._yaw_unwatched = str(find_unwatched_yaw(config, config.device_roles()) or "")
         self._told: object = None
         self._due_ns = 0
@@ -132,6 +133,7 @@ class CycleRecorder:
             "slip": "" if slip is None else f"{slip:.4f}",
             "slip not valid": slip_reason,
             "yaw": self._yaw_unwatched or "watched",
+            "ground": self._ground,
             "estimate": "" if is_finite(cycle["estimate"]) else "not finite: no odometry is sent",
             "wall clock": step,
             **extra,

@@ -4,6 +4,7 @@ import math
 
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.slip_prior.settings import GroundSettings
 from rover_hil.connect.records import OdometryRecord
 from rover_hil.recording.schema import EstimateRecord, PoseEstimateRecord, PoseRecord
 
@@ -23,17 +24,18 @@ class OdometryRecorder:
     in time t the position has the variance q^2 s of rolling and (d s)^2 of slip, where q is
     `filter.position_noise_m_sqrt_m` and d the standard deviation of the slip now. So the velocity has the
     variance q^2 s / t^2 + (d s / t)^2, along the travel and across it alike. Without valid slip d is
-    `filter.unsure_slip_sd`. The yaw rate has the variance of one gyro reading, and that of a reading which is
+    that of [ground]. The yaw rate has the variance of one gyro reading, and that of a reading which is
     late: E[a^2] (D^2 + t^2 / 3), with the yaw acceleration a over the last `MEMORY_S`, the delay
     D = `filter.gyro_delay_sd_s` and an age between 0 and t. By the wheels it has the variance of their turn,
     in the same way as the position.
 
     Args:
         settings: Noise of the filter.
+        ground: What is assumed about slip that nothing measures.
     """
 
-    def __init__(self, settings: FilterSettings) -> None:
-        self._settings = settings
+    def __init__(self, settings: FilterSettings, ground: GroundSettings) -> None:
+        self._settings, self._prior = settings, ground.prior()
         self._before: tuple[int, PoseRecord] | None = None
         self._step = (0.0, 0.0, 1.0)
         self._rate_rad_s = self._yaw_acceleration_rad2_s4 = 0.0
@@ -99,7 +101,7 @@ class OdometryRecorder:
         settings = self._settings
         length_m, turn_rad, step_s = self._step
         noise = settings.position_noise_m_sqrt_m if is_sure else settings.unsure_position_noise_m_sqrt_m
-        unknown = math.hypot(settings.slip_sd, slip_sd or 0.0) if is_sure else settings.unsure_slip_sd
+        unknown = math.hypot(settings.slip_sd, slip_sd or 0.0) if is_sure else self._prior.sd
         along_m2_s2 = (noise**2 * length_m + (unknown * length_m) ** 2) / step_s**2 + REST_M_S**2
         if by == YawSource.GYRO:
             late_s2 = settings.gyro_delay_sd_s**2 + step_s**2 / 3.0

@@ -97,11 +97,11 @@ class LostDevices:
 def display(live: Live, messages: Terminal, config: Config, *begin_notes: str) -> StatusDisplay:
     """Return what shows the state of a run.
 
-    Once, when it has begun, notes are printed, and that nothing would notice a wrong yaw. At the end of the
-    check manoeuvre its result is printed, one line for each source.
+    Once, when it has begun, notes are printed, what is assumed about the ground, and that nothing would
+    notice a wrong yaw. At the end of the check manoeuvre its result is printed, one line for each source.
     """
     unwatched = find_unwatched_yaw(config, config.device_roles())
-    notes = [*filter(None, (*begin_notes, str(unwatched or "")))][::-1]
+    notes = [*filter(None, (*begin_notes, config.ground.words, str(unwatched or "")))][::-1]
     lost = LostDevices()
 
     def show(output: StepOutput, healths: Sequence[Health]) -> None:

@@ -54,7 +54,7 @@ def write_rosbag2(log: LogReader, folder: Path, on_message: Callable[[], None]) 
         raise ConfigError("--rosbag2 needs rosbags: `pip install rover-hil[rosbag]`") from error
     with restore_config(log) as config, Writer(folder, version=BAG_VERSION) as writer:
         bag = _Bag(writer, log.wall_offset_ns, config.filter)
-        recorder = OdometryRecorder(config.filter)
+        recorder = OdometryRecorder(config.filter, config.ground)
         accelerations: dict[str, AccelerationSample] = {}
         for message in log.messages():
             if message.topic == ESTIMATE:

@@ -18,7 +18,7 @@ from rover_hil.console.options import ConfigArgument, ForceOption, JsonOption
 from rover_hil.console.steps import show_steps
 from rover_hil.doctor.configuration.config_consistency import check_consistency
 from rover_hil.doctor.configuration.progress_sources import describe_progress
-from rover_hil.doctor.configuration.slip_sources import describe_slip_sources
+from rover_hil.doctor.configuration.slip_sources import describe_ground, describe_slip_sources
 from rover_hil.doctor.finding import Finding, Level
 from rover_hil.pages.atomic_write import check_file, write_file
 from rover_hil.ready.ages import check_ages
@@ -77,6 +77,7 @@ def check_config(
             "warnings": [f"{each.subject}: {each.what}: {each.fix}" for each in warnings],
             "commands": commands,
             "slip": "" if config is None else describe_slip_sources(config),
+            "ground": "" if config is None else describe_ground(config),
             "entrapment": "" if config is None else describe_progress(config),
         }
         print_json(record)
@@ -94,6 +95,7 @@ def check_config(
     for command, lack in commands.items():
         console.print(f"  {command}: {lack or 'yes'}")
     console.print(f"  slip: {describe_slip_sources(config)}")
+    console.print(f"  ground: {describe_ground(config)}")
     console.print(f"  entrapment: {describe_progress(config)}")
     for option, path in (("schema", schema), ("preview", preview)):
         if path is not None:

@@ -14,7 +14,7 @@ from controllers.settings import ControlSettings
 from drivers.errors import ConfigError, LogError
 from drivers.files import SETTINGS_BYTES, read_bytes
 from rover_hil.config import Config, describe_validation_error
-from rover_hil.config.moved_keys import forget_plan_area
+from rover_hil.config.moved_keys import of_earlier_log
 from rover_hil.recording.reader import LogReader
 
 FOLDER = "data"
@@ -81,7 +81,7 @@ def restore_config(log: LogReader) -> Iterator[Config]:
     """
     with tempfile.TemporaryDirectory(prefix="rover_hil_") as folder:
         try:
-            config = Config.model_validate_json(forget_plan_area(log.config_json))
+            config = Config.model_validate_json(of_earlier_log(log.config_json))
         except ValidationError as error:
             raise LogError(describe_validation_error(f"{log.path}, its configuration", error, {})) from error
         yield _lay_out(config, log.attachments, Path(folder), str(log.path))

@@ -154,6 +154,7 @@ class Summary:
         findings: What the rules found wrong with a drive that somebody else controlled.
         oddities: Data-quality findings of a recorded drive, and what was done about each.
         checks: What the check manoeuvre showed about each source; empty where it was not driven.
+        assumed: What was assumed about slip that nothing measures.
         yaw_unwatched: That nothing would have noticed a wrong yaw, and what would; else empty.
         devices: Health facts at the end of the run.
     """
@@ -195,6 +196,7 @@ class Summary:
     findings: tuple[FoundFinding, ...]
     oddities: tuple[OddityRecord, ...]
     checks: tuple[SourceCheckRecord, ...]
+    assumed: str
     yaw_unwatched: str
     devices: tuple[Health, ...]
 
@@ -248,6 +250,7 @@ def summarise(run: RunData) -> Summary:
         findings=tuple(cycles.findings),
         oddities=tuple(run.oddities),
         checks=tuple(run.checks),
+        assumed=run.config.ground.words,
         yaw_unwatched=str(find_unwatched_yaw(run.config, run.config.device_roles()) or ""),
         devices=tuple(run.health),
     )

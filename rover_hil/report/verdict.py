@@ -123,6 +123,7 @@ def _doubt_facts(summary: Summary) -> list[Fact]:
         )
         for each in summary.findings
     ]
+    told.append(Fact("ground", summary.assumed.partition(":")[0], summary.assumed.partition(": ")[2]))
     if summary.yaw_unwatched:
         told.append(Fact("yaw", "unwatched", summary.yaw_unwatched.removeprefix("yaw unwatched: ")))
     return told

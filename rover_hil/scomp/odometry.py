@@ -128,7 +128,6 @@ def sensor_noise(parameters: ScompParameters) -> FilterSettings:
     return FilterSettings(
         position_noise_m_sqrt_m=1e-4,
         unsure_position_noise_m_sqrt_m=1e-4,
-        unsure_slip_sd=0.0,
         gyro_noise_rad_sqrt_s=min(max(gyro.walk_rad_sqrt_s, 1e-6), 0.1),
         gyro_bias_rad_s=min(max(gyro.bias_rad_s, 1e-6), 0.5),
         gyro_bias_walk_rad_s_sqrt_s=min(max(gyro.bias_walk_rad_s_sqrt_s, 1e-7), 0.01),

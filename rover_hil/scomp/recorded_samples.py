@@ -6,6 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.slip_prior.assumption import SlipAssumption
+from controllers.estimation.slip_prior.prior import SlipPrior
 from controllers.estimator import Estimator
 from controllers.ftrace.reading import Rates, TraceReading
 from controllers.motion.kinematics import make_kinematics
@@ -172,7 +174,15 @@ def recorded_estimator(
         np.abs(np.diff(drive.wheel_rad) / np.diff(drive.t_s)).max()
         + np.abs(np.diff(drive.wheel_yaw_rad) / np.diff(drive.t_s)).max()
     )
-    return Estimator(kinematics, settings, 1.0 + fastest_rad_s, roles, slip)
+    no_slip = SlipPrior("none", 0.0, 0.0, 0.0, 1.0, 0.0)  # that of the slip law is part of the states
+    return Estimator(
+        kinematics,
+        settings,
+        1.0 + fastest_rad_s,
+        roles,
+        slip,
+        assumption=SlipAssumption(no_slip, no_slip),
+    )
 
 
 def _rover(rover: RoverGeometry, *, is_steered: bool) -> RoverSettings:

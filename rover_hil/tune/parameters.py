@@ -9,7 +9,7 @@ from rover_hil.config import Config, Draft, Rule, validated
 from rover_hil.config.tune_settings import TunableSettings, TuneSettings
 from rover_hil.run.checks import ROVER_CHECKS
 
-REPLAYED = ("filter", "scomp", "slip")
+REPLAYED = ("filter", "ground", "scomp", "slip")
 """Sections that a replay of a log depends on."""
 DECIDES_READINGS = ("filter.standstill_s", "scomp.frame_period_s")
 """With other values of these the estimator has other innovations, so that the costs cannot be compared."""
@@ -80,8 +80,8 @@ def check_log_parameters(config: Config) -> TuneSettings:
     for key in parameters:
         if key.partition(".")[0] not in REPLAYED:
             raise ConfigError(
-                f"tune.logs.parameters.{key}: only values of [filter], [slip] and [scomp] show in a replay; "
-                "remove it, or move it to [tune.parameters]"
+                f"tune.logs.parameters.{key}: only values of [filter], [ground], [slip] and [scomp] show in "
+                "a replay; remove it, or move it to [tune.parameters]"
             )
         if key in DECIDES_READINGS:
             raise ConfigError(

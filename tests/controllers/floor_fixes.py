@@ -11,6 +11,7 @@ from controllers.estimation.filter.slip_states import SlipStates
 from controllers.estimation.filter.transition import Turn
 from controllers.estimation.positions.frames import PositionFrames
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.slip_prior.prior import UNKNOWN, SlipPrior
 from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.planar import Pose, wrap_angle
 from drivers.samples import PoseFixSample
@@ -34,6 +35,10 @@ def on_floor(place: complex, yaw_rad: float, floor: Pose = FLOOR) -> PoseFixSamp
     return replace(FIX, x_m=seen.real, y_m=seen.imag, yaw_rad=wrap_angle(yaw_rad + floor.yaw_rad))
 
 
+NO_SLIP = SlipPrior("none", 0.0, 0.0, 0.0, 1.0, 0.0)
+"""Wheels that roll."""
+
+
 class PositionFilter(PoseFilter):
     """A pose filter, and the frames of the devices that measure positions."""
 
@@ -45,11 +50,12 @@ class PositionFilter(PoseFilter):
         *,
         is_compensated: bool = False,
         slip: SlipStates | None = None,
+        prior: SlipPrior = UNKNOWN,
     ) -> None:
         super().__init__(
-            settings, heading_devices, position_devices, is_compensated=is_compensated, slip=slip
+            settings, heading_devices, position_devices, is_compensated=is_compensated, slip=slip, prior=prior
         )
-        self.positions = PositionFrames(self, settings)
+        self.positions = PositionFrames(self, settings, prior)
 
     def predict(self, increment: BodyIncrement, turn: Turn) -> Step:
         """Move by the wheels' increment, also by dead reckoning."""

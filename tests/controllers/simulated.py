@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.slip_prior.settings import GroundSettings
 from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings
 from controllers.motion.settings import LimitSettings, MissionSettings, RectangleMission, WaypointsMission
 from controllers.roles import DeviceRoles
@@ -159,12 +160,14 @@ def make_settings(
     mission: MissionSettings | None = None,
     filter_settings: FilterSettings | None = None,
     safety: SafetySettings | None = None,
+    ground: GroundSettings | None = None,
 ) -> ControlSettings:
     return ControlSettings(
         rover=rover,
         limits=LIMITS,
         mission=mission,
         filter=filter_settings or FilterSettings(),
+        ground=ground or GroundSettings(),
         safety=safety or SafetySettings(),
     )
 

@@ -10,6 +10,7 @@ import pytest
 from controllers.estimation.filter.measurement_model import Expected, Measured
 from controllers.estimation.filter.slip_states import SlipEstimate
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.slip_compensator import NO_SLIP_EVIDENCE
 from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.estimator import Estimator
 from controllers.fault import Bound, Cause, Fault, Severity
@@ -46,6 +47,7 @@ class HalfOfTheWay:
     states = None
     readers = ()
     unsettled_m = 0j
+    evidence = NO_SLIP_EVIDENCE
 
     def __init__(self, share: float) -> None:
         self._share = share

@@ -9,6 +9,7 @@ from controllers.control_loop import ControlLoop, StepOutput
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.slip_prior.settings import GroundSettings
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
 from drivers.samples import (
@@ -37,8 +38,8 @@ from tests.controllers.simulated import (
 
 
 def test_slip_shortens_the_true_path_and_the_filter_says_how_unsure_it_is() -> None:
-    noise = FilterSettings(unsure_slip_sd=0.0)
-    loop = ControlLoop(make_settings(mission=LONG_WAY, filter_settings=noise), ROLES)
+    no_slip = GroundSettings(slip_sd=0.0, cross_slip_sd=0.0, local_slip_sd=0.0)
+    loop = ControlLoop(make_settings(mission=LONG_WAY, ground=no_slip), ROLES)
     simulated = omni_rover()
     simulated.slip = 0.1
     last = run(loop, simulated, 11.0)[-1]

@@ -46,7 +46,7 @@ def test_a_jump_moves_no_pose_and_holds_it_from_then_on(jump_m: complex) -> None
     assert accepted == [False, False, True, True]
     assert pose_filter.positions.jumped_m[DEVICE] == pytest.approx(jump_m, abs=0.02)
     assert pose_filter.pose.x_m == pytest.approx(before.x_m, abs=1e-3)
-    assert pose_filter.covariance == pytest.approx(variances, rel=0.06)
+    assert pose_filter.covariance == pytest.approx(variances, rel=0.15)  # the noise of one position
     for _ in range(50):  # wheels that turn 10 % too far are still corrected
         pose_filter.predict(replace(AHEAD, x_m=0.11), NO_TURN)
         place_m += 0.1

@@ -23,7 +23,7 @@ from controllers.roles import DeviceRoles
 from controllers.safety import Mode
 from drivers.samples import PoseFixSample, Sample
 from tests.cases import first_often
-from tests.controllers.floor_fixes import FIX, PositionFilter, PositionQueue, on_floor
+from tests.controllers.floor_fixes import FIX, NO_SLIP, PositionFilter, PositionQueue, on_floor
 from tests.controllers.simulated import (
     LONG_WAY,
     OMNI,
@@ -197,12 +197,10 @@ class NoisyDrive:
 
     def __init__(self, seed: int, settling_fixes: int) -> None:
         self.rng = np.random.default_rng(seed)
-        self.settings = FilterSettings(
-            position_noise_m_sqrt_m=0.05, unsure_slip_sd=0.0, gyro_noise_rad_sqrt_s=0.01
-        )
+        self.settings = FilterSettings(position_noise_m_sqrt_m=0.05, gyro_noise_rad_sqrt_s=0.01)
         self.floor = Pose(x_m=self.rng.uniform(-3, 3), y_m=1.0, yaw_rad=self.rng.uniform(-math.pi, math.pi))
         self.bias_rad_s = self.settings.gyro_bias_rad_s * self.rng.normal()
-        self.filter = PositionFilter(self.settings, (), ("overhead",))
+        self.filter = PositionFilter(self.settings, (), ("overhead",), prior=NO_SLIP)
         self.queue = PositionQueue()
         self.place, self.yaw_rad, self.t_ns = 0j, 0.0, START_NS
         self.pending: list[PoseFixSample] = []
@@ -355,8 +353,6 @@ def test_a_fix_too_old_to_be_used_is_reported_by_name() -> None:
     assert (innovation.name, innovation.accepted) == ("overhead too late", False)
 
 
-def test_fixes_and_slip_have_states_only_where_they_are_used() -> None:
-    without_slip = FilterSettings(unsure_slip_sd=0.0)
-    assert len(PositionFilter(without_slip, ("compass",)).layout.variances) == 6
-    assert len(PositionFilter(without_slip, ("compass",), ("overhead",)).layout.variances) == 9
-    assert len(PositionFilter(FilterSettings(), ("compass",), ("overhead",)).layout.variances) == 11
+def test_fixes_have_states_only_where_they_are_used() -> None:
+    assert len(PositionFilter(FilterSettings(), ("compass",)).layout.variances) == 10
+    assert len(PositionFilter(FilterSettings(), ("compass",), ("overhead",)).layout.variances) == 13

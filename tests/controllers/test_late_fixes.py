@@ -19,12 +19,12 @@ from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.planar import wrap_angle
 from drivers.clock import nanoseconds
 from drivers.samples import PoseFixSample
-from tests.controllers.floor_fixes import FIX, PositionFilter, PositionQueue
+from tests.controllers.floor_fixes import FIX, NO_SLIP, PositionFilter, PositionQueue
 
 Array = NDArray[np.float64]
 
 PERIOD_S, STEPS, LATE = 0.05, 30, 20
-SETTINGS = FilterSettings(slip_sd=0.0, unsure_slip_sd=0.0)
+SETTINGS = FilterSettings(slip_sd=0.0)
 ARM = PoseFixSample(
     device="overhead",
     t_ns=nanoseconds(STEPS * PERIOD_S),
@@ -40,7 +40,7 @@ ARM = PoseFixSample(
 
 
 def layout() -> StateLayout:
-    return lay_out(SETTINGS, (), ("overhead",), is_compensated=False, has_ground=False, block_variances=())
+    return lay_out(SETTINGS, (), ("overhead",), has_ground=False, block_variances=())
 
 
 def moves(seed: int) -> list[tuple[BodyIncrement, Turn]]:
@@ -59,7 +59,7 @@ def moves(seed: int) -> list[tuple[BodyIncrement, Turn]]:
 
 def after(state: Array, drive: list[tuple[BodyIncrement, Turn]], queue: PositionQueue | None = None) -> Array:
     """Return a state after a drive."""
-    motion, now = MotionTransition(SETTINGS, layout(), None), state.tolist()
+    motion, now = MotionTransition(SETTINGS, layout(), None, NO_SLIP, is_compensated=False), state.tolist()
     for number, (increment, turn) in enumerate(drive, 1):
         moved = motion.predict(now, increment, turn)
         now = moved.state

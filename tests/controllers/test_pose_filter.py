@@ -24,9 +24,9 @@ from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.planar import wrap_angle
 from drivers.samples import HeadingReference, HeadingSample
 from tests.cases import first_often
+from tests.controllers.floor_fixes import NO_SLIP
 
 SETTINGS = FilterSettings(
-    unsure_slip_sd=0.0,
     position_noise_m_sqrt_m=0.05,
     gyro_noise_rad_sqrt_s=0.01,
     gyro_bias_rad_s=0.02,
@@ -72,7 +72,7 @@ class NoisyDrive:
         self.source = source
         self.offset_rad = float(np.random.default_rng(seed + 1000).uniform(-math.pi, math.pi))
         self.bias_rad_s = SETTINGS.gyro_bias_rad_s * self.draw()
-        self.filter = PoseFilter(SETTINGS, ("compass",))
+        self.filter = PoseFilter(SETTINGS, ("compass",), prior=NO_SLIP)
         self.place, self.yaw_rad = 0j, 0.0
         self.heading_nis: list[float] = []
 
@@ -156,7 +156,7 @@ def test_without_a_settling_phase_the_yaw_is_honest_too() -> None:
 
 
 def test_headings_at_rest_teach_the_offset_and_do_not_turn_the_rover() -> None:
-    pose_filter = PoseFilter(SETTINGS, ("compass",))
+    pose_filter = PoseFilter(SETTINGS, ("compass",), prior=NO_SLIP)
     for heading_rad in (3.1, -3.1, 3.12, -3.12):
         correct_heading(pose_filter, MAGNETIC, heading_rad, 0.0)
     assert pose_filter.pose.yaw_rad == pytest.approx(0.0, abs=1e-6)
@@ -166,7 +166,7 @@ def test_headings_at_rest_teach_the_offset_and_do_not_turn_the_rover() -> None:
 
 
 def test_magnetic_and_true_headings_are_not_mixed() -> None:
-    pose_filter = PoseFilter(SETTINGS, ("compass",))
+    pose_filter = PoseFilter(SETTINGS, ("compass",), prior=NO_SLIP)
     for _ in range(10):
         correct_heading(pose_filter, MAGNETIC, 1.0, 0.0)
         correct_heading(pose_filter, TRUE, 1.2, 0.0)
@@ -177,7 +177,7 @@ def test_magnetic_and_true_headings_are_not_mixed() -> None:
 
 
 def test_a_wild_heading_is_refused() -> None:
-    pose_filter = PoseFilter(SETTINGS, ("compass",))
+    pose_filter = PoseFilter(SETTINGS, ("compass",), prior=NO_SLIP)
     for _ in range(10):
         correct_heading(pose_filter, MAGNETIC, 1.0, 0.0)
     before = pose_filter.pose
@@ -187,7 +187,7 @@ def test_a_wild_heading_is_refused() -> None:
 
 
 def test_a_late_heading_is_compared_with_the_yaw_of_its_time() -> None:
-    pose_filter = PoseFilter(SETTINGS, ("compass",))
+    pose_filter = PoseFilter(SETTINGS, ("compass",), prior=NO_SLIP)
     correct_heading(pose_filter, MAGNETIC, 1.0, 0.0)
     pose_filter.predict(STANDING, replace(NO_TURN, angle_rad=0.5))
     innovation = correct_heading(pose_filter, MAGNETIC, 1.3, 0.2)
@@ -195,7 +195,7 @@ def test_a_late_heading_is_compared_with_the_yaw_of_its_time() -> None:
 
 
 def test_the_bias_learnt_at_rest_is_taken_off_the_gyro() -> None:
-    pose_filter = PoseFilter(SETTINGS, ())
+    pose_filter = PoseFilter(SETTINGS, (), prior=NO_SLIP)
     for _ in range(200):
         correct_bias(pose_filter, 0.03)
     assert pose_filter.gyro_bias_rad_s == pytest.approx(0.03, abs=1e-4)
@@ -207,7 +207,7 @@ def test_the_bias_learnt_at_rest_is_taken_off_the_gyro() -> None:
 def test_uncertainty_does_not_depend_on_the_cycle() -> None:
     variances = []
     for parts in (1, 100):
-        pose_filter = PoseFilter(SETTINGS, ())
+        pose_filter = PoseFilter(SETTINGS, (), prior=NO_SLIP)
         for _ in range(parts):
             part = BodyIncrement(x_m=1.0 / parts, y_m=0.0, turn_rad=0.0, duration_s=5.0 / parts)
             pose_filter.predict(part, Turn(angle_rad=0.0, source=YawSource.GYRO, covered_s=5.0 / parts))
@@ -221,7 +221,7 @@ def test_uncertainty_does_not_depend_on_the_cycle() -> None:
 
 @pytest.mark.parametrize(("yaw_rad", "across"), [(0.0, 1j), (0.5 * math.pi, -1.0 + 0j)])
 def test_what_is_unsure_about_the_yaw_is_unsure_across_the_course(yaw_rad: float, across: complex) -> None:
-    pose_filter = PoseFilter(SETTINGS, ())
+    pose_filter = PoseFilter(SETTINGS, (), prior=NO_SLIP)
     pose_filter.predict(STANDING, Turn(angle_rad=1.0, source=YawSource.WHEELS))
     turn = Turn(angle_rad=yaw_rad - 1.0, source=YawSource.GYRO)
     pose_filter.predict(STANDING, turn)
@@ -237,7 +237,7 @@ def test_what_is_unsure_about_the_yaw_is_unsure_across_the_course(yaw_rad: float
 
 @pytest.mark.parametrize(("yaw_rad", "across"), [(0.0, 1j), (0.5 * math.pi, -1.0 + 0j)])
 def test_an_unknown_bias_bends_the_course(yaw_rad: float, across: complex) -> None:
-    pose_filter = PoseFilter(SETTINGS, ())
+    pose_filter = PoseFilter(SETTINGS, (), prior=NO_SLIP)
     pose_filter.predict(STANDING, Turn(angle_rad=yaw_rad, source=YawSource.GYRO))
     increment = replace(STANDING, x_m=2.0, duration_s=3.0)
     pose_filter.predict(increment, Turn(angle_rad=0.0, source=YawSource.GYRO, covered_s=3.0))
@@ -247,14 +247,14 @@ def test_an_unknown_bias_bends_the_course(yaw_rad: float, across: complex) -> No
 
 
 def test_the_bias_is_forgotten_slowly() -> None:
-    pose_filter = PoseFilter(SETTINGS, ())
+    pose_filter = PoseFilter(SETTINGS, (), prior=NO_SLIP)
     pose_filter.predict(replace(STANDING, duration_s=10_000.0), NO_TURN)
     innovation = correct_bias(pose_filter, 0.0)
     assert innovation.variance == pytest.approx(0.02**2 + 1e-4**2 * 10_000.0 + 0.01**2)
 
 
 def test_the_yaw_spreads_the_position_across_the_course() -> None:
-    pose_filter = PoseFilter(SETTINGS, ())
+    pose_filter = PoseFilter(SETTINGS, (), prior=NO_SLIP)
     pose_filter.predict(STANDING, Turn(angle_rad=0.25, source=YawSource.WHEELS))
     pose_filter.predict(replace(STANDING, x_m=10.0), Turn(angle_rad=-0.25, source=YawSource.WHEELS))
     xx, xy, _, yy, yw, ww = pose_filter.covariance
@@ -293,7 +293,7 @@ def test_the_deviation_of_a_compass_is_learned_and_does_not_bend_the_yaw() -> No
             heading_noise_rad=math.radians(0.3),
             heading_deviation_rad=deviation_rad,
         )
-        pose_filter = PoseFilter(settings, ("compass",))
+        pose_filter = PoseFilter(settings, ("compass",), prior=NO_SLIP)
         yaw, errors = 0.0, []
         for _ in range(1500):
             turn = 0.02
@@ -314,7 +314,7 @@ def test_the_deviation_of_a_compass_is_learned_and_does_not_bend_the_yaw() -> No
 
 def read_headings(headings_rad: Sequence[float]) -> tuple[PoseFilter, list[tuple[Innovation, float]]]:
     """Read headings of a rover that stands; return each innovation with the yaw after it."""
-    pose_filter, reader = PoseFilter(SETTINGS, ("compass",)), HeadingReader()
+    pose_filter, reader = PoseFilter(SETTINGS, ("compass",), prior=NO_SLIP), HeadingReader()
     here = WayBack(x_m=0.0, y_m=0.0, turned_rad=0.0, position_m2=0.0, yaw_rad2=0.0)
     now = Situation(
         pose_filter=pose_filter,

@@ -29,7 +29,7 @@ from controllers.slip.scomp.compensator import NO_MOTION, ScompCompensator
 from controllers.slip.scomp.settings import ScompSettings
 from drivers.clock import nanoseconds
 from drivers.samples import AttitudeSample, FrameSample, PoseFixSample, RateSample, Sample, WheelSample
-from tests.controllers.floor_fixes import PositionFilter
+from tests.controllers.floor_fixes import NO_SLIP, PositionFilter
 from tests.controllers.mobility import Wheels
 from tests.controllers.simulated import LIMITS, OMNI, ROLES, SKID
 from tests.controllers.slip_readings import SlipReadings
@@ -39,10 +39,8 @@ ROVER = SkidSteerRoverSettings(kinematics="skid_steer_4", wheel_radius_m=0.092, 
 WITH_CAMERA = DeviceRoles(wheels="wheels", required={}, gyro="imu", camera="camera")
 RIM_M_S = 0.08
 UPHILL = math.radians(8.0)
-PLAIN = FilterSettings(unsure_slip_sd=0.0)
-QUIET = FilterSettings(
-    position_noise_m_sqrt_m=1e-3, unsure_slip_sd=0.0, gyro_noise_rad_sqrt_s=1e-4, gyro_bias_rad_s=1e-4
-)
+PLAIN = FilterSettings()
+QUIET = FilterSettings(position_noise_m_sqrt_m=1e-3, gyro_noise_rad_sqrt_s=1e-4, gyro_bias_rad_s=1e-4)
 
 
 @dataclass
@@ -88,7 +86,7 @@ class Bench:
             settings or ScompSettings(), WITH_CAMERA, SkidSteerKinematics(ROVER), finder
         )
         self.finder = finder or SeenTrace(None)
-        self.filter = PositionFilter(filter_settings, (), ("floor",), slip=self.told.states)
+        self.filter = PositionFilter(filter_settings, (), ("floor",), slip=self.told.states, prior=NO_SLIP)
         self.slip_readings = SlipReadings(self.told, self.filter)
         self.pitch_rad = pitch_rad
         self.t_ns = 0

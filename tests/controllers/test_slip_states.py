@@ -9,26 +9,32 @@ from controllers.estimation.filter.motion_history import WayBack
 from controllers.estimation.filter.transition import Turn
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.slip_prior.prior import SlipPrior
 from controllers.estimation.wheels.odometry import BodyIncrement
 from drivers.samples import PoseFixSample
-from tests.controllers.floor_fixes import PositionFilter
+from tests.controllers.floor_fixes import NO_SLIP, PositionFilter
 
 STEP_M = 0.01
 SETTINGS = FilterSettings(
     position_noise_m_sqrt_m=1e-4,
     unsure_position_noise_m_sqrt_m=1e-4,
     slip_sd=0.1,
-    unsure_slip_sd=0.4,
     cross_slip_ratio=0.5,
     slip_distance_m=0.5,
 )
+UNSURE = SlipPrior("unknown", 0.0, 0.4, 0.2, 0.5, 0.0)
 
 
 def driven(
-    settings: FilterSettings, distance_m: float, *, is_compensated: bool, is_sure: bool = True
+    settings: FilterSettings,
+    distance_m: float,
+    *,
+    is_compensated: bool,
+    is_sure: bool = True,
+    prior: SlipPrior = UNSURE,
 ) -> PositionFilter:
     """Return a filter that has rolled straight ahead."""
-    pose_filter = PositionFilter(settings, (), ("camera",), is_compensated=is_compensated)
+    pose_filter = PositionFilter(settings, (), ("camera",), is_compensated=is_compensated, prior=prior)
     roll(pose_filter, distance_m, is_sure=is_sure)
     return pose_filter
 
@@ -129,8 +135,7 @@ def test_fixes_of_a_rover_that_slips_correct_the_way_after_them() -> None:
     assert pose_filter.pose.x_m - before_m == pytest.approx(0.08, abs=0.01)
 
 
-def test_without_slip_states_nothing_changes() -> None:
-    plain = SETTINGS.model_copy(update={"slip_sd": 0.0, "unsure_slip_sd": 0.0})
-    pose_filter = driven(plain, 1.0, is_compensated=False)
+def test_without_slip_nothing_changes() -> None:
+    pose_filter = driven(SETTINGS, 1.0, is_compensated=False, prior=NO_SLIP)
     assert np.sqrt(pose_filter.covariance[0]) < 1e-3
     assert pose_filter.pose.x_m == pytest.approx(1.0)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from controllers.control_loop import ControlLoop, StepOutput
-from controllers.estimation.settings import FilterSettings
+from controllers.estimation.slip_prior.settings import GroundSettings
 from controllers.motion.settings import WaypointsMission
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
@@ -34,7 +34,7 @@ TO_AND_FRO = WaypointsMission(
     type="waypoints", points=((0.5, 0.0), (0.5, 0.6), (0.0, 0.6)), speed_m_s=0.2, heading="along_path"
 )
 
-NO_SLIP = FilterSettings(unsure_slip_sd=0.0)
+NO_SLIP = GroundSettings(slip_sd=0.0, cross_slip_sd=0.0, local_slip_sd=0.0)
 """So that only what was not measured makes the position less certain."""
 
 
@@ -162,7 +162,7 @@ def test_what_devices_send_at_once_after_a_silence_does_not_turn_the_rover(silen
 def test_after_a_break_of_the_wheels_link_the_covariance_holds_the_error(broken_s: float) -> None:
     for seed in range(6):
         rover = omni_rover(seed)
-        loop = ControlLoop(make_settings(mission=TO_AND_FRO, filter_settings=NO_SLIP), NO_COMPASS)
+        loop = ControlLoop(make_settings(mission=TO_AND_FRO, ground=NO_SLIP), NO_COMPASS)
         run(loop, rover, 3.4 + 0.4 * seed)
         before = break_link(loop, rover, broken_s)[0]
         outputs = run(loop, rover, 1.0)

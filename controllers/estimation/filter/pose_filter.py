@@ -14,6 +14,7 @@ from controllers.estimation.filter.slip_states import SlipStates
 from controllers.estimation.filter.state_layout import BIAS, YAW, X, Y, lay_out
 from controllers.estimation.filter.transition import MotionTransition, Turn
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.slip_prior.prior import UNKNOWN, SlipPrior
 from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.planar import Pose
 
@@ -39,8 +40,8 @@ class PoseFilter:
     The slip that remains is a share of the way of the wheels, along it and across: two first-order
     Gauss-Markov processes over the travel (Gelb 1974, section 3.8), as states in units of their standard
     deviation. Its effect on the position grows with the distance, not with its root, and fixes correct it
-    together with the position. With compensation there are two such pairs: what it leaves, and the slip of
-    wheels where it is not valid. These states are left out where all standard deviations are 0.
+    together with the position. There are two such pairs: that of a place, or what compensation leaves, and
+    that of the ground, where nothing measures the slip, as the prior assumes.
 
     With a camera that measures the motion over the ground there are the pose at the newest frame, a copy of
     the pose then (stochastic cloning, Roumeliotis and Burdick 2002), and the scale of the measured travel,
@@ -54,6 +55,7 @@ class PoseFilter:
         is_compensated: Whether slip is compensated where an increment is sure.
         has_ground: Whether a camera measures the motion over the ground.
         slip: States of the slip compensator; None where it has none.
+        prior: What is assumed about slip that nothing measures.
 
     Attributes:
         layout: Where each part of the state is.
@@ -71,12 +73,12 @@ class PoseFilter:
         is_compensated: bool = False,
         has_ground: bool = False,
         slip: SlipStates | None = None,
+        prior: SlipPrior = UNKNOWN,
     ) -> None:
         self.layout = layout = lay_out(
             settings,
             heading_devices,
             fix_devices,
-            is_compensated=is_compensated,
             has_ground=has_ground,
             block_variances=() if slip is None else slip.start_variances.tolist(),
         )
@@ -87,7 +89,7 @@ class PoseFilter:
         self.kalman = GuardedFilter(
             start.tolist(), layout.variances, layout.angles, settings.gate_probability
         )
-        self._motion = MotionTransition(settings, layout, slip)
+        self._motion = MotionTransition(settings, layout, slip, prior, is_compensated=is_compensated)
         self.path_m = 0.0
 
     def keep_steps(self) -> list[FilterStep]:
@@ -136,6 +138,27 @@ class PoseFilter:
             noise[:YAW, :YAW] += np.outer(column, column) * greatest_m**2 / 3.0
         noise[YAW, YAW] = yaw_rad**2 / 3.0
         self.kalman.add_covariance(noise)
+
+    def assume(self, prior: SlipPrior, path_m: complex) -> None:
+        """Assume another slip of wheels whose slip nothing measures, from now on and on a part of the path.
+
+        The slip is taken to be the same on both: what later measures it also corrects the position.
+
+        Args:
+            prior: What is assumed now; its mean is that of the prior before.
+            path_m: From the beginning to the end of that part, in the local frame, y as imaginary part.
+        """
+        self._motion.prior = prior
+        state, size = self.kalman.state, self.layout.size
+        transition, noise = np.eye(size), np.zeros((size, size))
+        for index, effect_m in enumerate(
+            (prior.sd * path_m, prior.cross_sd * 1j * path_m), self.layout.assumed_slip
+        ):
+            state[index] = transition[index, index] = 0.0
+            column = np.zeros(size)
+            column[X], column[Y], column[index] = effect_m.real, effect_m.imag, 1.0
+            noise += np.outer(column, column)
+        self.kalman.predict(0.0, state, transition, noise)
 
     @property
     def gyro_bias_rad2_s2(self) -> float:

@@ -28,10 +28,9 @@ class StateLayout:
         origins: First index of the pose of the local frame on the floor of a device that gives fixes.
         frame: Pose at the newest frame of the camera, scale and direction of its travel; without a camera
             none of these states.
-        first_slip: Pairs of slips: what compensation leaves, that of wheels where it is not valid, and that
-            while a camera measures it.
-        estimated_pairs: Pairs of slips that no camera measures.
-        slip_pairs: All pairs.
+        first_slip: Pairs of slips: that of a place, or what compensation leaves; that of the ground, where
+            nothing measures it; that while a camera measures it.
+        slip_pairs: Number of pairs; the third one only with a camera.
         deviations: First harmonic of the deviation of a compass, by device and reference; empty without.
         block: States of the slip compensator.
         variances: At the start, shape (n,).
@@ -42,7 +41,6 @@ class StateLayout:
     origins: dict[str, int]
     frame: int
     first_slip: int
-    estimated_pairs: int
     slip_pairs: int
     deviations: dict[tuple[str, HeadingReference], int]
     block: slice
@@ -55,9 +53,14 @@ class StateLayout:
         return len(self.variances)
 
     @property
+    def assumed_slip(self) -> int:
+        """Index of the slip of the ground, where nothing measures it."""
+        return self.first_slip + 2
+
+    @property
     def measured_slip(self) -> int:
         """Index of the slip while the motion over the ground is measured."""
-        return self.first_slip + 2 * self.estimated_pairs
+        return self.first_slip + 4
 
 
 def lay_out(
@@ -65,7 +68,6 @@ def lay_out(
     heading_devices: Sequence[str],
     fix_devices: Sequence[str],
     *,
-    is_compensated: bool,
     has_ground: bool,
     block_variances: Sequence[float],
 ) -> StateLayout:
@@ -74,8 +76,7 @@ def lay_out(
     first_origin = FIRST_OFFSET + len(sources)
     frame = first_origin + 3 * len(fix_devices)
     first_slip = frame + (FRAME_STATES if has_ground else 0)
-    estimated_pairs = (2 if is_compensated else 1) if settings.has_slip else 0
-    slip_pairs = estimated_pairs + has_ground
+    slip_pairs = 2 + has_ground
     first_deviation = first_slip + 2 * slip_pairs
     deviating = sources if settings.heading_deviation_rad > 0.0 else []
     first_state = first_deviation + HARMONICS * len(deviating)
@@ -86,7 +87,6 @@ def lay_out(
         origins=origins,
         frame=frame,
         first_slip=first_slip,
-        estimated_pairs=estimated_pairs,
         slip_pairs=slip_pairs,
         deviations={source: first_deviation + HARMONICS * i for i, source in enumerate(deviating)},
         block=slice(first_state, first_state + len(block_variances)),

@@ -13,6 +13,7 @@ from controllers.estimation.filter.state_layout import BIAS, YAW, StateLayout, X
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.slip_prior.prior import SlipPrior
 from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.matrices import complex_product, product
 from controllers.motion.planar import Pose, move
@@ -79,14 +80,30 @@ class MotionTransition:
         settings: Noise.
         layout: Where each part of the state is.
         slip: States of the slip compensator; None where it has none.
+        prior: Slip of wheels whose slip nothing measures.
+        is_compensated: Whether the slip is measured where an increment is sure.
+
+    Attributes:
+        prior: As given; another one acts from the next motion on.
     """
 
-    def __init__(self, settings: FilterSettings, layout: StateLayout, slip: SlipStates | None) -> None:
+    def __init__(
+        self,
+        settings: FilterSettings,
+        layout: StateLayout,
+        slip: SlipStates | None,
+        prior: SlipPrior,
+        *,
+        is_compensated: bool,
+    ) -> None:
         self._settings, self._layout, self._slip = settings, layout, slip
+        self._is_compensated = is_compensated
+        self.prior = prior
         self._transition = np.eye(layout.size)
         self._noise = np.zeros((layout.size, layout.size))
         remaining = slice(layout.first_slip, layout.first_slip + 2 * layout.slip_pairs)
         self._slip_slopes = self._transition[:YAW, remaining]
+        self._assumed = slice(2, 4)  # among these
         # Views of the diagonals.
         self._slip_keeps = np.einsum("ii->i", self._transition)[remaining]
         self._slip_noises = np.einsum("ii->i", self._noise)[remaining]
@@ -111,10 +128,9 @@ class MotionTransition:
             rolled_m = travel_m = by_slip.travel_m
         if increment.rolled_m is not None:
             rolled_m = increment.rolled_m
-        active, slip_sd, across_sd = self._active_slip(increment)
-        remaining, ground_m = 0j, abs(travel_m)
-        if self._layout.slip_pairs:
-            remaining = complex(slip_sd * state[active], across_sd * state[active + 1])
+        active = self._active_slips(increment)
+        ground_m = abs(travel_m)
+        remaining = sum((complex(sd * state[i], cross * state[i + 1]) for i, sd, cross in active), 0j)
         travel_m += rolled_m * remaining
         after = move(before, travel_m.real, travel_m.imag, turn_rad)
         state[:BIAS] = after.x_m, after.y_m, after.yaw_rad
@@ -127,13 +143,13 @@ class MotionTransition:
         transition[YAW, BIAS] = -turn.covered_s
         self._set_noise(increment, turn)
         toward = cmath.rect(1.0, before.yaw_rad + 0.5 * turn_rad)
-        if self._layout.slip_pairs:
-            way_m = rolled_m * toward
-            self._let_slip_change(ground_m, state)
-            if increment.is_measured:
-                self._let_measured_slip_change(abs(rolled_m), measured_slip, state)
-            for index, effect_m in ((active, slip_sd * way_m), (active + 1, across_sd * 1j * way_m)):
-                self._transition[X, index], self._transition[Y, index] = effect_m.real, effect_m.imag
+        way_m = rolled_m * toward
+        self._let_slip_change(ground_m, state)
+        if increment.is_measured:
+            self._let_measured_slip_change(abs(rolled_m), measured_slip, state)
+        for index, sd, cross_sd in active:
+            for place, effect_m in ((index, sd * way_m), (index + 1, cross_sd * 1j * way_m)):
+                self._transition[X, place], self._transition[Y, place] = effect_m.real, effect_m.imag
         if by_slip is not None:
             self._take_slip(by_slip, toward * (1.0 + remaining), state)
         by_wheels_m = increment.rolled_m
@@ -145,7 +161,7 @@ class MotionTransition:
             position_m2=_greatest_variance(self._noise),
             yaw_rad2=float(self._noise[YAW, YAW]),
             rolled_m=complex(increment.x_m, increment.y_m) if by_wheels_m is None else by_wheels_m,
-            slip_sd=math.hypot(slip_sd, across_sd),
+            slip_sd=math.hypot(*(sd for _, *pair in active for sd in pair)),
             covered_s=turn.covered_s,
             bias_rad_s=state[BIAS],
             measured_s=turn.measured_s,
@@ -169,42 +185,47 @@ class MotionTransition:
         self._noise[:YAW, :YAW] += product(product(turned, step.travel_noise_m2), turned.T)
         state[block] = step.values.tolist()
 
-    def _active_slip(self, increment: BodyIncrement) -> tuple[int, float, float]:
-        """Return the index of the slip that acts, and its standard deviations along and across the travel."""
-        settings = self._settings
+    def _active_slips(self, increment: BodyIncrement) -> tuple[tuple[int, float, float], ...]:
+        """Return the index of each slip that acts, and its standard deviations along and across."""
+        settings, layout, prior = self._settings, self._layout, self.prior
         if increment.is_measured:
             sd = ESTIMATION.ground.slip_sd
-            return self._layout.measured_slip, sd, sd
-        if self._layout.estimated_pairs < 2 or not increment.is_sure:
-            index = self._layout.first_slip + max(0, 2 * self._layout.estimated_pairs - 2)
-            sd = settings.unsure_slip_sd if self._layout.estimated_pairs else 0.0
-        else:
-            index = self._layout.first_slip
-            share = settings.slip_sd_share
-            if share and increment.is_slip_one_sided:
-                share = max(share, ONE_SIDED)
-            sd = math.hypot(settings.slip_sd, share * (increment.slip_sd or 0.0))
-        return index, sd, settings.cross_slip_ratio * sd
+            return ((layout.measured_slip, sd, sd),)
+        if self._acts_by_prior(increment):
+            ground = (layout.assumed_slip, prior.sd, prior.cross_sd)
+            return ground, (layout.first_slip, prior.local_sd, prior.local_cross_sd)
+        share = settings.slip_sd_share
+        if share and increment.is_slip_one_sided:
+            share = max(share, ONE_SIDED)
+        sd = math.hypot(settings.slip_sd, share * (increment.slip_sd or 0.0))
+        return ((layout.first_slip, sd, settings.cross_slip_ratio * sd),)
+
+    def _acts_by_prior(self, increment: BodyIncrement) -> bool:
+        """Return whether nothing has measured the slip of an increment."""
+        return not increment.is_measured and not (self._is_compensated and increment.is_sure)
 
     def _let_slip_change(self, ground_m: float, state: list[float]) -> None:
         """Set the slip's part of transition, noise and `state` for a travel of `ground_m`.
 
-        All slips go on changing; one of them acts. Slip belongs to a place: while the wheels turn and the
-        rover stays where it is, it is the same.
+        All slips go on changing, also those that do not act. Slip belongs to a place: while the wheels turn
+        and the rover stays where it is, it is the same.
         """
         keep = math.exp(-ground_m / self._settings.slip_distance_m)
+        assumed = math.exp(-ground_m / self.prior.distance_m)
         self._slip_slopes[:] = 0.0
         self._slip_keeps[:] = keep
         self._slip_noises[:] = 1.0 - keep * keep
-        for index in range(self._layout.first_slip, self._layout.first_slip + 2 * self._layout.slip_pairs):
-            state[index] *= keep
+        self._slip_keeps[self._assumed] = assumed
+        self._slip_noises[self._assumed] = 1.0 - assumed * assumed
+        for index, kept in enumerate(self._slip_keeps.tolist(), self._layout.first_slip):
+            state[index] *= kept
 
     def _let_measured_slip_change(self, rolled_m: float, before: list[float], state: list[float]) -> None:
         """Let the slip that a camera measures walk at random over the travel of the wheels.
 
         It does not return to zero by itself: then it would lag behind a slip that stays.
         """
-        first = 2 * self._layout.estimated_pairs
+        first = self._layout.measured_slip - self._layout.first_slip
         index = self._layout.measured_slip
         state[index : index + 2] = before
         self._slip_keeps[first:] = 1.0
@@ -218,6 +239,8 @@ class MotionTransition:
         )
         if increment.is_measured:
             noise_m_sqrt_m = ESTIMATION.ground.noise_m_sqrt_m
+        elif self.prior.noise_m_sqrt_m is not None and self._acts_by_prior(increment):
+            noise_m_sqrt_m = self.prior.noise_m_sqrt_m
         position_m2 = noise_m_sqrt_m**2 * distance_m
         yaw_rad2 = 0.0
         by_wheels_rad: float | None = turn.angle_rad

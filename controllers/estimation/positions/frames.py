@@ -2,6 +2,7 @@
 
 import cmath
 import math
+from collections.abc import Iterator
 from typing import ClassVar
 
 import numpy as np
@@ -18,6 +19,7 @@ from controllers.estimation.positions.jumps import PositionJumps
 from controllers.estimation.positions.pose_fix import PoseFix, has_yaw, place_then
 from controllers.estimation.positions.relation import PositionRelation
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.slip_prior.prior import UNKNOWN, SlipPrior
 from controllers.motion.planar import wrap_angle
 from drivers.samples import PoseFixSample, Sample
 
@@ -36,18 +38,22 @@ class PositionFrames:
 
     Args:
         pose_filter: With states for the origin of each device.
-        settings: Gate of consistent fixes, and the slip that is expected.
+        settings: Gate of consistent fixes.
+        unknown: Slip that is expected at most.
     """
 
     kind: ClassVar[type[Sample]] = PoseFixSample
 
-    def __init__(self, pose_filter: PoseFilter, settings: FilterSettings) -> None:
+    def __init__(
+        self, pose_filter: PoseFilter, settings: FilterSettings, unknown: SlipPrior = UNKNOWN
+    ) -> None:
         self._poses, self._filter = pose_filter, pose_filter.kalman
         self._origins = pose_filter.layout.origins
         # The chance of two normal deviates beyond this distance is that of the gate.
         gate_sd = math.sqrt(-2.0 * math.log1p(-settings.gate_probability))
         self._jumps = {device: PositionJumps(gate_sd) for device in self._origins}
-        self._relations = {device: PositionRelation(settings, gate_sd) for device in self._origins}
+        self._relations = {device: PositionRelation(settings, gate_sd, unknown) for device in self._origins}
+        self._taken: set[str] = set()
         self._reckoned_m = 0j
         self._rejections: dict[str, int] = {}
         self._unoriented: dict[str, PathAlignment] = {}
@@ -72,6 +78,15 @@ class PositionFrames:
         """Take a motion of the body by wheels and gyro, before the pose is corrected."""
         yaw_rad = self._filter.value(YAW) - 0.5 * turn_rad
         self._reckoned_m += way_m * cmath.rect(1.0, yaw_rad)
+
+    def compare(self, prior: SlipPrior) -> Iterator[tuple[str, float, float]]:
+        """Yield each device with new positions, and how far its travel is off that of the wheels.
+
+        See `PositionRelation.compare`.
+        """
+        for device in sorted(self._taken):
+            yield device, *self._relations[device].compare(prior)
+        self._taken.clear()
 
     def source(self, sample: PoseFixSample) -> str | None:
         """Return the device; None for one whose frame is no state."""
@@ -170,6 +185,7 @@ class PositionFrames:
     def _relate(self, model: PoseFix, std_m: float) -> None:
         """Compare a fix with dead reckoning."""
         fix, state = model.fix, self._filter.state
+        self._taken.add(fix.device)
         reckoned = np.array([self._reckoned_m.real, self._reckoned_m.imag, state[YAW]])
         then_m, _ = place_then(reckoned, fix, model.way_back)
         relation, covariance = self._relations[fix.device], self._filter.covariance

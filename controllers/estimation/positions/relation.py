@@ -5,6 +5,7 @@ import math
 from collections import deque
 
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.slip_prior.prior import UNKNOWN, SlipPrior
 from drivers.record import record
 
 WINDOW = 8.0
@@ -27,6 +28,13 @@ ALIKE = math.cos(math.pi / 4.0)
 
 APART_SD = 2.0
 """The other place is so many standard deviations off the estimate: in the 95 % region, which reaches 2.4."""
+
+
+FAR_SPACING_M = 0.1
+"""Path between the newest two places that are kept for `PositionRelation.compare`."""
+
+FAR_SHARE = 0.2
+"""Path between two of them that are older, as a share of the path since then."""
 
 
 @record(frozen=True, slots=True, kw_only=True)
@@ -76,8 +84,9 @@ class PositionRelation:
     was carried. Of positions with a yaw only that is doubted, until the rover has driven on.
 
     Args:
-        settings: Slip that is expected.
+        settings: Distance over which places are compared.
         gate_sd: Noise is smaller than so many of its standard deviations.
+        prior: Slip that is expected.
 
     Attributes:
         doubted_m: By how much the positions may be wrong, in the local frame; 0 without a conflict.
@@ -87,9 +96,11 @@ class PositionRelation:
         is_unexpected: Whether the difference is larger than the expected slip makes it.
     """
 
-    def __init__(self, settings: FilterSettings, gate_sd: float) -> None:
-        self._slip_sd, self._slip_distance_m = settings.unsure_slip_sd, settings.slip_distance_m
+    def __init__(self, settings: FilterSettings, gate_sd: float, prior: SlipPrior = UNKNOWN) -> None:
+        self._prior, self._slip_distance_m = prior, settings.slip_distance_m
         self._gate_sd = gate_sd
+        self._far: list[_Place] = []
+        self._axes = _Axes(turn=1.0 + 0j, sd_rad=math.pi)
         self._places: deque[_Place] = deque()
         self._begin: _Place | None = None
         self._newest: _Place | None = None
@@ -125,7 +136,7 @@ class PositionRelation:
             return  # the filter rejects it, too
         rolled_m = 0.0 if self._newest is None else path_m - self._newest.path_m
         now = self._newest = _Place(place_m=place_m, reckoned_m=reckoned_m, std_m=std_m, path_m=path_m)
-        turned = _Axes(turn=axes, sd_rad=yaw_sd_rad)
+        turned = self._axes = _Axes(turn=axes, sd_rad=yaw_sd_rad)
         while self._places and path_m - self._places[0].path_m > WINDOW * self._slip_distance_m:
             self._places.popleft()
         apart_m = (
@@ -157,6 +168,27 @@ class PositionRelation:
                 path_m=self._begin.path_m,
             )
 
+    def compare(self, prior: SlipPrior) -> tuple[float, float]:
+        """Return how far the newest place is off, by the places at ever greater distances behind it.
+
+        Args:
+            prior: Slip that is assumed.
+
+        Returns:
+            Greatest difference of the travel in standard deviations, and this difference in m.
+        """
+        now = self._newest
+        if now is None:
+            return 0.0, 0.0
+        found = (
+            (self._deviations(now, far, self._axes, prior), abs(self._axes.apart_m(now, far)))
+            for far in self._far
+        )
+        greatest = max(found, default=(0.0, 0.0))
+        if not self._far or now.path_m - self._far[-1].path_m > max(FAR_SPACING_M, now.std_m):
+            self._far = [*_thinned(self._far, now.path_m), now]
+        return greatest
+
     def _doubt_impossible(self, path_m: float) -> None:
         if self.impossible_m:
             self._impossible_path_m = path_m
@@ -180,9 +212,9 @@ class PositionRelation:
 
     def _find_conflict(self, now: _Place, axes: _Axes) -> _Place | None:
         """Return the place since which the difference is least expected; None where slip explains it."""
-        worst = max(self._places, key=lambda before: self._deviations(now, before, axes), default=None)
-        is_conflict = worst is not None and self._deviations(now, worst, axes) > EXPECTED_SD
-        return worst if is_conflict else None
+        found = [(self._deviations(now, before, axes, self._prior), before) for before in self._places]
+        deviations, worst = max(found, key=lambda each: each[0], default=(0.0, None))
+        return worst if deviations > EXPECTED_SD else None
 
     def _moves_alike(self, now: _Place, begin: _Place, axes: _Axes) -> bool:
         """Return whether the newest travel, twice the distance of the slip, agrees along the doubt."""
@@ -193,7 +225,7 @@ class PositionRelation:
         travel_m = now.reckoned_m - before.reckoned_m
         along_m2 = abs((travel_m * self.doubted_m.conjugate()).real)
         is_along = along_m2 >= ALIKE * abs(travel_m) * abs(self.doubted_m)
-        return is_along and self._deviations(now, before, axes) < EXPECTED_SD
+        return is_along and self._deviations(now, before, axes, self._prior) < EXPECTED_SD
 
     @property
     def _least_m(self) -> float:
@@ -205,24 +237,47 @@ class PositionRelation:
 
     def _is_unexpected(self, now: _Place, before: _Place, axes: _Axes) -> bool:
         share = self._beyond(now, before, axes, self._gate_sd)
-        return self._deviations(now, before, axes, share) > UNEXPECTED_SD
+        return self._deviations(now, before, axes, self._prior, share) > UNEXPECTED_SD
 
     def _beyond(self, now: _Place, before: _Place, axes: _Axes, noise_sd: float) -> float:
         """Return the share of a difference beyond so many deviations of the noise, 0 to 1."""
         apart_m = abs(axes.apart_m(now, before))
         return max(0.0, 1.0 - noise_sd * math.hypot(now.std_m, before.std_m) / apart_m) if apart_m else 0.0
 
-    def _deviations(self, now: _Place, before: _Place, axes: _Axes, share: float = 1.0) -> float:
+    def _deviations(
+        self, now: _Place, before: _Place, axes: _Axes, prior: SlipPrior, share: float = 1.0
+    ) -> float:
         """Return a share of the difference over what is expected: the root of squares along and across.
 
         Only across the travel a wrong yaw shifts the place.
         """
         travel_m = now.reckoned_m - before.reckoned_m
-        ways = (now.path_m - before.path_m) / self._slip_distance_m
-        slip_m2 = 2.0 * (self._slip_sd * self._slip_distance_m) ** 2 * (ways + math.expm1(-ways))
-        along_m2 = slip_m2 + now.std_m**2 + before.std_m**2
-        across_m2 = along_m2 + (axes.sd_rad * abs(travel_m)) ** 2
+        path_m = now.path_m - before.path_m
+        ways_m2 = _integrated_m2(path_m, prior.distance_m)
+        local_m2 = _integrated_m2(path_m, self._slip_distance_m)
+        noise_m2 = now.std_m**2 + before.std_m**2 + (prior.noise_m_sqrt_m or 0.0) ** 2 * path_m
+        along_m2 = prior.sd**2 * ways_m2 + prior.local_sd**2 * local_m2 + noise_m2
+        slip_m2 = prior.cross_sd**2 * ways_m2 + prior.local_cross_sd**2 * local_m2
+        across_m2 = slip_m2 + noise_m2 + (axes.sd_rad * abs(travel_m)) ** 2
         apart_m = share * axes.apart_m(now, before)
         if travel_m:
             apart_m *= travel_m.conjugate() / abs(travel_m)
         return math.sqrt(apart_m.real**2 / along_m2 + apart_m.imag**2 / across_m2)
+
+
+def _integrated_m2(path_m: float, distance_m: float) -> float:
+    """Return the variance of the integral of a Gauss-Markov process of variance 1 over a path."""
+    share = path_m / distance_m
+    return 2.0 * distance_m**2 * (share + math.expm1(-share))
+
+
+def _thinned(places: list[_Place], path_m: float) -> list[_Place]:
+    """Return places without those that are close to each other, measured by the path since them."""
+    kept = places[:1]
+    for place, following in zip(places[1:], [*places[2:], None], strict=False):
+        is_close = following is not None and following.path_m - kept[-1].path_m < FAR_SHARE * (
+            path_m - following.path_m
+        )
+        if not is_close:
+            kept.append(place)
+    return kept

@@ -157,6 +157,7 @@ class EffortCompensator(SlipEstimator[SlipReport]):
         excited, force = self.excited, self.free_force
         return SlipEvidence(
             slip=None if excited is None or excited.slip.reason else excited.slip.slip,
+            slip_sd=1.0 if excited is None else excited.slip.sd,
             lost_response="" if excited is None else excited.lost_response,
             # Fixes measure the slip themselves.
             unknown_share=(

@@ -149,6 +149,7 @@ function showTables(v, data) {
     ["log", data.run_name ? `${data.run_name}, ${(data.log_bytes / 1e6).toFixed(2)} MB, ${v.cycles} cycles` : "closed"],
     ["slip not valid or unsure", v.slip_reason || "–"],
     ["may be wrong", v.suspicion || "–"],
+    ["ground", v.assumed || "–"],
     ["orders refused", data.refused ? `${data.refused}: no finite numbers` : "none"],
     ["behind real time", v.lost_s > 0.05 ? v.lost_s.toFixed(1) + " s: this computer is too slow" : "no"],
   ].map(([name, value]) => [cell(name), cell(value)]));

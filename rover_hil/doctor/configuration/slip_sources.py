@@ -2,6 +2,9 @@
 
 from collections.abc import Iterator
 
+from controllers.check_manoeuvre.plan import skids_in_rotations
+from controllers.motion.kinematics import make_kinematics
+from controllers.motion.steering import SteeringAngles
 from controllers.slip.effort.settings import YAW_PROBE
 from rover_hil.config import Config
 from rover_hil.run.excitation import for_real_rover
@@ -19,6 +22,37 @@ def describe_slip_sources(config: Config) -> str:
     With ground motion also the error of the travel that the tolerance of the rig makes.
     """
     return ", then ".join(_sources(config))
+
+
+def describe_ground(config: Config) -> str:
+    """Return what is assumed about slip that nothing measures, and which sensors test that while driving."""
+    words = config.ground.words
+    if config.ground.slip == "unknown":
+        return words
+    testers = list(_testers(config))
+    if not testers:
+        return f"{words}; nothing on this rover can contradict this"
+    sees_all = any(is_for_all for _, is_for_all in testers)
+    alike = "" if sees_all else "; slip of all wheels alike on a straight path would not be noticed"
+    return f"{words}, tested by {', '.join(name for name, _ in testers)}{alike}"
+
+
+def _testers(config: Config) -> Iterator[tuple[str, bool]]:
+    """Yield what may contradict the assumption, and whether it sees slip of all wheels alike."""
+    if config.ground_motion is not None and config.roles.camera is not None:
+        yield config.roles.camera, True
+    for device in config.fix_sources:
+        yield device, True
+    slip = for_real_rover(config)[0].slip
+    if slip is not None and slip.use == YAW_PROBE:
+        yield "yaw excitation", True
+    if config.roles.gyro is not None and not skids_in_rotations(config.rover):
+        yield f"{config.roles.gyro} against the wheels in rotations", False
+    kinematics = make_kinematics(config.rover)
+    straight_rad = SteeringAngles(kinematics.steering_rates_rad_s).angles_rad
+    residuals = kinematics.residuals((0.0,) * kinematics.wheel_count, straight_rad)
+    if residuals is not None and residuals.redundant:
+        yield "the wheels against each other", False
 
 
 def _sources(config: Config) -> Iterator[str]:

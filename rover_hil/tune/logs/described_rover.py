@@ -14,8 +14,9 @@ from rover_hil.tune.parameters import unit_of
 OF_GYRO = {"gyro_noise_rad_sqrt_s": (1e-5, 0.05), "gyro_rate_noise_rad_s": (1e-4, 0.1)}
 OF_WHEELS = {"wheel_yaw_noise_rad_sqrt_rad": (1e-3, 1.0), "wheel_yaw_noise_rad_sqrt_m": (1e-3, 1.0)}
 OF_HEADINGS = {"heading_noise_rad": (0.005, 0.5)}
-OF_SLIP = {"unsure_slip_sd": (1e-3, 1.0)}
-"""Keys of [filter] that are tuned where nothing is marked, with their ranges: those of the shipped rovers."""
+OF_SLIP = {"slip_sd": (1e-3, 1.0)}
+"""Keys of [filter], and of [ground], that are tuned where nothing is marked, with the ranges of the shipped
+rovers."""
 
 
 class TunedRover(NamedTuple):
@@ -44,6 +45,9 @@ def tuned_rover(source: str) -> TunedRover:
     config = load_rover(source)
     if config.tune is None or config.tune.logs is None:
         tune = config.tune or TuneSettings()
+        if config.ground.slip != "firm":
+            ground = config.ground.model_copy(update={"slip_sd": config.ground.prior().sd})
+            config = config.model_copy(update={"ground": ground})
         logs = LogTuneSettings(parameters=dict(_sensor_noise(config)))
         config = config.model_copy(update={"tune": tune.model_copy(update={"logs": logs})})
     return TunedRover(config, _text_of(config))
@@ -52,20 +56,21 @@ def tuned_rover(source: str) -> TunedRover:
 def _sensor_noise(config: Config) -> Iterator[tuple[str, TunableSettings]]:
     """Yield the noise of the sensors of a rover with its ranges, which contain the present values."""
     roles = config.roles
-    ranges = (
-        OF_SLIP | (OF_WHEELS if roles.gyro is None else OF_GYRO) | (OF_HEADINGS if roles.headings else {})
-    )
-    for key, (low, high) in ranges.items():
-        present = getattr(config.filter, key)
-        yield (
-            f"filter.{key}",
-            TunableSettings(
-                low=min(low, present) if present > 0.0 else low,
-                high=max(high, present),
-                scale="log",
-                unit=unit_of(key) or "1",
-            ),
-        )
+    of_filter = (OF_WHEELS if roles.gyro is None else OF_GYRO) | (OF_HEADINGS if roles.headings else {})
+    # The numbers of firm ground are fixed.
+    of_ground = {} if config.ground.slip == "firm" else OF_SLIP
+    for section, ranges in (("ground", of_ground), ("filter", of_filter)):
+        for key, (low, high) in ranges.items():
+            present = getattr(getattr(config, section), key)
+            yield (
+                f"{section}.{key}",
+                TunableSettings(
+                    low=min(low, present) if present > 0.0 else low,
+                    high=max(high, present),
+                    scale="log",
+                    unit=unit_of(key) or "1",
+                ),
+            )
 
 
 def _text_of(config: Config) -> str:

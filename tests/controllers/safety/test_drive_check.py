@@ -104,7 +104,7 @@ def test_a_suspicion_of_the_estimator_is_a_finding_when_it_begins(
     reported = []
     faults = (None, gyro, gyro, both, gyro, None, gyro, stuck, stuck)
     for now_ns, fault in enumerate(faults):
-        check.update(make_cycle(now_ns=now_ns), fault)
+        check.update(make_cycle(now_ns=now_ns), () if fault is None else (fault,))
         reported.append([(finding.cause, finding.text) for finding in check.findings])
     begun = [
         [(WHEELS_CONTRADICTED, each.text)] if each else []
@@ -119,7 +119,7 @@ def test_the_wording_of_a_fault_does_not_decide_whether_it_is_the_same(
     check, _ = scripted
     found = 0
     for now_ns in range(5):
-        check.update(make_cycle(now_ns=now_ns), Fault("1", Cause.STUCK_ENCODER, f"for {now_ns} s"))
+        check.update(make_cycle(now_ns=now_ns), (Fault("1", Cause.STUCK_ENCODER, f"for {now_ns} s"),))
         found += len(check.findings)
     assert found == 1
 

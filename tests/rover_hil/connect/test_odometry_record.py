@@ -21,6 +21,7 @@ from rover_hil.recording.schema import (
 from rover_hil.run.driving import run_virtual
 
 DRIVE_S = 12.0
+ROBOTINO = load_config("robotino")
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +34,7 @@ def drive(
     log = LogReader(path)
     messages = list(log.messages())
     truth = {each.t_ns: log.parse(each, TRUTH_SHAPE) for each in messages if each.topic == TRUTH}
-    recorder = OdometryRecorder(config.filter)
+    recorder = OdometryRecorder(config.filter, config.ground)
     found = []
     for each in messages:
         if each.topic == ESTIMATE:
@@ -74,7 +75,7 @@ def test_stamps_grow_and_are_those_of_the_wheels(
 def test_an_estimate_that_is_not_newer_or_not_finite_gives_no_record(
     drive: list[tuple[EstimateRecord, OdometryRecord, TruthRecord]],
 ) -> None:
-    recorder = OdometryRecorder(load_config("robotino").filter)
+    recorder = OdometryRecorder(ROBOTINO.filter, ROBOTINO.ground)
     first, second = drive[100][0], drive[101][0]
     assert recorder.record(0, first) is not None
     assert recorder.record(0, first) is None
@@ -88,7 +89,7 @@ def test_slip_that_is_not_valid_widens_the_velocity_and_says_why(
     pairs = [(cycle, record) for cycle, record, _ in drive if record["slip"] is not None]
     cycle, record = pairs[-1]
     assert record["slip_reason"] == ""
-    recorder = OdometryRecorder(load_config("robotino").filter)
+    recorder = OdometryRecorder(ROBOTINO.filter, ROBOTINO.ground)
     before: EstimateRecord = {
         **cycle,
         "estimate": {**cycle["estimate"], "t_ns": cycle["estimate"]["t_ns"] - 20_000_000},
