@@ -10,12 +10,12 @@ from controllers.estimation.dead_reckoning import DeadReckoned
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.ground.travel import GroundMeter, GroundReport, GroundTravel
+from controllers.estimation.ground_assumption.assumption import SlipAssumption
 from controllers.estimation.headings.motor_field import MotorFieldCorrection
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pauses import PauseWatch
 from controllers.estimation.pose_estimate import PoseEstimate
 from controllers.estimation.slip_compensator import NO_SLIP_EVIDENCE
-from controllers.estimation.slip_prior.assumption import SlipAssumption
 from controllers.estimation.wheels.contradiction import ContradictionReport
 from controllers.estimation.wheels.evidence import WheelSetpoints
 from controllers.estimator import Estimator

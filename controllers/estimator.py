@@ -15,6 +15,8 @@ from controllers.estimation.filter.reader import Situation, late
 from controllers.estimation.filter.transition import Turn
 from controllers.estimation.ground.follower import GroundFollower
 from controllers.estimation.ground.travel import GroundTravel
+from controllers.estimation.ground_assumption.assumption import SlipAssumption
+from controllers.estimation.ground_assumption.follower import AssumptionFollower
 from controllers.estimation.gyro.integrator import GyroIntegrator
 from controllers.estimation.gyro.standstill import StandstillWatch
 from controllers.estimation.gyro.standstill_follower import StandstillFollower
@@ -29,9 +31,7 @@ from controllers.estimation.positions.frames import PositionFrames
 from controllers.estimation.sample_intake import SampleIntake
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.slip_compensator import SlipCompensator
-from controllers.estimation.slip_prior.assumption import SlipAssumption
-from controllers.estimation.slip_prior.follower import AssumptionFollower
-from controllers.estimation.slip_prior.prior import UNKNOWN
+from controllers.estimation.slip_prior import UNKNOWN
 from controllers.estimation.wheels.bounds import WheelBounds
 from controllers.estimation.wheels.contradiction import WheelContradiction
 from controllers.estimation.wheels.evidence import WheelEvidence, WheelSetpoints, wheel_evidence

@@ -6,8 +6,8 @@ from typing import Annotated, Self
 
 from pydantic import AliasChoices, Field, model_validator
 
+from controllers.estimation.ground_settings import GroundSettings
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.slip_prior.settings import GroundSettings
 from controllers.ground_motion.settings import GroundMotionSettings
 from controllers.motion.rover_geometry import (
     OmniRoverSettings,

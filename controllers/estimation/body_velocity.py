@@ -2,11 +2,11 @@
 
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.ground.follower import GroundFollower
+from controllers.estimation.ground_assumption.assumption import SlipAssumption
 from controllers.estimation.gyro.integrator import GyroIntegrator
 from controllers.estimation.gyro.turn_source import TurnSource
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.slip_compensator import SlipCompensator
-from controllers.estimation.slip_prior.assumption import SlipAssumption
 from controllers.estimation.wheels.odometry import WheelOdometry
 from controllers.motion.body_motion import BodyMotion
 

@@ -2,9 +2,9 @@
 
 import math
 
+from controllers.estimation.ground_settings import GroundSettings
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.slip_prior.settings import GroundSettings
 from rover_hil.connect.records import OdometryRecord
 from rover_hil.recording.schema import EstimateRecord, PoseEstimateRecord, PoseRecord
 

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from controllers.estimation.ground_assumption.assumption import SlipAssumption
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.slip_prior.assumption import SlipAssumption
-from controllers.estimation.slip_prior.prior import SlipPrior
+from controllers.estimation.slip_prior import SlipPrior
 from controllers.estimator import Estimator
 from controllers.ftrace.reading import Rates, TraceReading
 from controllers.motion.kinematics import make_kinematics

@@ -11,7 +11,7 @@ from controllers.estimation.filter.slip_states import SlipStates
 from controllers.estimation.filter.transition import Turn
 from controllers.estimation.positions.frames import PositionFrames
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.slip_prior.prior import UNKNOWN, SlipPrior
+from controllers.estimation.slip_prior import UNKNOWN, SlipPrior
 from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.planar import Pose, wrap_angle
 from drivers.samples import PoseFixSample

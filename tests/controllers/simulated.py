@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controllers.control_loop import ControlLoop, StepOutput
+from controllers.estimation.ground_settings import GroundSettings
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.slip_prior.settings import GroundSettings
 from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings
 from controllers.motion.settings import LimitSettings, MissionSettings, RectangleMission, WaypointsMission
 from controllers.roles import DeviceRoles

@@ -7,9 +7,9 @@ import pytest
 
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.estimation.filter.guarded_filter import Innovation
+from controllers.estimation.ground_settings import GroundSettings
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.slip_prior.settings import GroundSettings
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode
 from drivers.samples import (

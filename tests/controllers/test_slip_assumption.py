@@ -9,10 +9,10 @@ from pydantic import ValidationError
 from controllers.control_loop import ControlLoop, StepOutput
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.transition import Turn
+from controllers.estimation.ground_settings import GroundSettings
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.slip_prior.prior import FIRM, UNKNOWN, SlipPrior
-from controllers.estimation.slip_prior.settings import GroundSettings
+from controllers.estimation.slip_prior import FIRM, UNKNOWN, SlipPrior
 from controllers.estimation.wheels.odometry import BodyIncrement
 from tests.controllers.simulated import LONG_WAY, ROLES, make_settings, omni_rover, run
 

@@ -9,7 +9,7 @@ from controllers.estimation.filter.motion_history import WayBack
 from controllers.estimation.filter.transition import Turn
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.slip_prior.prior import SlipPrior
+from controllers.estimation.slip_prior import SlipPrior
 from controllers.estimation.wheels.odometry import BodyIncrement
 from drivers.samples import PoseFixSample
 from tests.controllers.floor_fixes import NO_SLIP, PositionFilter

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from controllers.control_loop import ControlLoop, StepOutput
-from controllers.estimation.slip_prior.settings import GroundSettings
+from controllers.estimation.ground_settings import GroundSettings
 from controllers.motion.settings import WaypointsMission
 from controllers.roles import DeviceRoles
 from controllers.safety import Mode

@@ -14,7 +14,7 @@ from controllers.estimation.filter.slip_states import SlipStates
 from controllers.estimation.filter.state_layout import BIAS, YAW, X, Y, lay_out
 from controllers.estimation.filter.transition import MotionTransition, Turn
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.slip_prior.prior import UNKNOWN, SlipPrior
+from controllers.estimation.slip_prior import UNKNOWN, SlipPrior
 from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.motion.planar import Pose
 

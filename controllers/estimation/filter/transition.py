@@ -13,7 +13,7 @@ from controllers.estimation.filter.state_layout import BIAS, YAW, StateLayout, X
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.slip_prior.prior import SlipPrior
+from controllers.estimation.slip_prior import SlipPrior
 from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.matrices import complex_product, product
 from controllers.motion.planar import Pose, move

@@ -19,7 +19,7 @@ from controllers.estimation.positions.jumps import PositionJumps
 from controllers.estimation.positions.pose_fix import PoseFix, has_yaw, place_then
 from controllers.estimation.positions.relation import PositionRelation
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.slip_prior.prior import UNKNOWN, SlipPrior
+from controllers.estimation.slip_prior import UNKNOWN, SlipPrior
 from controllers.motion.planar import wrap_angle
 from drivers.samples import PoseFixSample, Sample
 

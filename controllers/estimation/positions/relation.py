@@ -5,7 +5,7 @@ import math
 from collections import deque
 
 from controllers.estimation.settings import FilterSettings
-from controllers.estimation.slip_prior.prior import UNKNOWN, SlipPrior
+from controllers.estimation.slip_prior import UNKNOWN, SlipPrior
 from drivers.record import record
 
 WINDOW = 8.0

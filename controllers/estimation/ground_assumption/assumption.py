@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from controllers.estimation.ground.travel import GroundPair
 from controllers.estimation.slip_compensator import SlipEvidence
-from controllers.estimation.slip_prior.prior import SlipPrior
+from controllers.estimation.slip_prior import SlipPrior
 from controllers.estimation.wheels.contradiction import ContradictionReport
 from controllers.estimation.wheels.turn_evidence import TurnEvidence
 from controllers.fault import Cause, Fault, Severity

@@ -7,11 +7,11 @@ from dataclasses import replace
 from controllers.estimation.filter.motion_history import Step
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.ground.follower import GroundFollower
+from controllers.estimation.ground_assumption.assumption import GyroNoise, SlipAssumption
 from controllers.estimation.gyro.turn_source import TurnSource
 from controllers.estimation.positions.frames import PositionFrames
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.slip_compensator import SlipCompensator
-from controllers.estimation.slip_prior.assumption import GyroNoise, SlipAssumption
 from controllers.estimation.wheels.contradiction import WheelContradiction
 from controllers.estimation.wheels.odometry import BodyIncrement
 

@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from controllers.estimation.slip_prior.prior import FIRM, UNKNOWN, SlipPrior
+from controllers.estimation.slip_prior import FIRM, UNKNOWN, SlipPrior
 from drivers.settings import Settings
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
