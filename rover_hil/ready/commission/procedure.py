@@ -14,6 +14,7 @@ import typer
 from controllers.control_loop import StepOutput
 from controllers.motion.settings import WaypointsMission
 from controllers.slip.effort.settings import YAW_PROBE
+from drivers.clock import date_of, wall_time_ns
 from drivers.errors import ConfigError, LogError
 from rover_hil.config import Config
 from rover_hil.console.ask import ask, ask_number
@@ -35,8 +36,9 @@ from rover_hil.pages.atomic_write import refuse_overwrite, write_file
 from rover_hil.pages.picture import Drawing
 from rover_hil.ready.commission.drive import Poses, read_poses
 from rover_hil.ready.commission.figures import draw_drives, draw_errors
+from rover_hil.ready.commission.ground import LEAST_LEGS, LearnedGround, learn_ground
 from rover_hil.ready.commission.learning import LearnedReading, learn_reading
-from rover_hil.ready.commission.worth import Worth, find_worth
+from rover_hil.ready.commission.worth import LEAST_LEG_M, Worth, find_worth
 from rover_hil.ready.procedure import Drive, Entry, Facts, Procedure, Request, Results, run
 from rover_hil.ready.turns import DEFAULT_SPEED_M_S, with_gains
 from rover_hil.recording.data_files import restore_config
@@ -121,7 +123,11 @@ def commission(
     ] = False,
     enter: Annotated[
         bool,
-        typer.Option("--enter", help="Allow the yaw excitation in the configuration, where it has passed."),
+        typer.Option(
+            "--enter",
+            help="Enter the slip of this ground into the configuration, and allow the yaw excitation, where "
+            "it has passed.",
+        ),
     ] = False,
     force: ForceOption = False,
     as_json: JsonOption = False,
@@ -183,17 +189,14 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
         self._is_virtual = False
         self._presses_ns: list[int] = []
         self._learned: LearnedReading | None = None
+        self._ground: LearnedGround | None = None
 
     def configure(self, request: Request, config: Config | None) -> Path | None:
         self._config = config
         self._is_excited = config is not None and config.slip is not None and config.slip.use == YAW_PROBE
         self._enters = request.enter
         if request.enter and request.virtual:
-            raise ConfigError("--enter: the excitation must pass on the real rover: leave --virtual out")
-        if request.enter and not self._is_excited:
-            raise ConfigError(
-                f'--enter: {request.source} does not excite the yaw: set use = "yaw_probe" in [slip] first'
-            )
+            raise ConfigError("--enter: the real rover must be commissioned: leave --virtual out")
         return request.out
 
     def drives(self, config: Config) -> Sequence[Drive]:
@@ -257,6 +260,7 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
         if self._is_excited and config is not None and config.slip is not None and _measures_slip(config):
             logs = [poses.path for _, poses, _ in record]
             self._learned = learn_reading(logs, logs[0].parent / LEARNED_NAME, config.slip)
+        self._ground = learn_ground([(poses, marks) for _, poses, marks in record])
         return find_worth(record)
 
     def title(self, record: Sequence[MeasuredDrive], result: Worth) -> str:
@@ -293,6 +297,8 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
             is_entered = self._enters and not result.doubts
             words = _excitation_words(result, is_virtual=is_virtual, is_entered=is_entered)
             facts.append(("yaw excitation", words))
+        few = f"not learned: fewer than {LEAST_LEGS} legs of {LEAST_LEG_M:g} m with a measured yaw at the end"
+        facts.append(("ground", few if self._ground is None else self._ground.words))
         if self._learned is not None:
             facts.append(("learned reading", self._learned.words))
         return facts
@@ -308,6 +314,7 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
             "marks_inside_95": result.inside,
             "covariance_factor": result.growth,
             "doubts": list(result.doubts),
+            "ground": None if self._ground is None else self._ground._asdict(),
             "learned_bracket": None if learned is None else learned.model_dump(mode="json"),
             "report": str((out or Path()) / PAGE_NAME),
         }
@@ -327,15 +334,26 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
         )
 
     def entries(self, record: Sequence[MeasuredDrive], result: Worth, out: Path | None) -> Sequence[Entry]:
-        """Return the key that allows the excitation of the real rover.
+        """Return what is assumed about the ground, and the key that allows the excitation of the real rover.
 
         Raises:
-            ConfigError: The drives were made without it, or by the simulated rover.
+            ConfigError: The drives were made by the simulated rover, or without the excitation.
         """
         if not self._enters or self._config is None:
             return ()
-        _require_excited(self._config, self.source, record)
-        return (Entry("slip", "excite_real_rover", True),)
+        _require_same(self._config, self.source, record)
+        entries = [Entry("slip", "excite_real_rover", True)] if self._is_excited else []
+        if self._ground is None:
+            return entries
+        learned = {
+            "slip": "learned",
+            "slip_mean": round(self._ground.mean, 4),
+            "slip_sd": round(self._ground.sd, 4),
+            "cross_slip_sd": round(self._ground.cross_sd, 4),
+            "source": str(record[0][1].path.parent),
+            "learned_on": date_of(wall_time_ns()).isoformat(),
+        }
+        return [*entries, *(Entry("ground", key, value) for key, value in learned.items())]
 
 
 def _true_marks(log: Path, stops_s: Array, sd_m: float, rng: np.random.Generator) -> Marks:
@@ -408,8 +426,8 @@ def _read(log: Path, name: str) -> MeasuredDrive:
     return name, poses, marks
 
 
-def _require_excited(config: Config, source: str, drives: Sequence[MeasuredDrive]) -> None:
-    """Check that the drives which passed had the excitation that is to be entered, on the real rover."""
+def _require_same(config: Config, source: str, drives: Sequence[MeasuredDrive]) -> None:
+    """Check that the drives which passed were those of the real rover, with what is to be entered."""
     for _, poses, _ in drives:
         if poses.is_virtual:
             raise ConfigError(f"--enter: {poses.path} is of the simulated rover: commission the real one")
