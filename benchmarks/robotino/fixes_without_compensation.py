@@ -3,7 +3,7 @@
     python -m benchmarks.robotino.fixes_without_compensation [--missions 40] [--first 500] [--workers 1]
 
 Each mission drives the rectangle on a random site, with an overhead camera, without [slip], and with
-`unsure_slip_sd` of [filter] as the only setting of the filter. Prints for each value how the missions ended,
+`slip_sd` of [ground] as the only setting of the estimate. Prints for each value how the missions ended,
 how often fixes displaced against the estimate stopped the rover, and NEES over 3 and error of the pose, every
 half second of driving.
 """
@@ -26,16 +26,16 @@ VALUES = (0.0, 0.1, 0.2, 0.3, 0.4)
 EVERY_CYCLES = 25
 
 
-def configured(seed: int, unsure_slip_sd: float, fixes_per_s: float) -> Config:
+def configured(seed: int, slip_sd: float, fixes_per_s: float) -> Config:
     """Return the shipped Robotino on a random site, with fixes and without compensation."""
     table = robotino(seed).model_dump(by_alias=True)
-    table["slip"], table["filter"] = None, {"unsure_slip_sd": unsure_slip_sd}
+    table["slip"], table["filter"], table["ground"] = None, {}, {"slip_sd": slip_sd}
     return with_fixes(Config.model_validate(table), fixes_per_s)
 
 
-def mission(seed: int, unsure_slip_sd: float, fixes_per_s: float) -> tuple[str, int, float, float]:
+def mission(seed: int, slip_sd: float, fixes_per_s: float) -> tuple[str, int, float, float]:
     """Drive one mission; return its last mode, stops by displaced fixes, mean NEES and squared error."""
-    driven = drive(configured(seed, unsure_slip_sd, fixes_per_s))
+    driven = drive(configured(seed, slip_sd, fixes_per_s))
     running = [moment for moment in driven.moments if moment.output.mode is Mode.RUNNING][::EVERY_CYCLES]
     return (
         driven.mode.value,
@@ -65,7 +65,7 @@ def main() -> None:
     for index, (rate, value) in enumerate(groups):
         ends, stops, nees, error_m2 = zip(*results[index * len(seeds) :][: len(seeds)], strict=True)
         print(
-            f"{rate:g} fixes/s  unsure_slip_sd {value:g}  displaced {sum(stops):3} times in "
+            f"{rate:g} fixes/s  slip_sd {value:g}  displaced {sum(stops):3} times in "
             f"{sum(map(bool, stops)):2} missions  NEES/3 {fmean(nees) / 3:.2f}  "
             f"error {math.sqrt(fmean(error_m2)):.3f} m  {dict(Counter(ends))}"
         )

@@ -29,6 +29,7 @@ from rover_hil.connect.ros2.messages import (
 )
 from tests.rover_hil.connect.by_hand import Scripted, Steps, drive, hand_config, own_domain, replays_exactly
 from tests.rover_hil.connect.random_messages import random_message
+from tests.rover_hil.connect.test_fixes import drive_with_a_jump, greatest_step_m
 
 PEER = os.environ.get("ROS2_PEER", "")
 SECONDS = float(os.environ.get("ROS2_PEER_SECONDS", "10"))
@@ -213,3 +214,16 @@ def test_a_peer_drives_the_rover_gets_its_odometry_and_stops_it(tmp_path: Path) 
     stamps = [int(stamp) for _, _, stamp, _ in reading.lines()]
     assert len(stamps) > 150
     assert stamps == sorted(set(stamps))
+
+
+def test_a_peer_gets_a_jump_of_the_position_in_the_transform_from_map_to_odom_only(
+    node: Any, tmp_path: Path
+) -> None:
+    reading = Reader(tmp_path, "reliable", "volatile", {"tf": TFMessage})
+    sent = drive_with_a_jump(node, tmp_path / "run.mcap", 0.5)
+    digests = [digest(message) for message in sent]
+    found = reading.digests()["tf"]
+    assert found[: len(digests)] == digests[: len(found)]
+    assert len(found) > 200
+    assert greatest_step_m(sent, "odom") < 0.02
+    assert greatest_step_m(sent, "map") > 0.3

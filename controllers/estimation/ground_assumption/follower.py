@@ -101,6 +101,7 @@ class AssumptionFollower:
         if assumption.fault is None:
             return 0.0
         self._filter.assume(assumption.prior, assumption.path_m)
+        self._positions.inflate_origins()
         return assumption.prior.sd * abs(assumption.path_m)
 
     def _is_better(self, increment: BodyIncrement) -> bool:

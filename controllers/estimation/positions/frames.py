@@ -88,6 +88,15 @@ class PositionFrames:
             yield device, *self._relations[device].compare(prior)
         self._taken.clear()
 
+    def inflate_origins(self) -> None:
+        """Make the frames as uncertain as positions and wheels differ: a wrong slip moved them, too."""
+        for device, origin in self._origins.items():
+            apart_m, path_m = self._relations[device].apart_m, self._relations[device].apart_path_m
+            if path_m:
+                self._filter.add_variance(origin + X, apart_m**2)
+                self._filter.add_variance(origin + Y, apart_m**2)
+                self._filter.add_variance(origin + YAW, (apart_m / path_m) ** 2)
+
     def source(self, sample: PoseFixSample) -> str | None:
         """Return the device; None for one whose frame is no state."""
         return sample.device if sample.device in self._origins else None

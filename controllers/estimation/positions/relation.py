@@ -94,12 +94,15 @@ class PositionRelation:
         impossible_m: Difference of the newest place where it is larger than the way that the wheels rolled;
             else 0.
         is_unexpected: Whether the difference is larger than the expected slip makes it.
+        apart_m: Difference of the travel that `compare` has found.
+        apart_path_m: Path over which it is.
     """
 
     def __init__(self, settings: FilterSettings, gate_sd: float, prior: SlipPrior = UNKNOWN) -> None:
         self._prior, self._slip_distance_m = prior, settings.slip_distance_m
         self._gate_sd = gate_sd
         self._far: list[_Place] = []
+        self.apart_m = self.apart_path_m = 0.0
         self._axes = _Axes(turn=1.0 + 0j, sd_rad=math.pi)
         self._places: deque[_Place] = deque()
         self._begin: _Place | None = None
@@ -181,13 +184,17 @@ class PositionRelation:
         if now is None:
             return 0.0, 0.0
         found = (
-            (self._deviations(now, far, self._axes, prior), abs(self._axes.apart_m(now, far)))
+            (
+                self._deviations(now, far, self._axes, prior),
+                abs(self._axes.apart_m(now, far)),
+                now.path_m - far.path_m,
+            )
             for far in self._far
         )
-        greatest = max(found, default=(0.0, 0.0))
+        deviations, self.apart_m, self.apart_path_m = max(found, default=(0.0, 0.0, 0.0))
         if not self._far or now.path_m - self._far[-1].path_m > max(FAR_SPACING_M, now.std_m):
             self._far = [*_thinned(self._far, now.path_m), now]
-        return greatest
+        return deviations, self.apart_m
 
     def _doubt_impossible(self, path_m: float) -> None:
         if self.impossible_m:

@@ -220,10 +220,13 @@ function drawPath(canvas) {
   else { legend(context, entries.slice(0, 3), 40, 14); legend(context, entries.slice(3), 40, 28); }
 }
 
+// Semi-axes of the ellipse that holds a normal distribution of two dimensions with 95 %, in standard deviations.
+const region95 = Math.sqrt(-2 * Math.log(0.05));
+
 function drawRover(context, v, toX, toY, scale) {
   const [xx, xy, yy] = v.covariance, [x, y, yaw] = v.pose;
   const mean = (xx + yy) / 2, half = Math.hypot((xx - yy) / 2, xy);
-  const long = 2 * Math.sqrt(Math.max(mean + half, 0)), short = 2 * Math.sqrt(Math.max(mean - half, 0));
+  const long = region95 * Math.sqrt(Math.max(mean + half, 0)), short = region95 * Math.sqrt(Math.max(mean - half, 0));
   const turn = 0.5 * Math.atan2(2 * xy, xx - yy);
   context.save();
   context.translate(toX(x), toY(y));
@@ -233,7 +236,9 @@ function drawRover(context, v, toX, toY, scale) {
   context.fillStyle = colour("--estimate") + "33";
   context.strokeStyle = colour("--estimate");
   context.lineWidth = 1;
-  context.fill();
+  // A region larger than the picture would hide the path: it is stated in words instead.
+  const isLarge = 2 * long * scale > Math.max(context.canvas.clientWidth, context.canvas.clientHeight);
+  if (!isLarge) context.fill();
   context.stroke();
   context.rotate(turn - yaw);
   context.beginPath();
@@ -241,6 +246,7 @@ function drawRover(context, v, toX, toY, scale) {
   context.fillStyle = colour("--estimate");
   context.fill();
   context.restore();
+  if (isLarge) context.fillText(`the 95 % region reaches ${long.toFixed(1)} m, farther than this picture`, 40, 42);
 }
 
 function drawSeries(canvas, chart) {

@@ -21,8 +21,8 @@ Draw = Callable[[RunData, Summary], Figure | None]
 PICTURES: tuple[tuple[str, str, Draw], ...] = (
     (
         "Path",
-        "See where the paths part; the truth should lie inside the ellipses, "
-        "two standard deviations of the estimate.",
+        "See where the paths part; the ground truth should lie inside the ellipses, "
+        "the 95 % regions of the estimate.",
         draw_path,
     ),
     (

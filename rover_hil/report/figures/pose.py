@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
+from controllers.safety.position_region import CHI_SQUARE
 from rover_hil.pages import style
 from rover_hil.report.figures import run_plots
 from rover_hil.report.run_data import RunData
@@ -16,7 +17,6 @@ from rover_hil.report.tracks import Series, Track
 from rover_hil.report.verdict import length
 
 ELLIPSES = 10
-ELLIPSE_SIGMAS = 2.0
 PATH_HEIGHT_IN = (3.4, 6.6)
 # So that lines that coincide can all be seen.
 WIDE, MIDDLE, NARROW = 3.0, 2.0, 1.3
@@ -40,8 +40,14 @@ def draw_path(run: RunData, summary: Summary) -> Figure:
         _draw_way(axes, run.truth, style.TRUTH, "truth", MIDDLE)
     _draw_way(axes, run.estimate, style.ESTIMATE, _with_error("estimate", summary.estimate_error), NARROW)
     way_m = run.estimate.distance_m()
-    for index in np.searchsorted(way_m, np.linspace(0.0, way_m[-1], ELLIPSES)[1:]):
+    longest_m = [
         _draw_ellipse(axes, run, int(index))
+        for index in np.searchsorted(way_m, np.linspace(0.0, way_m[-1], ELLIPSES)[1:])
+    ]
+    size_m = max(float(np.ptp(limits)) for limits in (axes.dataLim.intervalx, axes.dataLim.intervaly))
+    if longest_m[-1] > size_m:
+        text = f"at the end the 95 % region reaches {length(longest_m[-1])}, farther than this picture"
+        axes.set_title(text, fontsize="small", loc="left")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
 
@@ -86,11 +92,13 @@ def _draw_way(axes: Axes, track: Track, colour: str, label: str, width: float) -
     axes.plot(x_m[-1], y_m[-1], "o", color=colour, markersize=7, markeredgecolor="white", zorder=6)
 
 
-def _draw_ellipse(axes: Axes, run: RunData, index: int) -> None:
+def _draw_ellipse(axes: Axes, run: RunData, index: int) -> float:
+    """Draw the 95 % region of a position; return its longer semi-axis, m."""
     xx, xy, _, yy, _, _ = run.covariance[index]
     values, vectors = np.linalg.eigh([[xx, xy], [xy, yy]])
-    width_m, height_m = 2.0 * ELLIPSE_SIGMAS * np.sqrt(np.maximum(values, 0.0))
-    axes.add_patch(
+    width_m, height_m = 2.0 * np.sqrt(CHI_SQUARE * np.maximum(values, 0.0))
+    # The picture is scaled to the path: a large region must not make it small.
+    axes.add_artist(
         Ellipse(
             (run.estimate.x_m[index], run.estimate.y_m[index]),
             width_m,
@@ -101,6 +109,7 @@ def _draw_ellipse(axes: Axes, run: RunData, index: int) -> None:
             alpha=0.13,
         )
     )
+    return 0.5 * float(max(width_m, height_m))
 
 
 def _draw_yaw(axes: Axes, yaw: Series, colour: str, label: str, width: float) -> None:

@@ -1,6 +1,7 @@
 """Pose fixes over ROS 2: what is used, and a run that they correct."""
 
 import math
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -159,3 +160,50 @@ def test_fixes_of_a_peer_correct_the_pose_and_the_run_replays(peer: "Node", tmp_
     assert abs(last["odometry"]["x_m"] - last["estimate"]["x_m"]) > 2 * max(errors_m)
     assert last.get("dead_reckoned") is not None
     assert replays_exactly(path)
+
+
+def drive_with_a_jump(peer: "Node", path: Path, jump_m: float) -> list[TFMessage]:
+    """Drive with fixes of a peer that jump after a while; return all transforms that were sent."""
+    velocity = peer.writer("cmd_vel", Twist)
+    fixes = peer.writer("pose_fix", PoseWithCovarianceStamped)
+    transforms = peer.reader("tf", TFMessage, depth=10_000)
+    sent: list[TFMessage] = []
+
+    def script(run: Scripted, connection: Ros2Connection) -> Steps:
+        cycle, driven, first = 0, 0, None
+        while driven < 300:
+            cycle, driven = cycle + 1, driven + run.is_driven
+            truth = run.truth
+            if truth is not None and cycle % 10 == 0:
+                first = first or truth
+                aside_m = jump_m if driven > 150 else 0.0
+                place = truth.x_m - first.x_m, truth.y_m - first.y_m + aside_m
+                fixes(message(*place, truth.yaw_rad - first.yaw_rad, time_ns=wall_time_ns()))
+            velocity(Twist(Vector3(0.15)))
+            sent.extend(found for found, _, _ in transforms())
+            yield
+
+    run, _ = drive(hand_config(pose_fixes=True), path, script)
+    assert run.is_over
+    return sent
+
+
+def greatest_step_m(sent: list[TFMessage], frame: str) -> float:
+    """Return by how much the origin of a transform from a frame moves at most between two messages."""
+    places = [
+        complex(each.transform.translation.x, each.transform.translation.y)
+        for found in sent
+        for each in found.transforms
+        if each.header.frame_id == frame
+    ]
+    assert len(places) > 200
+    return max(abs(here - before) for before, here in pairwise(places))
+
+
+@pytest.mark.slow
+def test_a_jump_of_the_position_is_in_the_transform_from_map_to_odom_only(
+    peer: "Node", tmp_path: Path
+) -> None:
+    sent = drive_with_a_jump(peer, tmp_path / "run.mcap", 0.5)
+    assert greatest_step_m(sent, "odom") < 0.02
+    assert greatest_step_m(sent, "map") > 0.3
