@@ -15,6 +15,7 @@ from controllers.estimation.filter.reader import Situation, late
 from controllers.estimation.filter.transition import Turn
 from controllers.estimation.ground.follower import GroundFollower
 from controllers.estimation.ground.travel import GroundTravel
+from controllers.estimation.gyro.gyro_noise import GyroNoise
 from controllers.estimation.gyro.integrator import GyroIntegrator
 from controllers.estimation.gyro.standstill import StandstillWatch
 from controllers.estimation.gyro.standstill_follower import StandstillFollower
@@ -95,6 +96,7 @@ class Estimator:
             roles.max_age_s(roles.gyro),
             ESTIMATION.odometry.plausible_speed * self._reach.fastest_turn_rad_s,
         )
+        self.gyro_noise = GyroNoise(settings)
         self.pose_filter = PoseFilter(
             settings,
             roles.headings,
@@ -104,7 +106,7 @@ class Estimator:
             slip=None if slip is None else slip.states,
         )
         self.positions = PositionFrames(self.pose_filter, settings)
-        self._turns = TurnSource(self.gyro, kinematics.wheel_count)
+        self._turns = TurnSource(self.gyro, self.gyro_noise, kinematics.wheel_count)
         self.budget = ErrorBudget(self.pose_filter, self._reach, None if slip is None else slip.forget_gyro)
         self.ground = GroundFollower(ground, roles.camera, self.pose_filter, self.budget, self._turns)
         self._history = MotionHistory()
@@ -117,6 +119,7 @@ class Estimator:
             wheel_speed_limit_rad_s,
             self.steering,
             self.gyro,
+            self.gyro_noise,
             watch.readings,
             self._readings,
             slip,
@@ -131,6 +134,7 @@ class Estimator:
             self.budget,
             self.odometry,
             self.gyro,
+            self.gyro_noise,
             self.ground.moved_m,
             self._reach,
         )
@@ -181,7 +185,7 @@ class Estimator:
     @property
     def fault(self) -> Fault | None:
         """Why the wheels may not measure the motion of the rover; None without a contradiction."""
-        return self.standstill.fault or self._stuck_fault
+        return self.standstill.fault or self._stuck_fault or self.gyro_noise.fault
 
     def take(self, sample: Sample, t_ns: int) -> None:
         """Take one sample as of `t_ns`; samples of other devices and kinds have no effect."""
