@@ -221,4 +221,4 @@ def test_the_yaw_is_within_its_interval_whatever_the_noise_of_the_gyro(name: str
 def test_the_bias_is_never_known_better_than_what_a_dead_band_hides() -> None:
     estimator = follow(record(GYROS["dead band"], rng()))[2]
     bias_sd_rad_s = math.sqrt(estimator.pose_filter.gyro_bias_rad2_s2)
-    assert bias_sd_rad_s == pytest.approx(DEAD_BAND / math.sqrt(3.0), rel=0.05)
+    assert bias_sd_rad_s == pytest.approx(DEAD_BAND / math.sqrt(3.0), rel=0.1)
