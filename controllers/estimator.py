@@ -17,6 +17,7 @@ from controllers.estimation.ground.follower import GroundFollower
 from controllers.estimation.ground.travel import GroundTravel
 from controllers.estimation.ground_assumption.assumption import SlipAssumption
 from controllers.estimation.ground_assumption.follower import AssumptionFollower
+from controllers.estimation.gyro.gyro_noise import GyroNoise
 from controllers.estimation.gyro.integrator import GyroIntegrator
 from controllers.estimation.gyro.standstill import StandstillWatch
 from controllers.estimation.gyro.standstill_follower import StandstillFollower
@@ -102,6 +103,7 @@ class Estimator:
             roles.max_age_s(roles.gyro),
             ESTIMATION.odometry.plausible_speed * self._reach.fastest_turn_rad_s,
         )
+        self.gyro_noise = GyroNoise(settings)
         self.pose_filter = PoseFilter(
             settings,
             roles.headings,
@@ -112,7 +114,7 @@ class Estimator:
             prior=self.assumption.prior,
         )
         self.positions = PositionFrames(self.pose_filter, settings, self.assumption.unknown)
-        self._turns = TurnSource(self.gyro, kinematics.wheel_count)
+        self._turns = TurnSource(self.gyro, self.gyro_noise, kinematics.wheel_count)
         self.budget = ErrorBudget(self.pose_filter, self._reach, None if slip is None else slip.forget_gyro)
         self.ground = GroundFollower(ground, roles.camera, self.pose_filter, self.budget, self._turns)
         self._history = MotionHistory()
@@ -125,6 +127,7 @@ class Estimator:
             wheel_speed_limit_rad_s,
             self.steering,
             self.gyro,
+            self.gyro_noise,
             watch.readings,
             self._readings,
             slip,
@@ -139,12 +142,14 @@ class Estimator:
             self.budget,
             self.odometry,
             self.gyro,
+            self.gyro_noise,
             self.ground.moved_m,
             self._reach,
         )
         self._assumed = AssumptionFollower(
             self.assumption,
             settings,
+            self.gyro_noise,
             self.pose_filter,
             slip,
             self._turns,
@@ -198,8 +203,8 @@ class Estimator:
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Why the wheels may not measure the motion of the rover, and what is wrong about the ground."""
-        found = (self.standstill.fault or self._stuck_fault, self.assumption.fault)
+        """Why the wheels may not measure the motion of the rover, and what else is wrong."""
+        found = (self.standstill.fault or self._stuck_fault, self.assumption.fault, self.gyro_noise.fault)
         return tuple(fault for fault in found if fault is not None)
 
     def take(self, sample: Sample, t_ns: int) -> None:

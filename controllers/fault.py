@@ -45,6 +45,7 @@ class Cause(StrEnum):
     GYRO_DOES_NOT_FOLLOW = "gyro follows"
     GYRO_HEADING = "gyro heading"
     GYRO_JUMP = "gyro jump"
+    GYRO_NOISE = "gyro noise"
     GYRO_OFFSET = "gyro rest"
     GYRO_RATE = "gyro rate"
     GYRO_SAMPLE_RATE = "gyro sample rate"

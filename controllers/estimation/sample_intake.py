@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from controllers.estimation.filter.late_readings import LateReadings
 from controllers.estimation.ground.travel import GroundTravel
+from controllers.estimation.gyro.gyro_noise import GyroNoise
 from controllers.estimation.gyro.integrator import GyroIntegrator
 from controllers.estimation.gyro.standstill import InertialReadings
 from controllers.estimation.parameters import ESTIMATION
@@ -34,6 +35,7 @@ class SampleIntake:
         speed_limit_rad_s: Greatest setpoint of a wheel.
         steering: Takes the steering angles.
         gyro: Takes the yaw rates.
+        noise: Takes those that are plausible.
         inertial: Takes the readings of gyro and accelerometer that may be those of a standstill.
         readings: Takes what corrects the pose filter.
         slip: Takes all samples; None without a compensator.
@@ -50,12 +52,14 @@ class SampleIntake:
         speed_limit_rad_s: float,
         steering: SteeringAngles,
         gyro: GyroIntegrator,
+        noise: GyroNoise,
         inertial: InertialReadings,
         readings: LateReadings,
         slip: SlipCompensator | None,
         ground: GroundTravel | None,
     ) -> None:
-        self._roles, self._steering, self._gyro = roles, steering, gyro
+        self._roles, self._steering = roles, steering
+        self._gyro, self._noise = gyro, noise
         self._inertial, self._readings = inertial, readings
         self._slip, self._ground = slip, ground
         self.odometry = WheelOdometry(kinematics, speed_limit_rad_s)
@@ -114,7 +118,8 @@ class SampleIntake:
     def _take_inertial(self, sample: RateSample | AccelerationSample, t_ns: int) -> None:
         self._inertial.take(sample, t_ns)
         if isinstance(sample, RateSample):
-            self._gyro.feed(t_ns, sample.rate_z_rad_s)
+            if self._gyro.feed(t_ns, sample.rate_z_rad_s):
+                self._noise.take(t_ns, sample.rate_z_rad_s)
             if self._ground is not None:
                 self._ground.take_rates(sample)
 

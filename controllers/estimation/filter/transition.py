@@ -32,7 +32,8 @@ class Turn:
         covered_s: The time over which the gyro's bias entered; 0 for the wheels.
         by_wheels_rad: Part of the angle that the wheels measured in a gap of the gyro; None without a gap.
         gap_error_rad: Greatest error of this part.
-        unobserved_rad2: Variance of what the gyro did not see between its readings.
+        unobserved_rad2: Variance of what the gyro did not see between its readings, and of noise beyond
+            the configured one.
         measured_s: The time in which gyro and wheels measured the angle.
     """
 

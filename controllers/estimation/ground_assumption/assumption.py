@@ -26,7 +26,7 @@ GYRO_SCALE_SD = 0.01
 """Standard deviation of a gyro's scale: 1 %, as data sheets of microelectromechanical gyros state it."""
 
 
-class GyroNoise(NamedTuple):
+class TurnNoise(NamedTuple):
     """Errors of a rotation by the gyro.
 
     Attributes:
@@ -89,7 +89,7 @@ class SlipAssumption:
             if deviations > BEYOND_SD:
                 self._contradict("camera", f"the camera shows a slip of {100 * slip:.0f} %")
 
-    def compare_turn(self, turn: TurnEvidence | None, noise: GyroNoise, rolled_m: float) -> None:
+    def compare_turn(self, turn: TurnEvidence | None, noise: TurnNoise, rolled_m: float) -> None:
         """Compare a rotation by the gyro with that by the wheels.
 
         Args:
@@ -180,7 +180,7 @@ class _TurnWindow:
         self._by_wheel_rad: tuple[float, ...] = ()
 
     def take(
-        self, turn: TurnEvidence, noise: GyroNoise, rolled_m: float, prior: SlipPrior
+        self, turn: TurnEvidence, noise: TurnNoise, rolled_m: float, prior: SlipPrior
     ) -> tuple[float, float]:
         """Return difference and standard deviations of the window with one more rotation."""
         self.length_m += rolled_m

@@ -7,7 +7,8 @@ from dataclasses import replace
 from controllers.estimation.filter.motion_history import Step
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.ground.follower import GroundFollower
-from controllers.estimation.ground_assumption.assumption import GyroNoise, SlipAssumption
+from controllers.estimation.ground_assumption.assumption import SlipAssumption, TurnNoise
+from controllers.estimation.gyro.gyro_noise import GyroNoise
 from controllers.estimation.gyro.turn_source import TurnSource
 from controllers.estimation.positions.frames import PositionFrames
 from controllers.estimation.settings import FilterSettings
@@ -24,7 +25,8 @@ class AssumptionFollower:
 
     Args:
         assumption: What is assumed, and its test.
-        settings: Noise of the gyro.
+        settings: Delay of the gyro.
+        gyro_noise: Its noise.
         pose_filter: Holds the assumed slip as states.
         slip: Compensator of the slip; None without one.
         turns: Rotations by gyro and wheels.
@@ -37,6 +39,7 @@ class AssumptionFollower:
         self,
         assumption: SlipAssumption,
         settings: FilterSettings,
+        gyro_noise: GyroNoise,
         pose_filter: PoseFilter,
         slip: SlipCompensator | None,
         turns: TurnSource,
@@ -45,6 +48,7 @@ class AssumptionFollower:
         contradiction: WheelContradiction,
     ) -> None:
         self._assumption, self._settings, self._filter = assumption, settings, pose_filter
+        self._noise = gyro_noise
         self._slip, self._turns, self._ground = slip, turns, ground
         self._positions, self._contradiction = positions, contradiction
         self._tested_m = self._rate_rad_s = 0.0
@@ -113,10 +117,10 @@ class AssumptionFollower:
             is_measured and (increment.slip_sd or math.inf) < self._assumption.prior.sd
         )
 
-    def _gyro_noise(self, duration_s: float) -> GyroNoise:
-        settings = self._settings
-        return GyroNoise(
-            settings.gyro_noise_rad_sqrt_s**2 * duration_s,
-            math.sqrt(self._filter.gyro_bias_rad2_s2) * duration_s,
-            max(LATE_S, settings.gyro_delay_sd_s) * abs(self._rate_rad_s),
+    def _gyro_noise(self, duration_s: float) -> TurnNoise:
+        bias_rad_s = math.hypot(math.sqrt(self._filter.gyro_bias_rad2_s2), self._noise.hidden_rad_s)
+        return TurnNoise(
+            self._noise.noise_rad_sqrt_s**2 * duration_s,
+            bias_rad_s * duration_s,
+            max(LATE_S, self._settings.gyro_delay_sd_s) * abs(self._rate_rad_s),
         )

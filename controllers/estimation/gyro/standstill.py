@@ -75,9 +75,13 @@ class InertialReadings:
             self._accelerations.append((t_ns, (sample.x_m_s2, sample.y_m_s2, sample.z_m_s2)))
             _trim(self._accelerations, t_ns - self._window_ns)
 
+    def rates_rad_s(self, since_ns: int) -> list[float]:
+        """Return the recent readings of the gyro since then."""
+        return [rate for t_ns, rate in self._rates if t_ns > since_ns]
+
     def rate_rad_s(self, since_ns: int) -> float | None:
         """Return the mean reading of the gyro; None without one since then."""
-        rates = [rate for t_ns, rate in self._rates if t_ns > since_ns]
+        rates = self.rates_rad_s(since_ns)
         return fmean(rates) if rates else None
 
     def turns(self, since_ns: int, bias_rad_s: float, bias_rad2_s2: float) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from controllers.estimation.filter.error_budget import Category, ErrorBudget
 from controllers.estimation.filter.guarded_filter import Innovation
 from controllers.estimation.filter.pose_filter import PoseFilter
+from controllers.estimation.gyro.gyro_noise import GyroNoise
 from controllers.estimation.gyro.integrator import GyroIntegrator
 from controllers.estimation.gyro.standstill import Standstill, StandstillWatch, Witness
 from controllers.estimation.gyro.standstill_reading import GyroAtStandstill
@@ -13,6 +14,7 @@ from controllers.estimation.settings import FilterSettings
 from controllers.estimation.wheels.bounds import WheelBounds
 from controllers.estimation.wheels.odometry import WheelOdometry
 from controllers.fault import Bound, Cause, Fault, Severity
+from controllers.motion.planar import Pose
 from drivers.clock import nanoseconds
 
 LINEAR_RAD = 0.5
@@ -31,6 +33,7 @@ class StandstillFollower:
         budget: Inflates the covariance.
         odometry: Knows when the wheels stopped.
         gyro: Its newest reading.
+        noise: Of the gyro.
         moved_m: Motion over the ground in a time that a camera has seen.
         reach: How far the wheels can have moved the body.
 
@@ -48,13 +51,16 @@ class StandstillFollower:
         budget: ErrorBudget,
         odometry: WheelOdometry,
         gyro: GyroIntegrator,
+        noise: GyroNoise,
         moved_m: Callable[[int, int], float],
         reach: WheelBounds,
     ) -> None:
         self._settings, self._watch, self._filter, self._budget = settings, watch, pose_filter, budget
-        self._odometry, self._gyro, self._moved_m, self._reach = odometry, gyro, moved_m, reach
+        self._odometry, self._gyro, self._noise = odometry, gyro, noise
+        self._moved_m, self._reach = moved_m, reach
         self._is_bias_known = self._has_inflated_bias = False
         self._bias_seen_ns: int | None = None
+        self._bias_readings = 0
         self._driven_ns: int | None = None
         self.is_still = self.is_at_standstill = False
         self.fault: Fault | None = None
@@ -97,21 +103,44 @@ class StandstillFollower:
         self.is_at_standstill = self.is_still and (
             known.holds or (is_commanded and not known.is_turning) or is_offset
         )
+        still_ns = self._odometry.still_since_ns
+        if self._odometry.pose != Pose():  # the body swings after its wheels have stopped
+            still_ns += nanoseconds(2.0 * self._settings.standstill_s)
+        self._noise.follow(still_ns if self.is_at_standstill else None)
 
     def correct_bias(self, device: str | None) -> list[Innovation]:
         """Correct the bias by a new reading at standstill; return the innovation.
 
+        It is never known better than what the readings hide.
+
         Args:
             device: The gyro; None without one.
         """
-        gyro = self._gyro
-        if not self.is_at_standstill or gyro.t_ns == self._bias_seen_ns or device is None:
-            return []
-        self._bias_seen_ns = gyro.t_ns
-        model = GyroAtStandstill(device=device, sd_rad_s=self._settings.gyro_rate_noise_rad_s)
-        (innovation,) = self._filter.correct(model, (gyro.rate_rad_s,))
-        self._is_bias_known |= innovation.accepted
-        return [innovation]
+        gyro, noise = self._gyro, self._noise
+        least_rad2_s2 = noise.hidden_rad_s**2
+        innovations: list[Innovation] = []
+        if self.is_at_standstill and gyro.t_ns != self._bias_seen_ns and device is not None:
+            self._bias_seen_ns = gyro.t_ns
+            sd_rad_s = noise.scatter_rad_s(self._watch.readings.rates_rad_s(self._odometry.still_since_ns))
+            variance, bias_rad2_s2 = sd_rad_s**2, self._filter.gyro_bias_rad2_s2
+            if bias_rad2_s2 * variance / (bias_rad2_s2 + variance) >= least_rad2_s2:
+                model = GyroAtStandstill(device=device, sd_rad_s=sd_rad_s)
+                innovations += self._filter.correct(model, (gyro.rate_rad_s,))
+                self._is_bias_known |= innovations[0].accepted
+                self._bias_readings += innovations[0].accepted
+            least_rad2_s2 = max(least_rad2_s2, self._by_late_noise_rad2_s2())
+        excess_rad2_s2 = least_rad2_s2 - self._filter.gyro_bias_rad2_s2
+        if excess_rad2_s2 > 0.0:
+            self._filter.inflate_with_bias(math.sqrt(excess_rad2_s2))
+        return innovations
+
+    def _by_late_noise_rad2_s2(self) -> float:
+        """Return the variance of the bias if all readings had been as noisy as known now; 0 as configured."""
+        reading_rad_s = self._noise.reading_rad_s
+        if reading_rad_s == self._settings.gyro_rate_noise_rad_s:
+            return 0.0
+        known_before = (reading_rad_s / self._settings.gyro_bias_rad_s) ** 2
+        return reading_rad_s**2 / (self._bias_readings + known_before)
 
     def _are_wheels_still(self, now_ns: int) -> bool:
         """Return whether the wheels have been at standstill for a while, as commanded.

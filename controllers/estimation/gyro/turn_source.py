@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from controllers.estimation.filter.transition import Turn
+from controllers.estimation.gyro.gyro_noise import GyroNoise
 from controllers.estimation.gyro.integrator import GyroIntegrator, GyroTurn
 from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.pose_estimate import YawSource
@@ -34,6 +35,7 @@ class TurnSource:
 
     Args:
         gyro: Integrates the readings.
+        noise: Of the gyro.
         wheel_count: Number of wheels.
 
     Attributes:
@@ -42,8 +44,8 @@ class TurnSource:
         has_lost_motion: Whether the wheels have lost a part of the turn that waits.
     """
 
-    def __init__(self, gyro: GyroIntegrator, wheel_count: int) -> None:
-        self._gyro = gyro
+    def __init__(self, gyro: GyroIntegrator, noise: GyroNoise, wheel_count: int) -> None:
+        self._gyro, self._noise = gyro, noise
         self._turn_rad = 0.0
         self._wheels = WheelTurn()
         self._parts_rad = (0.0,) * wheel_count
@@ -95,6 +97,10 @@ class TurnSource:
         wheels, wheel_turn_rad, has_gap = self._wheels, self._turn_rad, self._gyro.has_gap
         parts_rad, has_lost_motion = self._parts_rad, self.has_lost_motion
         self._begin()
+        if has_gap or has_lost_motion:
+            self._noise.interrupt()
+        bias_rad = bias_rad_s * covered_s
+        unobserved_rad2 += self._noise.add(angle_rad - bias_rad, covered_s, unobserved_rad2, wheels)
         if has_gap:
             gap_share = max(0.0, 1.0 - covered_s / wheels.duration_s)
             by_wheels_rad = wheel_turn_rad * gap_share
@@ -108,7 +114,6 @@ class TurnSource:
                 measured_s=max(covered_s, wheels.duration_s),
             )
         if not has_lost_motion:
-            bias_rad = bias_rad_s * covered_s
             self.turn = TurnEvidence(gyro_rad=angle_rad - bias_rad, wheels=wheels, by_wheel_rad=parts_rad)
         return Turn(
             angle_rad=angle_rad,

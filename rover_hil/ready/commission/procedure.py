@@ -345,7 +345,7 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
         entries = [Entry("slip", "excite_real_rover", True)] if self._is_excited else []
         if self._ground is None:
             return entries
-        learned = {
+        learned: dict[str, str | float] = {
             "slip": "learned",
             "slip_mean": round(self._ground.mean, 4),
             "slip_sd": round(self._ground.sd, 4),
