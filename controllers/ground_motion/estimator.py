@@ -167,10 +167,9 @@ class GroundMotionEstimator:
         self._repeating.take(structure, is_needed=found is None)
         period_m = self._repeating.period_m(self._travel_m)
         if found is None:
-            unfollowed = self._wheels.miss(self._travel_m)
-            if period_m and not self._travels_too_far():
-                reason, unfollowed = REPEATS, ""
-            reason = self._mirrored(picture) or reason + unfollowed
+            repeats = bool(period_m) and not self._travels_too_far()
+            reason = REPEATS if repeats else self._wheels.miss(self._travel_m, reason)
+            reason = self._mirrored(picture) or reason
             self._restart(t_ns, patch, structure)
             return self._invalid(before_ns, t_ns, reason)
         motion = found.motion
@@ -404,6 +403,7 @@ class GroundMotionEstimator:
             turn_sd_rad=motion.turn_sd_rad,
             scale_sd=self._wheels.scale_sd,
             direction_sd_rad=self._wheels.direction_sd_rad,
+            rig_fault=self._wheels.fault,
         )
 
     def _invalid(self, from_ns: int, to_ns: int, reason: str) -> GroundMotion:
