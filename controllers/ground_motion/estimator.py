@@ -162,6 +162,10 @@ class GroundMotionEstimator:
             self.pair = NO_MOTION
             self._left_out += 1
             return self._invalid(before_ns, t_ns, "frame repeated")
+        wheel_m = self._travel_m
+        if self._repeats.is_undecided and (wheel_m is None or np.hypot(*wheel_m) > self._ground.pixel_m):
+            self._begin(t_ns, patch)
+            return self._invalid(before_ns, t_ns, "frames are repeated for long, or the ground stands")
         picture = self._structure.picture(self._pattern.without(structure))
         found, reason = self._measure(picture)
         self._repeating.take(structure, is_needed=found is None)
