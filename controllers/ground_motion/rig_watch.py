@@ -12,9 +12,9 @@ class RigWatch:
     The direction of the camera is confirmed once the ground has moved along with the wheels for some travel,
     less that over which it did not. Until then any direction that is not theirs contradicts the rig, and so
     does ground that is hardly ever followed; later a rover may slide. Ground that hardly moves along is
-    measured, but the wheels may be right. Ground that outruns the wheels contradicts the rig for the whole
-    drive, and slip may have hidden that before, and hides it again: it is reported until the wheels have
-    rolled on.
+    measured, but over the first metre the wheels may be right. Ground that outruns the wheels contradicts the
+    rig for the whole drive, and slip may have hidden that before, and hides it again: it is reported until
+    the wheels have rolled on.
 
     Args:
         scale_sd: Standard deviation of the travel's factor.
@@ -32,7 +32,7 @@ class RigWatch:
         self._wheel_m, self._ground_m = 0.0, 0j
         self._confirmed_m = self._missed_m = 0.0
         self._used_m = self._apart_m = 0.0
-        self._apart = 0.0
+        self._apart = self._rolled_m = 0.0
         self._since_outrun_m = math.inf
         self.fault: Fault | None = None
 
@@ -110,18 +110,22 @@ class RigWatch:
         if ground_m.real > self._numbers.backwards * wheel_m:
             self._confirmed_m += wheel_m
             self._missed_m = max(0.0, self._missed_m - wheel_m)
-        else:
+        elif ground_m.real < 0.0:
             self._confirmed_m = max(0.0, self._confirmed_m - wheel_m)
 
     def _use(self, wheel_m: float, ground_m: complex) -> None:
         """Count a pair that is used: while the direction is not confirmed, the wheels may be right."""
-        if self.text:
+        self._rolled_m += wheel_m
+        # A camera that is upside down contradicts wheels or gyro before.
+        may_be_wrong = not self.is_confirmed and self._rolled_m < self._numbers.confirmed_travel_m
+        may_be_wrong &= self._ground_m.real < self._numbers.backwards * self._wheel_m
+        if self.text or (self.fault is not None and not may_be_wrong):
             self._used_m = self._apart_m = 0.0
         self.fault = None
         self._used_m += abs(ground_m)
         self._apart_m += abs(ground_m - wheel_m)
         self._apart = abs(ground_m - wheel_m) / wheel_m
-        if not self.is_confirmed and self._ground_m.real < self._numbers.backwards * self._wheel_m:
+        if may_be_wrong:
             self._report("", self._apart_m)
 
     def _report(self, text: str, wrong_m: float) -> None:

@@ -75,9 +75,13 @@ def test_pairs_of_a_camera_that_hardly_ever_follows_the_ground_are_not_used() ->
     assert rig_watch.fault.bound.position_m == pytest.approx(0.6 * (0.02 + 0.6), rel=0.05)
 
 
-@pytest.mark.parametrize(("ratio", "bound_m"), [(0.9, None), (0.1, 0.18)])
-def test_until_the_ground_moves_along_the_wheels_may_be_right(ratio: float, bound_m: float | None) -> None:
-    fault = unfollowed((0.2, ratio)).fault
+@pytest.mark.parametrize(
+    ("travel_m", "ratio", "bound_m"), [(0.2, 0.9, None), (0.2, 0.1, 0.18), (0.2, 0.0, 0.2), (1.2, 0.1, None)]
+)
+def test_until_the_ground_moves_along_the_wheels_may_be_right(
+    travel_m: float, ratio: float, bound_m: float | None
+) -> None:
+    fault = unfollowed((travel_m, ratio)).fault
     assert (None if fault is None else fault.bound.position_m) == (bound_m and pytest.approx(bound_m))
 
 
