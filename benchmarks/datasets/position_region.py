@@ -107,12 +107,12 @@ def call(*arguments: str) -> tuple[int, str]:
     before, sys.argv = sys.argv, ["rover-hil", *arguments]
     try:
         with redirect_stdout(output), redirect_stderr(output):
-            code = program()
+            program()
     except SystemExit as end:
-        code = end.code if isinstance(end.code, int) else 2
+        return end.code if isinstance(end.code, int) else int(end.code is not None), output.getvalue()
     finally:
         sys.argv = before
-    return int(code or 0), output.getvalue()
+    return 0, output.getvalue()
 
 
 def toml_section(setting: dict[str, Any]) -> str:

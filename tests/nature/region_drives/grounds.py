@@ -102,10 +102,10 @@ class Patches:
             east, north, angle = self.corner
             cos, sin = math.cos(angle), math.sin(angle)
             place = np.array((east + cos * x + sin * y, north + cos * y - sin * x))
-            cell = np.floor(place / self.size_m).astype(np.int64)
+            key = np.floor(place / self.size_m).astype(np.int64).tobytes()
         else:
-            cell = np.packbits(np.cos(self.lines[:, 0]) * x + np.sin(self.lines[:, 0]) * y > self.lines[:, 1])
-        key = cell.tobytes()
+            sides = np.cos(self.lines[:, 0]) * x + np.sin(self.lines[:, 0]) * y > self.lines[:, 1]
+            key = np.packbits(sides).tobytes()
         if key not in self.drawn:
             rng = np.random.default_rng([self.seed, *key])
             lost = self.mean + self.lost_sd * rng.standard_normal()
@@ -167,9 +167,10 @@ class Floor:
     def velocities(self, contact: Contact) -> Array:
         """Return the velocities of free contact points."""
         rims = contact.rims * (1.0 + self.radius_errors[:, None])
-        speed = np.linalg.norm(rims, axis=1)[:, None]
+        speed: Array = np.linalg.norm(rims, axis=1)[:, None]
         slip = (self.resistance + contact.acceleration / GRAVITY_M_S2) / self.stiffness
-        return (1.0 - slip) * rims + speed * np.array(self.pile) / self.stiffness
+        velocities: Array = (1.0 - slip) * rims + speed * np.array(self.pile) / self.stiffness
+        return velocities
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ def drive(rover: Rover, ground: Ground, commanded: Array, *, follows_yaw: bool =
     count = len(rover.angles)
     pose, angles, steering = np.zeros(3), np.zeros(count), np.zeros(count)
     twist, planned_yaw, travel, speed_before = np.zeros(3), 0.0, 0.0, 0.0
-    inverse = np.linalg.pinv(rover.constraints(rover.directions(steering)))
+    inverse = rover.twist_of(rover.directions(steering))
     zeros = np.zeros(count if rover.resists_sideways else 0)
     rows: list[Array] = []
     for step, wanted in enumerate(commanded):
@@ -79,8 +79,8 @@ def drive(rover: Rover, ground: Ground, commanded: Array, *, follows_yaw: bool =
         rims, turned = rover.wheels_for(twist, steering)
         directions = rover.directions(turned)
         if not np.array_equal(turned, steering):
-            inverse, steering = np.linalg.pinv(rover.constraints(directions)), turned
-        nominal = inverse @ np.concatenate((rims, zeros))
+            inverse, steering = rover.twist_of(directions), turned
+        nominal: Array = inverse @ np.concatenate((rims, zeros))
         speed = math.hypot(nominal[0], nominal[1])
         gained, speed_before = (speed - speed_before) / STEP_S, speed
         true = inverse @ _demand(rover, ground, pose, rims, directions, nominal, gained, travel)
@@ -128,7 +128,7 @@ def _demand(
         travel_m=travel,
     )
     free = ground.velocities(contact) @ to_ground.T
-    along = np.einsum("ij,ij->i", free, directions)
+    along: Array = np.einsum("ij,ij->i", free, directions)
     if not rover.resists_sideways:
         return along
     return np.concatenate((along, directions[:, 0] * free[:, 1] - directions[:, 1] * free[:, 0]))

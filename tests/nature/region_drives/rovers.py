@@ -51,6 +51,10 @@ class Rover:
             steering = (steering + 0.5 * math.pi) % math.pi - 0.5 * math.pi
         return np.einsum("ij,ij->i", wanted, self.directions(steering)), steering
 
+    def twist_of(self, directions: Array) -> Array:
+        """Return the matrix from velocities along and across the wheels to the twist of least squares."""
+        return np.asarray(np.linalg.pinv(self.constraints(directions)), dtype=np.float64)
+
     def constraints(self, directions: Array) -> Array:
         """Return the matrix from the twist to velocities along the wheels, then across them."""
         rows = [directions]
@@ -61,11 +65,6 @@ class Rover:
             for row in rows
         ]
         return np.concatenate(blocks)
-
-    def nominal_twist(self, rims: Array, directions: Array) -> Array:
-        """Return the twist of least squares that the wheels show without slip, shape (3,)."""
-        across = np.zeros(len(rims) if self.resists_sideways else 0)
-        return np.linalg.pinv(self.constraints(directions)) @ np.concatenate((rims, across))
 
 
 def _wheels_toml(spots: Array, radius_m: float, steering: str) -> str:
