@@ -200,6 +200,8 @@ class Tables:
         print(_line((*head, "NEES end", "2, 4", "m2 at 10 m")))
         for name, pairs in self.drives.items():
             self._print_consistency(name, pairs)
+        for name in ("unknown", "firm", "learned"):
+            self._print_parts(name, lambda answer: answer["about"]["ground"])
         self._print_parts(
             "single", lambda answer: f"{answer['about']['lost']:g}/{answer['about']['sideways']:g}"
         )

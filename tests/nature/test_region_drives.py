@@ -10,7 +10,16 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.nature.region_drives.cases import SETS, draw
-from tests.nature.region_drives.grounds import RELAXATION_M, Contact, Drag, Floor, Later, Shares, draw_patches
+from tests.nature.region_drives.grounds import (
+    RELAXATION_M,
+    Contact,
+    Drag,
+    Floor,
+    Later,
+    Shares,
+    draw_patches,
+    draw_smooth,
+)
 from tests.nature.region_drives.motion import DEAD_BAND_RAD_S, ROW_S, Gyro, drive
 from tests.nature.region_drives.plans import SHAPES, STANDSTILL_S, STEP_S, commands
 from tests.nature.region_drives.rovers import DIFFERENTIAL, OMNI, ROVERS, Rover
@@ -95,6 +104,19 @@ def test_patches_have_the_stated_prior(are_squares: bool) -> None:
     # Squares at a random rotation: a way of r stays inside with 1 - 4 r / (pi a) + r^2 / (pi a^2).
     expected = 1.0 - 2.0 / math.pi + 0.25 / math.pi if are_squares else math.exp(-0.5)
     assert float(np.corrcoef(first, second)[0, 1]) == pytest.approx(expected, abs=0.05)
+
+
+def test_smooth_field_has_the_stated_prior() -> None:
+    rng = np.random.default_rng(8)
+    spots = np.array(((1.0, -2.0), (6.0, -2.0)))
+    drawn = np.array([draw_smooth(rng, 0.1, 0.02, mean=0.2).shares(spots) for _ in range(3000)])
+    lost, side = drawn[:, 0], drawn[:, 1]
+    assert lost.mean() == pytest.approx(0.2, abs=0.006)
+    assert lost.std() == pytest.approx(0.1, rel=0.05)
+    assert side.std() == pytest.approx(0.02, rel=0.05)
+    for shares in (lost, side):
+        assert float(np.corrcoef(shares.T)[0, 1]) == pytest.approx(math.exp(-0.5), abs=0.05)
+    assert float(np.mean(((lost - 0.2) / 0.1) ** 4)) == pytest.approx(3.0, abs=0.4)
 
 
 def test_velocities_of_patches_follow_their_shares() -> None:
