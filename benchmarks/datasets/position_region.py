@@ -4,8 +4,8 @@
     python -m benchmarks.datasets.position_region FOLDER --record record.json [--without-setting]
 
 Each folder holds the tables of a drive, its configuration, and `answer.json` with its `[ground]`, written
-before. The drive is imported by `import table --no-estimate`, and estimated as `replay --config` does it.
-`--without-setting` leaves `[ground]` out, for versions that have none. `--judge
+before. The drive is imported by `import table --no-estimate`, and estimated as
+`replay --config` does it. `--without-setting` leaves `[ground]` out, for versions that have none. `--judge
 record.json` prints the tables of an earlier run again.
 
 Regions are those of x, y and yaw at 95 % (chi-square, 3 degrees of freedom), at the end and at every 2 m
@@ -182,10 +182,13 @@ class Tables:
                 if outcome.refusal:
                     print(f"{answer['name']} refused: {outcome.refusal}")
             self.drives[name] = [pair for pair in pairs if not pair[1].refusal]
-        head = ("drives", "n", "inside at the end", "inside at 2, 4, ... m", "yaw inside at the end")
-        print("\n" + _line((*head, "NEES / 3 end", "at all", "area m2 at 10 m")))
+        print("\nshares with 95 % intervals; NEES over 3 and area are medians")
+        head = ("drives", "n", "inside, end", "inside, 2, 4, ... m", "yaw inside, end", "yaw, 2, 4, ... m")
+        print(_line((*head, "NEES end", "2, 4", "m2 at 10 m")))
         for name, pairs in self.drives.items():
             self._print_consistency(name, pairs)
+        for name in ("unknown", "firm", "learned"):
+            self._print_parts(name, lambda answer: answer["about"]["ground"])
         self._print_parts(
             "single", lambda answer: f"{answer['about']['lost']:g}/{answer['about']['sideways']:g}"
         )
@@ -214,6 +217,7 @@ class Tables:
                     _inside(ends),
                     _inside(on_the_way),
                     share_text(sum(point.is_yaw_inside() for point in ends), len(ends)),
+                    share_text(sum(point.is_yaw_inside() for point in on_the_way), len(on_the_way)),
                     f"{np.median([point.nees() for point in ends]) / 3:.2f}",
                     f"{np.median([point.nees() for point in on_the_way]) / 3:.2f}",
                     f"{np.median([point.area_m2() for point in _at(pairs)]):.3g}",
@@ -273,7 +277,7 @@ def _at(pairs: Iterable[tuple[dict[str, Any], Outcome]]) -> Iterable[Point]:
 
 
 def _line(cells: Sequence[str]) -> str:
-    widths = (26, 4, 22, 22, 22, 13, 8, 16)
+    widths = (18, 4, 20, 20, 20, 20, 9, 7, 10)
     return "".join(f"{cell:{width}}" for cell, width in zip(cells, widths, strict=True)).rstrip()
 
 
