@@ -45,6 +45,8 @@ LIMIT_2 = float(chi2.ppf(LEVEL, 2))
 LIMIT_YAW = float(norm.ppf(0.5 + 0.5 * LEVEL))
 AREA_M = 10.0
 REPORT_M = 1.0
+ENDED = (130, 143)
+"""Exit codes of a command that a signal ended."""
 ABOUT_GROUND = "ground|slip|firm|learned"
 
 
@@ -136,6 +138,8 @@ def estimate(folder: Path, answer: dict[str, Any], *, has_setting: bool) -> Outc
         )
         for command in commands:
             code, output = call(*command)
+            if code in ENDED:
+                raise SystemExit(code)
             if code:
                 return Outcome(refusal=f"{command[0]}: {output.strip()[-300:]}")
         return _read(out / "drive.mcap", folder, answer)
