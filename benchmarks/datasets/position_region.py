@@ -49,6 +49,8 @@ LIMIT_2 = float(chi2.ppf(LEVEL, 2))
 LIMIT_YAW = float(norm.ppf(0.5 + 0.5 * LEVEL))
 AREA_M = 10.0
 REPORT_M = 1.0
+ENDED = (130, 143)
+"""Exit codes of a command that a signal ended."""
 ABOUT_GROUND = "ground|slip|firm|learned"
 
 
@@ -134,6 +136,8 @@ def estimate(folder: Path, answer: dict[str, Any], *, has_setting: bool) -> Outc
             *("import", "table", str(folder / "drive.csv"), "--columns", str(folder / "columns.toml")),
             *("--out", str(log), "--no-estimate"),
         )
+        if code in ENDED:
+            raise SystemExit(code)
         if code:
             return Outcome(refusal=f"import: {output.strip()[-300:]}")
         reader = LogReader(log)
