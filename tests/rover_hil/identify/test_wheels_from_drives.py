@@ -1,0 +1,152 @@
+"""`rover-hil calibrate wheels LOGS`: what drives with ground truth show of wheels that differ from [rover]."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from controllers.motion.rover_geometry import OmniRoverSettings, RoverSettings, WheelsRoverSettings
+from controllers.motion.wheel_settings import SteeringSettings, WheelSettings
+from rover_hil.drives.quality.drive_paths import GROUND_TRUTH, DrivePath
+from rover_hil.ready.wheels.from_drives import GeometryResult, geometry_from_drives
+from rover_hil.ready.wheels.geometry import (
+    BASE,
+    DELAY,
+    MARKER_X,
+    MARKER_Y,
+    MARKER_YAW,
+    RADIUS,
+    RADIUS_OF,
+    STEERING_ZERO,
+    TRACK,
+    WHEELBASE,
+)
+from rover_hil.ready.wheels.motion_kinds import BY_HAND, CIRCLE, ON_THE_SPOT, SQUARE, STRAIGHT
+from rover_hil.ready.wheels.trajectory import STEP_S, RecordedDrive
+from tests.nature import calibration_drives as nature
+from tests.nature.calibration_drives import DIFF, OMNI, TRICYCLE, Sensors, Wheel
+
+DIFF_ROVER = WheelsRoverSettings(
+    kinematics="wheels",
+    wheels=tuple(WheelSettings(x_m=0.0, y_m=side * 0.1, radius_m=0.042) for side in (1.0, -1.0)),
+)
+OMNI_ROVER = OmniRoverSettings(
+    kinematics="omni3", wheel_radius_m=0.051, base_radius_m=0.195, wheel_angles_deg=(300.0, 60.0, 180.0)
+)
+FREE = WheelSettings(x_m=0.0, y_m=0.08, radius_m=0.0325, driven=False, measured=False)
+TRICYCLE_ROVER = WheelsRoverSettings(
+    kinematics="wheels",
+    wheels=(
+        WheelSettings(
+            x_m=0.15, y_m=0.0, radius_m=0.0325, steering=SteeringSettings(low_deg=-90.0, high_deg=90.0)
+        ),
+        FREE,
+        FREE.model_copy(update={"y_m": -0.08}),
+    ),
+)
+ROVERS: dict[str, tuple[Sequence[Wheel], RoverSettings]] = {
+    "differential": (DIFF, DIFF_ROVER),
+    "omni": (OMNI, OMNI_ROVER),
+    "tricycle": (TRICYCLE, TRICYCLE_ROVER),
+}
+WRONG_RADIUS, WRONG_BASE, WRONG_SIDE, WRONG_ZERO = 0.03, -0.04, 0.01, 0.02
+SENSORS = Sensors(marker=(0.03, -0.02, 0.1), delay_s=0.06, gyro=(1.015, 0.004))
+POSES = slice(None, None, 10)
+
+
+def planted(rover: str) -> tuple[Sequence[Wheel], RoverSettings, dict[str, float]]:
+    """Return the true wheels, the description, and the numbers by which they differ."""
+    wheels, described = ROVERS[rover]
+    numbers = {RADIUS: WRONG_RADIUS, MARKER_X: 0.03, MARKER_Y: -0.02, MARKER_YAW: 0.1, DELAY: 0.06}
+    if rover == "differential":
+        numbers |= {TRACK: WRONG_BASE, f"{RADIUS_OF}left/right": WRONG_SIDE}
+    elif rover == "omni":
+        numbers |= {BASE: WRONG_BASE}
+    else:
+        numbers |= {WHEELBASE: WRONG_BASE, STEERING_ZERO: WRONG_ZERO}
+    side = numbers.get(f"{RADIUS_OF}left/right", 0.0)
+    true = [
+        replace(
+            wheel,
+            x_m=(1.0 + WRONG_BASE) * wheel.x_m,
+            y_m=(1.0 + WRONG_BASE) * wheel.y_m,
+            radius_m=(1.0 + WRONG_RADIUS) * (1.0 + math.copysign(side, wheel.y_m)) * wheel.radius_m,
+            direction_rad=wheel.direction_rad + numbers.get(STEERING_ZERO, 0.0),
+        )
+        for wheel in wheels
+    ]
+    return true, described, numbers
+
+
+def recorded(drive: nature.Drive, rover: RoverSettings, name: str, *, has_yaw: bool = True) -> RecordedDrive:
+    edges_s = np.arange(0.0, drive.t_s[-1], STEP_S)
+    middles_s = 0.5 * (edges_s[1:] + edges_s[:-1])
+    count = len(rover.wheels) if isinstance(rover, WheelsRoverSettings) else 3
+    turned_rad, steering_rad = np.zeros((len(middles_s), count)), np.zeros((len(middles_s), count))
+    for wheel in range(drive.turned_rad.shape[1]):
+        turned_rad[:, wheel] = np.diff(np.interp(edges_s, drive.t_s, drive.turned_rad[:, wheel]))
+        steering_rad[:, wheel] = np.interp(middles_s, drive.t_s, drive.steering_rad[:, wheel])
+    gyro_rad = np.concatenate(([0.0], np.cumsum(drive.gyro_rad_s[:-1] * np.diff(drive.t_s))))
+    x_m, y_m, yaw_rad = drive.pose[POSES].T
+    inside = drive.t_s[POSES] <= edges_s[-1]
+    return RecordedDrive(
+        path=Path(f"{name}.mcap"),
+        rover=rover,
+        t_s=edges_s,
+        turned_rad=turned_rad,
+        steering_rad=steering_rad if rover is TRICYCLE_ROVER else None,
+        gyro_rad=np.interp(edges_s, drive.t_s, gyro_rad),
+        truth=DrivePath(
+            drive.t_s[POSES][inside], x_m[inside], y_m[inside], yaw_rad[inside] if has_yaw else None
+        ),
+        source=GROUND_TRUTH,
+    )
+
+
+def drives_of(
+    rover: str, kinds: Sequence[str], seed: int, *, slip: float = 0.0, has_yaw: bool = True, each: int = 2
+) -> list[RecordedDrive]:
+    wheels, described, _ = planted(rover)
+    rng = np.random.default_rng(seed)
+    return [
+        recorded(
+            nature.drive(wheels, kind, rng, rotation_slip=slip, along_slip=0.004, sensors=SENSORS),
+            described,
+            f"{kind}-{number}",
+            has_yaw=has_yaw,
+        )
+        for kind in kinds
+        for number in range(each)
+    ]
+
+
+def kinds_of(rover: str) -> list[str]:
+    return [STRAIGHT, CIRCLE, *([] if rover == "tricycle" else [ON_THE_SPOT]), SQUARE, BY_HAND]
+
+
+def misses(result: GeometryResult, numbers: dict[str, float]) -> list[str]:
+    """Return the numbers that are outside of their intervals."""
+    return [
+        each.number.name
+        for each in result.fit.estimates
+        if each.is_shown and abs(each.value - numbers.get(each.number.name, 0.0)) > each.half_width
+    ]
+
+
+@pytest.mark.parametrize("has_yaw", [True, False])
+@pytest.mark.parametrize("rover", ROVERS)
+def test_planted_numbers_are_found_within_their_intervals(rover: str, has_yaw: bool) -> None:
+    *_, numbers = planted(rover)
+    result = geometry_from_drives(drives_of(rover, kinds_of(rover), 1, has_yaw=has_yaw))
+    assert result.problem == ""
+    assert list(result.kinds[::2]) == kinds_of(rover)
+    shown = {each.number.name for each in result.fit.estimates if each.is_shown}
+    assert {RADIUS, WHEELBASE if rover == "tricycle" else TRACK if rover == "differential" else BASE} <= shown
+    assert len(misses(result, numbers)) <= 1, misses(result, numbers)
+    for kind in result.by_kind:
+        assert kind.end_m[1] < kind.end_m[0] or kind.kind == ON_THE_SPOT
+    assert result.gyro is not None
+    assert result.gyro.scale == pytest.approx(1.015, abs=result.gyro.half_width + 0.002)
