@@ -123,7 +123,7 @@ def drive(
     ahead, turn = (np.repeat([leg[place] for leg in legs], counts) for place in (1, 2))
     ramp = np.ones(round(0.5 / STEP_S)) / round(0.5 / STEP_S)
     ahead, turn = (np.convolve(each, ramp, "same") for each in (ahead, turn))
-    t_s = np.arange(len(ahead)) * STEP_S
+    t_s = np.arange(len(ahead), dtype=np.float64) * STEP_S
     size_m = max(math.hypot(wheel.x_m, wheel.y_m) for wheel in wheels)
     rims = size_m * np.abs(turn)
     lost = rotation_slip * rims / np.maximum(rims + np.abs(ahead), 1e-9)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from controllers.motion.rover_geometry import OmniRoverSettings, RoverSettings, WheelsRoverSettings
 from drivers.errors import ConfigError
 from rover_hil.config import Config
+from rover_hil.config.entry import EntryValue
 from rover_hil.console.options import log_at
 from rover_hil.drives.presets import presets
 from rover_hil.drives.quality.drive_paths import GROUND_TRUTH
@@ -220,18 +221,21 @@ def _gyro_words(result: GeometryResult) -> str:
     return f"{gyro.scale:.4f} +- {gyro.half_width:.4f} of the {gyro.reference}, bias {bias} deg/s"
 
 
-def _rover_section(rover: RoverSettings) -> dict[str, object]:
+def _rover_section(rover: RoverSettings) -> dict[str, EntryValue]:
     """Return the keys of [rover] that are calibrated."""
     if isinstance(rover, WheelsRoverSettings):
         wheels = [each.model_dump(exclude_defaults=True, mode="json") for each in rover.wheels]
         return {"kinematics": "wheels", "wheels": [_rounded(wheel) for wheel in wheels]}
-    keys = {"wheel_radius_m", "base_radius_m", "track_m"}
-    return _rounded({key: value for key, value in rover.model_dump().items() if key in keys})
+    if isinstance(rover, OmniRoverSettings):
+        base = "base_radius_m", rover.base_radius_m
+    else:
+        base = "track_m", rover.track_m
+    return {"wheel_radius_m": round(rover.wheel_radius_m, DECIMALS), base[0]: round(base[1], DECIMALS)}
 
 
-def _rounded(section: Mapping[str, object]) -> dict[str, object]:
+def _rounded(wheel: Mapping[str, object]) -> dict[str, object]:
     return {
-        key: round(value, DECIMALS) if isinstance(value, float) else value for key, value in section.items()
+        key: round(value, DECIMALS) if isinstance(value, float) else value for key, value in wheel.items()
     }
 
 

@@ -17,6 +17,7 @@ from rover_hil.ready.wheels.geometry import (
     RADIUS,
     RADIUS_OF,
     TRACK,
+    WHEELBASE,
     Geometry,
     Number,
     geometry_of,
@@ -32,12 +33,15 @@ from rover_hil.ready.wheels.trajectory_fit import (
     TrajectoryFit,
     TrajectoryProblem,
     fit_trajectories,
+    freedom,
     moved_without,
     named,
     variance_of_unknown,
 )
 from rover_hil.ready.wheels.validation import DriveError, KindErrors, by_kind, drive_error
 
+COMPARED_S = 10.0
+"""Length of a segment where kinds of motion are compared: short drives have enough of them."""
 LEAST_SEGMENTS = 3
 """A kind of motion with fewer is not compared."""
 DIFFERS = 0.01
@@ -46,6 +50,11 @@ LEAST_DIFFERENCE = 0.003
 """Numbers that differ by less hold for all kinds; of an angle in rad."""
 LEAST_GAIN = 0.2
 """Share of what is left of a kind of motion that a number of its own explains, where it matters."""
+
+
+AS_MUCH = 0.1
+"""Numbers whose gains differ by less explain as much."""
+BASES = (BASE, TRACK, WHEELBASE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,7 +159,10 @@ class GeometryResult:
             return "there is no drive to validate them on: give two or more drives"
         worse = [each.kind for each in self.by_kind if each.is_worse]
         if worse:
-            return f"the described numbers are better in validation drives of this kind: {', '.join(worse)}"
+            counts = [self.kinds.count(kind) for kind in worse]
+            more = "; give two or more drives of each kind" if min(counts) < 2 else ""
+            kinds = ", ".join(worse)
+            return f"the described numbers are better in validation drives of this kind: {kinds}{more}"
         if not any(each.is_better for each in self.by_kind):
             return "the described numbers are as good in validation drives: they are confirmed"
         return ""
@@ -184,7 +196,7 @@ def geometry_from_drives(
     numbers = (*geometry.numbers, *marker_numbers(rover, has_yaw=has_yaw))
     problem = TrajectoryProblem(drives, geometry, numbers)
     fit = fit_trajectories(problem)
-    common = TrajectoryProblem(everything, geometry, numbers)
+    common = TrajectoryProblem(everything, geometry, numbers, segment_s=COMPARED_S)
     size_m = wheels_reach_m(rover)
     # By the corrected wheels: wrong ones bend straights.
     kinds = [kind_of(moves, size_m) for moves in common.moves(fit.values)]
@@ -248,12 +260,12 @@ def _differences(
     for number in candidates:
         own = {kind: named(number.name, kind) for kind in dict.fromkeys(kinds)}
         free = [name for name in names if name != number.name] + list(own.values())
-        problem = TrajectoryProblem(common.drives, common.geometry, numbers, kinds, number.name)
+        problem = TrajectoryProblem(common.drives, common.geometry, numbers, (number.name, kinds), COMPARED_S)
         start = {**values, **dict.fromkeys(own.values(), values[number.name])}
         of_kinds = problem.solve(free, start, solution.sd)
         still_left = _left(of_kinds.residuals, of_segments, compared)
         gains = [1.0 - after / before for before, after in zip(left, still_left, strict=True)]
-        samples = _samples(number, of_kinds, own, {kind: of_segments.count(kind) for kind in compared})
+        samples = _samples(number, of_kinds, own, compared)
         if max(gains) >= LEAST_GAIN and _differ(samples, DIFFERS / pairs):
             found.append(
                 KindDifference(
@@ -262,7 +274,11 @@ def _differences(
                     gain=1.0 - sum(still_left) / sum(left),
                 )
             )
-    return sorted(found, key=lambda each: -each.gain)
+    best = max((each.gain for each in found), default=0.0)
+    # Of numbers that explain as much the base comes first: with it the distances stay as they are.
+    return sorted(
+        found, key=lambda each: (each.gain < best - AS_MUCH, each.number.name not in BASES, -each.gain)
+    )
 
 
 def _left(residuals: Sequence[Array], of_segments: Sequence[str], kinds: Sequence[str]) -> list[float]:
@@ -280,21 +296,21 @@ class _Sample(NamedTuple):
         kind: Of the motion.
         value: The number.
         sd: Its standard deviation.
-        segments: Number of segments of the kind.
+        freedom: Degrees of freedom of the standard deviation.
     """
 
     kind: str
     value: float
     sd: float
-    segments: int
+    freedom: float
 
     def half_width(self, probability: float) -> float:
         """Return half of the interval that the number is outside of with a probability."""
-        return _quantile(self.segments, probability) * self.sd
+        return float(student.ppf(1.0 - 0.5 * probability, self.freedom)) * self.sd
 
 
 def _samples(
-    number: Number, solution: Solution, names: Mapping[str, str], segments: Mapping[str, int]
+    number: Number, solution: Solution, names: Mapping[str, str], compared: Sequence[str]
 ) -> list[_Sample]:
     """Return the number of those kinds of motion that show it.
 
@@ -302,16 +318,21 @@ def _samples(
         number: The number.
         solution: With a value of its own for each kind.
         names: Of these values.
-        segments: Number of segments of each kind that is compared.
+        compared: Kinds of motion.
     """
-    moved = moved_without(solution, [[place] for place in range(len(solution.residuals))])
-    unknown = variance_of_unknown(solution)
+    units = [[place] for place in range(len(solution.residuals))]
+    moved, unknown, freedoms = (
+        moved_without(solution, units),
+        variance_of_unknown(solution, {}),
+        freedom(solution, units),
+    )
     columns = list(solution.values)
     samples = []
-    for kind, count in segments.items():
+    for kind in compared:
         name = names[kind]
-        sd = math.hypot(_sd(moved[:, columns.index(name)]), math.sqrt(unknown[name]))
-        sample = _Sample(kind, solution.values[name], sd, count)
+        column = columns.index(name)
+        sd = math.hypot(_sd(moved[:, column]), math.sqrt(unknown[name]))
+        sample = _Sample(kind, solution.values[name], sd, float(freedoms[column]))
         if sample.half_width(0.05) <= SHOWN * number.plausible:
             samples.append(sample)
     return samples
@@ -320,14 +341,10 @@ def _samples(
 def _differ(samples: Sequence[_Sample], probability: float) -> bool:
     """Return whether the numbers of two kinds differ beyond their intervals."""
     for one, other in combinations(samples, 2):
-        least = _quantile(min(one.segments, other.segments), probability) * math.hypot(one.sd, other.sd)
-        if abs(one.value - other.value) > max(least, LEAST_DIFFERENCE):
+        both = _Sample("", 0.0, math.hypot(one.sd, other.sd), min(one.freedom, other.freedom))
+        if abs(one.value - other.value) > max(both.half_width(probability), LEAST_DIFFERENCE):
             return True
     return False
-
-
-def _quantile(count: int, probability: float) -> float:
-    return float(student.ppf(1.0 - 0.5 * probability, count - 1))
 
 
 def _sd(moved: Array) -> float:

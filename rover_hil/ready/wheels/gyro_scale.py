@@ -65,15 +65,18 @@ def fit_gyro(problem: TrajectoryProblem, values: Mapping[str, float]) -> GyroFit
         columns[:, 1 + drives.index(segment.drive)] = t_s
         columns[:, -1] = np.interp(t_s - values.get(DELAY, 0.0), drive.t_s, drive.gyro_rad)
         columns -= columns.mean(axis=0)
-        products.append(columns.T @ columns / len(t_s))
+        products.append(np.asarray(columns.T @ columns / len(t_s), np.float64))
     total = np.sum(products, axis=0)
     solved = _solve(total)
     others = np.array([_solve(total - each)[0] for each in products])
     count = len(others)
+    # Rotations that are no constant rate show the scale; the others show the bias.
+    shares = np.array([_unlike_time(each) for each in products])
+    support = float(shares.sum() ** 2 / max(float(shares @ shares), 1e-300))
     sd = math.sqrt((count - 1) / count * float(np.sum((others - others.mean()) ** 2)))
     return GyroFit(
         scale=float(solved[0]),
-        half_width=float(student.ppf(0.5 + 0.5 * CONFIDENCE, count - 1)) * sd,
+        half_width=float(student.ppf(0.5 + 0.5 * CONFIDENCE, max(support - 1.0, 1.0))) * sd,
         bias_rad_s=solved[1:],
         reference="measured yaw" if has_yaw else "yaw by the corrected wheels",
     )
@@ -81,5 +84,11 @@ def fit_gyro(problem: TrajectoryProblem, values: Mapping[str, float]) -> GyroFit
 
 def _solve(products: Array) -> Array:
     """Return scale and biases by the products of their columns and of the rotation by the gyro."""
-    result: Array = np.linalg.lstsq(products[:-1, :-1], products[:-1, -1], rcond=1e-9)[0]
-    return result
+    return np.asarray(np.linalg.lstsq(products[:-1, :-1], products[:-1, -1], rcond=1e-9)[0], np.float64)
+
+
+def _unlike_time(products: Array) -> float:
+    """Return the square of the rotation that a constant rate leaves."""
+    time = products[1:-1, 1:-1].trace()
+    with_time = float(products[0, 1:-1].sum())
+    return float(products[0, 0]) - with_time**2 / max(float(time), 1e-300)

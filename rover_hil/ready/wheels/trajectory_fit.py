@@ -27,7 +27,7 @@ from rover_hil.ready.wheels.trajectory import RecordedDrive, Trajectory, of_mark
 
 CONFIDENCE, NORMAL = 0.95, 1.96
 SEGMENT_S = 20.0
-"""Longer than slip and the ground stay alike; at least `LEAST_TURNED` of the drive is in each."""
+"""Longer than slip and the ground stay alike."""
 LEAST_DRIVES = 6
 """With fewer drives the units are segments."""
 LEAST_SD = (5e-4, 5e-4)
@@ -121,9 +121,9 @@ class TrajectoryProblem:
         drives: The drives.
         geometry: Of their rover.
         numbers: That may differ.
-        kinds: Kind of motion of each drive.
-        by_kind: The number that has a value of its own for each kind of motion, "" for none. Its names are
-            then those of `named`.
+        by_kind: The number that has a value of its own for each kind of motion, "" for none, and the kind of
+            each drive. Its names are then those of `named`.
+        segment_s: About the length of a segment.
 
     Attributes:
         segments: Of all drives.
@@ -134,21 +134,23 @@ class TrajectoryProblem:
         drives: Sequence[RecordedDrive],
         geometry: Geometry,
         numbers: Sequence[Number],
-        kinds: Sequence[str] = (),
-        by_kind: str = "",
+        by_kind: tuple[str, Sequence[str]] = ("", ()),
+        segment_s: float = SEGMENT_S,
     ) -> None:
         self.drives, self.geometry = drives, geometry
+        self._by_kind, self._kinds = by_kind
         self.numbers = [
             replace(number, name=name)
             for number in numbers
             for name in (
-                [named(by_kind, kind) for kind in dict.fromkeys(kinds)]
-                if number.name == by_kind
+                [named(number.name, kind) for kind in dict.fromkeys(self._kinds)]
+                if number.name == self._by_kind
                 else [number.name]
             )
         ]
-        self.segments = [each for place, drive in enumerate(drives) for each in segments_of(drive, place)]
-        self._kinds, self._by_kind = kinds, by_kind
+        self.segments = [
+            each for place, drive in enumerate(drives) for each in segments_of(drive, place, segment_s)
+        ]
         self._plausible = {number.name: number.plausible for number in self.numbers}
         self._paths: dict[tuple[int, tuple[float, ...]], Trajectory] = {}
         self._nodes = _SteeringNodes(drives)
@@ -324,10 +326,10 @@ class _SteeringNodes:
         return np.asarray((1.0 - share) * effects[first] + share * effects[behind])
 
 
-def segments_of(drive: RecordedDrive, place: int) -> list[Segment]:
-    """Return parts of about `SEGMENT_S` of a drive; `place` is its number."""
+def segments_of(drive: RecordedDrive, place: int, segment_s: float = SEGMENT_S) -> list[Segment]:
+    """Return parts of about `segment_s` of a drive; `place` is its number."""
     truth_s = drive.truth.t_s
-    count = max(1, round((truth_s[-1] - truth_s[0]) / SEGMENT_S))
+    count = max(1, round((truth_s[-1] - truth_s[0]) / segment_s))
     edges = np.searchsorted(truth_s, np.linspace(truth_s[0], truth_s[-1], count + 1)[1:-1]).tolist()
     bounds = [0, *edges, len(truth_s)]
     return [Segment(place, first, end) for first, end in pairwise(bounds) if end - first > 3]
@@ -342,20 +344,20 @@ def fit_trajectories(problem: TrajectoryProblem, fixed: Sequence[str] = ()) -> T
     """
     start, units = problem.start(), _units(problem)
     free = [number for number in problem.numbers if number.name not in fixed]
-    everything = problem.solve([number.name for number in free], start)
-    unknown = variance_of_unknown(everything)
-    half = half_widths(everything, units, unknown)
-    shown = [number for number in free if half[number.name] <= SHOWN * number.plausible]
-    solution = problem.solve([number.name for number in shown], start)
-    half |= half_widths(solution, units, unknown)
-    needed = [
-        number
-        for number in shown
-        if not number.is_optional or abs(solution.values[number.name]) > half[number.name]
-    ]
+    everything = solution = problem.solve([number.name for number in free], start)
+    half = half_widths(everything, units, variance_of_unknown(everything, {}))
+    shown, unshown_sd = free, dict[str, float]()
+    while wide := [each for each in shown if half[each.name] > SHOWN * each.plausible]:
+        # Those that remain are wrong by what the others, which stay as described, may differ.
+        unshown_sd |= {each.name: 0.5 * each.plausible for each in wide}
+        shown = [each for each in shown if each not in wide]
+        solution = problem.solve([each.name for each in shown], start)
+        half |= half_widths(solution, units, variance_of_unknown(everything, unshown_sd))
+    needed = [each for each in shown if _is_needed(each, solution, half)]
     if len(needed) < len(shown):
-        solution = problem.solve([number.name for number in needed], start)
-        half |= half_widths(solution, units, unknown)
+        unshown_sd |= {each.name: half[each.name] / NORMAL for each in shown if each not in needed}
+        solution = problem.solve([each.name for each in needed], start)
+        half |= half_widths(solution, units, variance_of_unknown(everything, unshown_sd))
     estimates = [
         Estimate(
             number=number,
@@ -401,12 +403,26 @@ def _units(problem: TrajectoryProblem) -> list[list[int]]:
     ]
 
 
-def variance_of_unknown(solution: Solution) -> dict[str, float]:
-    """Return the variance of each number by what the data do not show, with all numbers free."""
-    hessian = sum((each.T @ each for each in solution.slopes), np.eye(len(solution.scale)))
-    inverse = np.linalg.inv(hessian)
-    variance = solution.scale**2 * np.diag(inverse @ inverse)
-    return dict(zip(solution.values, variance.tolist(), strict=True))
+def _is_needed(number: Number, solution: Solution, half: Mapping[str, float]) -> bool:
+    return not number.is_optional or abs(solution.values[number.name]) > half[number.name]
+
+
+def variance_of_unknown(everything: Solution, fixed_sd: Mapping[str, float]) -> dict[str, float]:
+    """Return the variance of each number by what the data do not show.
+
+    Args:
+        everything: With all numbers free.
+        fixed_sd: Standard deviations of numbers that stay as described, by name.
+    """
+    curvature = sum((each.T @ each for each in everything.slopes), np.zeros((len(everything.scale),) * 2))
+    names = list(everything.values)
+    fixed = [names.index(name) for name in fixed_sd]
+    free = [place for place in range(len(names)) if place not in fixed]
+    inverse = np.linalg.inv(curvature[np.ix_(free, free)] + np.eye(len(free)))
+    pull = curvature[np.ix_(free, fixed)] * (np.array(list(fixed_sd.values())) / everything.scale[fixed])
+    covariance = inverse @ (np.eye(len(free)) + pull @ pull.T) @ inverse
+    variance = everything.scale[free] ** 2 * np.diag(covariance)
+    return dict(zip([names[place] for place in free], variance.tolist(), strict=True))
 
 
 def half_widths(
@@ -424,11 +440,29 @@ def half_widths(
         return dict.fromkeys(solution.values, math.inf)
     moved = moved_without(solution, units)
     variance = (count - 1) / count * np.sum((moved - moved.mean(axis=0)) ** 2, axis=0)
-    quantile = float(student.ppf(0.5 + 0.5 * CONFIDENCE, count - 1))
+    quantiles = student.ppf(0.5 + 0.5 * CONFIDENCE, freedom(solution, units))
     return {
         name: math.hypot(quantile * math.sqrt(own), NORMAL * math.sqrt(unknown[name]), LEAST_HALF_WIDTH)
-        for name, own in zip(solution.values, variance.tolist(), strict=True)
+        for name, own, quantile in zip(solution.values, variance.tolist(), quantiles.tolist(), strict=True)
     }
+
+
+def freedom(solution: Solution, units: Sequence[Sequence[int]]) -> Array:
+    """Return the degrees of freedom of the interval of each number, at least 1.
+
+    That is how many units show the number, in effect, less 1: of a delay that only the first and the last
+    segment show it is 1, however long the drive.
+    """
+    hessians = [each.T @ each for each in solution.slopes]
+    inverse = np.linalg.inv(sum(hessians, np.eye(len(solution.scale))))
+    shares = np.array(
+        [
+            np.diag(inverse @ sum((hessians[each] for each in unit), np.zeros_like(inverse)) @ inverse)
+            for unit in units
+        ]
+    )
+    support = shares.sum(axis=0) ** 2 / np.maximum((shares**2).sum(axis=0), 1e-300)
+    return np.maximum(support - 1.0, 1.0)
 
 
 def _best_rotation(own_m: Array, true_m: Array, apart_rad: Array | None, sd: tuple[float, float]) -> float:

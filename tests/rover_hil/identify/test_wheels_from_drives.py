@@ -1,6 +1,8 @@
-"""`rover-hil calibrate wheels LOGS`: what drives with ground truth show of wheels that differ from [rover]."""
+"""`rover-hil calibrate wheels LOGS`: what drives with ground truth show of the wheels."""
 
+import json
 import math
+import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +12,7 @@ import pytest
 
 from controllers.motion.rover_geometry import OmniRoverSettings, RoverSettings, WheelsRoverSettings
 from controllers.motion.wheel_settings import SteeringSettings, WheelSettings
+from drivers.errors import LogError
 from rover_hil.drives.quality.drive_paths import GROUND_TRUTH, DrivePath
 from rover_hil.ready.wheels.from_drives import GeometryResult, geometry_from_drives
 from rover_hil.ready.wheels.geometry import (
@@ -28,6 +31,8 @@ from rover_hil.ready.wheels.motion_kinds import BY_HAND, CIRCLE, ON_THE_SPOT, SQ
 from rover_hil.ready.wheels.trajectory import STEP_S, RecordedDrive
 from tests.nature import calibration_drives as nature
 from tests.nature.calibration_drives import DIFF, OMNI, TRICYCLE, Sensors, Wheel
+from tests.rover_hil.command import Command, assert_one_sentence
+from tests.rover_hil.test_import_table import write
 
 DIFF_ROVER = WheelsRoverSettings(
     kinematics="wheels",
@@ -150,3 +155,158 @@ def test_planted_numbers_are_found_within_their_intervals(rover: str, has_yaw: b
         assert kind.end_m[1] < kind.end_m[0] or kind.kind == ON_THE_SPOT
     assert result.gyro is not None
     assert result.gyro.scale == pytest.approx(1.015, abs=result.gyro.half_width + 0.002)
+
+
+@pytest.mark.parametrize("rover", ROVERS)
+def test_slip_in_rotations_is_no_geometry(rover: str) -> None:
+    """The wheels roll farther where the rover rotates more tightly: no single track or wheelbase fits."""
+    result = geometry_from_drives(drives_of(rover, kinds_of(rover), 1, slip=0.08))
+    base = {"differential": TRACK, "omni": BASE, "tricycle": WHEELBASE}[rover]
+    assert result.differences[0].number.name == base
+    assert f"no single {base} fits all kinds of motion" in result.problem
+    values = result.differences[0].values
+    if rover != "tricycle":
+        assert "slip in rotations" in result.problem
+        assert values[ON_THE_SPOT][0] - values[CIRCLE][0] > 0.05
+    else:
+        assert values[SQUARE][0] - values[CIRCLE][0] > 0.004
+
+
+def test_circles_alone_do_not_show_what_they_cannot() -> None:
+    """Without a yaw, circles to one side show neither the radius nor the place of the marker."""
+    wheels, described, _ = planted("differential")
+    rng = np.random.default_rng(0)
+    drives = []
+    while len(drives) < 3:
+        drive = recorded(
+            nature.drive(wheels, CIRCLE, rng, sensors=SENSORS), described, f"{len(drives)}", has_yaw=False
+        )
+        if drive.turned_rad[:, 1].sum() > drive.turned_rad[:, 0].sum():  # to the left
+            drives.append(drive)
+    result = geometry_from_drives(drives)
+    estimates = {each.number.name: each for each in result.fit.estimates}
+    assert estimates[RADIUS].half_width > 0.05 or not estimates[RADIUS].is_shown
+    for each in result.fit.estimates:
+        if each.is_shown:
+            true = planted("differential")[2].get(each.number.name, 0.0)
+            assert abs(each.value - true) <= each.half_width, each.number.name
+
+
+def test_a_right_description_is_confirmed_and_not_written() -> None:
+    rng = np.random.default_rng(3)
+    drives = [
+        recorded(nature.drive(DIFF, kind, rng, along_slip=0.01), DIFF_ROVER, f"{kind}{number}")
+        for kind in (STRAIGHT, CIRCLE, ON_THE_SPOT)
+        for number in range(2)
+    ]
+    result = geometry_from_drives(drives)
+    assert result.problem != ""
+    assert not result.differences
+
+
+def test_one_drive_alone_validates_nothing() -> None:
+    (drive,) = drives_of("differential", [BY_HAND], 5, each=1)
+    result = geometry_from_drives([drive])
+    assert "no drive to validate them on" in result.problem
+    assert geometry_from_drives([drive], drives_of("differential", [BY_HAND], 6, each=1)).problem == ""
+
+
+@pytest.mark.parametrize("kind", [STRAIGHT, CIRCLE, ON_THE_SPOT, SQUARE, BY_HAND])
+def test_kinds_of_motion_are_recognised(kind: str) -> None:
+    for rover in ("differential", "omni", "tricycle"):
+        if kind not in kinds_of(rover):
+            continue
+        wheels, described = ROVERS[rover]
+        rng = np.random.default_rng(7)
+        drives = [recorded(nature.drive(wheels, kind, rng), described, str(place)) for place in range(3)]
+        assert geometry_from_drives(drives).kinds == [kind] * 3
+
+
+def test_numbers_of_different_rovers_are_not_mixed() -> None:
+    first, second = drives_of("differential", [CIRCLE], 1)
+    other = replace(second, rover=OMNI_ROVER)
+    with pytest.raises(LogError, match="have different"):
+        geometry_from_drives([first, other])
+
+
+COLUMNS = """[time]
+column = "t"
+
+[[wheel]]
+position = { column = "l", unit = "rad" }
+
+[[wheel]]
+position = { column = "r", unit = "rad" }
+
+[rover]   # by the drawing
+kinematics = "wheels"
+wheels = [
+  { x_m = 0.0, y_m = 0.1, radius_m = 0.042 },   # left
+  { x_m = 0.0, y_m = -0.1, radius_m = 0.042 },
+]
+
+[limits]
+wheel_speed_rad_s = 30
+wheel_acceleration_rad_s2 = 100
+
+[truth]
+x = { column = "x" }
+y = { column = "y" }
+yaw = { column = "yaw" }
+"""
+
+
+def import_drives(command: Command, kinds: Sequence[str]) -> list[str]:
+    wheels, _, _ = planted("differential")
+    rng = np.random.default_rng(2)
+    Path("columns.toml").write_text(COLUMNS, "utf-8")
+    tables = []
+    for place, kind in enumerate(kinds):
+        drive = nature.drive(wheels, kind, rng, sensors=replace(SENSORS, delay_s=0.0))
+        columns = dict(
+            zip(
+                ("t", "l", "r", "x", "y", "yaw"),
+                (drive.t_s, *drive.turned_rad.T, *drive.pose.T),
+                strict=True,
+            )
+        )
+        tables.append(str(write(Path(f"drive{place}.csv"), columns)))
+    arguments = ("--columns", "columns.toml", "--no-estimate", "--out", "logs")
+    assert command("import", "table", *tables, *arguments) == 0, command.error
+    return [f"logs/drive{place}.mcap" for place in range(len(kinds))]
+
+
+def test_imported_logs_correct_their_file_of_columns(command: Command) -> None:
+    logs = import_drives(command, [CIRCLE, CIRCLE, BY_HAND, BY_HAND])
+    arguments = ("calibrate", "wheels", "columns.toml", *logs, "--out", "wheels.toml", "--enter")
+    assert command(*arguments) == 0, command.error
+    first = command.out.splitlines()[0]
+    assert first.startswith("answer: the corrected wheels are better")
+    assert "not driven: straight, on the spot, square" in command.out
+    text = Path("columns.toml").read_text("utf-8")
+    assert "# by the drawing" in text
+    assert "# left" in text
+    entered = tomllib.loads(text)["rover"]["wheels"]
+    assert entered == tomllib.loads(Path("wheels.toml").read_text("utf-8"))["rover"]["wheels"]
+    assert entered[0]["radius_m"] == pytest.approx(1.03 * 1.01 * 0.042, rel=0.002)
+    assert entered[1]["y_m"] == pytest.approx(-0.96 * 0.1, rel=0.005)
+    assert Path("wheels.html").read_text("utf-8").count('<img class="drawn"') == 2
+    assert command("calibrate", "wheels", *logs, "--validation", logs[0], "--json") in (0, 1)
+    found = json.loads(command.out)
+    assert found["numbers"]["track"]["is_shown"]
+    assert set(found["validation"]) == {CIRCLE}
+
+
+def test_wrong_calls_are_one_sentence(command: Command) -> None:
+    logs = import_drives(command, [CIRCLE, STRAIGHT])
+    for options, words in (
+        ("columns.toml --validation a.mcap", "--validation: name logs of other drives"),
+        (f"{logs[0]} none.mcap", "cannot read log none.mcap"),
+        (f"robotino {logs[0]}", "is of a rover with other wheels"),
+        (f"{logs[0]} --enter", "cannot be edited"),
+        (f"columns.toml {logs[0]} --line {logs[0]}=2", "--line and --spin: leave them out"),
+        (f"columns.toml {logs[0]} --virtual", "is a log: leave --virtual out"),
+        ("columns.toml", "--out is needed"),
+    ):
+        assert command("calibrate", "wheels", *options.split()) == 2, options
+        assert_one_sentence(command.error, words)
