@@ -13,7 +13,7 @@ from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import RoverSettings
 from drivers.errors import LogError
 from rover_hil.drives.arrays import Array
-from rover_hil.drives.drive import read_drive
+from rover_hil.drives.drive import Drive, read_drive
 from rover_hil.drives.quality.drive_paths import (
     DrivePath,
     integrated,
@@ -76,7 +76,16 @@ def read_recorded(path: Path) -> RecordedDrive:
     Raises:
         LogError: The log is damaged, a wheel is not measured, or there is no ground truth.
     """
-    drive = read_drive(path)
+    return recorded_of(read_drive(path))
+
+
+def recorded_of(drive: Drive) -> RecordedDrive:
+    """Return a drive that has been read with its ground truth, else with its positions.
+
+    Raises:
+        LogError: A wheel is not measured, or there is no ground truth.
+    """
+    path = drive.log.path
     kinematics = make_kinematics(drive.config.rover)
     stepped = wheel_steps(drive.channels, kinematics, STEP_S, LEAST_STEPS)
     if stepped is None:

@@ -462,7 +462,7 @@ def freedom(solution: Solution, units: Sequence[Sequence[int]]) -> Array:
         ]
     )
     support = shares.sum(axis=0) ** 2 / np.maximum((shares**2).sum(axis=0), 1e-300)
-    return np.maximum(support - 1.0, 1.0)
+    return np.asarray(np.maximum(support - 1.0, 1.0), np.float64)
 
 
 def _best_rotation(own_m: Array, true_m: Array, apart_rad: Array | None, sd: tuple[float, float]) -> float:

@@ -176,7 +176,7 @@ def test_circles_alone_do_not_show_what_they_cannot() -> None:
     """Without a yaw, circles to one side show neither the radius nor the place of the marker."""
     wheels, described, _ = planted("differential")
     rng = np.random.default_rng(0)
-    drives = []
+    drives: list[RecordedDrive] = []
     while len(drives) < 3:
         drive = recorded(
             nature.drive(wheels, CIRCLE, rng, sensors=SENSORS), described, f"{len(drives)}", has_yaw=False
@@ -295,6 +295,22 @@ def test_imported_logs_correct_their_file_of_columns(command: Command) -> None:
     found = json.loads(command.out)
     assert found["numbers"]["track"]["is_shown"]
     assert set(found["validation"]) == {CIRCLE}
+
+
+@pytest.mark.parametrize("yaw", [True, False])
+def test_ground_truth_with_and_without_yaw_has_an_offset(command: Command, yaw: bool) -> None:
+    wheels, _, _ = planted("differential")
+    drive = nature.drive(wheels, BY_HAND, np.random.default_rng(4), sensors=replace(SENSORS, delay_s=0.12))
+    text = COLUMNS if yaw else COLUMNS.replace('yaw = { column = "yaw" }\n', "")
+    Path("columns.toml").write_text(text, "utf-8")
+    columns = (drive.t_s, *drive.turned_rad.T, *drive.pose.T)
+    write(Path("drive.csv"), dict(zip(("t", "l", "r", "x", "y", "yaw"), columns, strict=True)))
+    arguments = ("--columns", "columns.toml", "--no-estimate", "--out", "drive.mcap")
+    assert command("import", "table", "drive.csv", *arguments) == 0, command.error
+    assert command("calibrate", "time", "drive.mcap", "--json") == 0, command.error
+    found = json.loads(command.out)["offsets"]["ground truth"]
+    assert found["offset_s"] == pytest.approx(0.12, abs=0.005 + 3.0 * found["sd_s"])
+    assert found["sd_s"] < 0.02
 
 
 def test_wrong_calls_are_one_sentence(command: Command) -> None:
