@@ -26,6 +26,8 @@ from rover_hil.drives.arrays import Array
 from rover_hil.drives.quality.drive_paths import effects_of
 
 RADIUS, BASE, TRACK, WHEELBASE = "radius", "base radius", "track", "wheelbase"
+BASES = (BASE, TRACK, WHEELBASE)
+"""Numbers that rotations depend on, and distances do not."""
 STEERING_ZERO, STEERING_RATIO = "steering zero", "steering ratio"
 MARKER_X, MARKER_Y, MARKER_YAW, DELAY = "marker x", "marker y", "marker yaw", "delay of the ground truth"
 RADIUS_OF = "radius, "
@@ -41,7 +43,7 @@ class Number:
         unit: "" for a relative difference, else "m", "deg" or "s".
         plausible: It lies within plus and minus this, in SI units; chosen by hand.
         is_geometry: Of the wheels; False for what is only of the measurement: marker and clock.
-        is_optional: Left out where its interval contains 0.
+        is_optional: Left out where it is within a standard deviation of 0.
         shown_by: A drive that would show it.
     """
 
