@@ -145,9 +145,10 @@ class GeometryResult:
             return f"these drives show no number of the wheels: drive {'; '.join(wanted)}"
         for each in self.shown:
             if abs(each.value) > each.number.plausible:
+                factor, unit = (100.0, "%") if not each.number.unit else (math.degrees(1.0), "deg")
                 return (
-                    f"the {each.number.name} differs by {100.0 * each.value:+.0f} %: correct ticks, gear "
-                    "ratio, sign or units first"
+                    f"the {each.number.name} differs by {factor * each.value:+.0f} {unit}: correct ticks, "
+                    "gear ratio, sign or units first"
                 )
         if self.differences:
             first = self.differences[0]
@@ -201,7 +202,7 @@ def geometry_from_drives(
     size_m = wheels_reach_m(rover)
     # By the corrected wheels: wrong ones bend straights.
     kinds = [kind_of(moves, size_m) for moves in common.moves(fit.values)]
-    described = fit_trajectories(problem, fixed=[each.name for each in geometry.numbers])
+    described = fit_trajectories(problem, fixed=[each.name for each in numbers if each.is_geometry])
     return GeometryResult(
         geometry=geometry,
         drives=drives,

@@ -28,7 +28,7 @@ from rover_hil.drives.quality.drive_paths import effects_of
 RADIUS, BASE, TRACK, WHEELBASE = "radius", "base radius", "track", "wheelbase"
 BASES = (BASE, TRACK, WHEELBASE)
 """Numbers that rotations depend on, and distances do not."""
-STEERING_ZERO, STEERING_RATIO = "steering zero", "steering ratio"
+STEERING_ZERO, STEERING_RATIO, STEERING_DELAY = "steering zero", "steering ratio", "delay of the steering"
 MARKER_X, MARKER_Y, MARKER_YAW, DELAY = "marker x", "marker y", "marker yaw", "delay of the ground truth"
 RADIUS_OF = "radius, "
 """Followed by the name of a contrast."""
@@ -145,6 +145,8 @@ def geometry_of(rover: RoverSettings) -> Geometry:
             Number(name=STEERING_ZERO, unit="deg", plausible=math.radians(15.0), shown_by=bends),
             Number(name=STEERING_RATIO, unit="", plausible=0.1, shown_by=bends, is_optional=True),
         ]
+    if sum(wheel.steering is not None for wheel in rover.wheels) == 1:
+        numbers.append(_delay(STEERING_DELAY, "bends that begin and end"))
     return Geometry(rover, rover.wheels, contrasts, tuple(numbers))
 
 
@@ -162,10 +164,11 @@ def marker_numbers(rover: RoverSettings, *, has_yaw: bool) -> tuple[Number, ...]
         for name in (MARKER_X, MARKER_Y)
     ]
     yaw = Number(name=MARKER_YAW, unit="deg", plausible=math.pi, shown_by="a straight", is_geometry=False)
-    delay = Number(
-        name=DELAY, unit="s", plausible=0.5, shown_by="changes of speed", is_geometry=False, is_optional=True
-    )
-    return (*lever, *([yaw] if has_yaw else []), delay)
+    return (*lever, *([yaw] if has_yaw else []), _delay(DELAY, "changes of speed"))
+
+
+def _delay(name: str, shown_by: str) -> Number:
+    return Number(name=name, unit="s", plausible=0.5, shown_by=shown_by, is_geometry=False, is_optional=True)
 
 
 def _radius() -> Number:

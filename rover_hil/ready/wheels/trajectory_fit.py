@@ -20,10 +20,11 @@ from rover_hil.drives.arrays import Array
 from rover_hil.drives.quality.drive_paths import moves_of, rounded_angles
 from rover_hil.ready.wheels.geometry import (
     MARKER_YAW,
+    STEERING_DELAY,
     Geometry,
     Number,
 )
-from rover_hil.ready.wheels.trajectory import RecordedDrive, Trajectory, of_marker, wheel_trajectory
+from rover_hil.ready.wheels.trajectory import STEP_S, RecordedDrive, Trajectory, of_marker, wheel_trajectory
 
 CONFIDENCE, NORMAL = 0.95, 1.96
 SEGMENT_S = 20.0
@@ -191,7 +192,8 @@ class TrajectoryProblem:
     def _moves(self, drive: int, wheels: tuple[float, ...], values: Mapping[str, float]) -> Array:
         if wheels not in self._effects:
             self._effects[wheels] = self.geometry.effects(values, self._nodes.angles_rad)
-        effects = self._nodes.of_steps(drive, self._effects[wheels])
+        late_s = values.get(STEERING_DELAY, 0.0)
+        effects = self._nodes.of_steps(drive, self._effects[wheels], late_s)
         return moves_of(self.drives[drive].turned_rad, effects)
 
     def residuals(self, values: Mapping[str, float], sd: tuple[float, float]) -> list[Array]:
@@ -318,12 +320,22 @@ class _SteeringNodes:
             places = rows.ravel().astype(np.float64)
         self._places = np.split(places, np.cumsum([len(each) for each in angles])[:-1])
 
-    def of_steps(self, drive: int, effects: Array) -> Array:
-        """Return the effects of the wheels in each step of a drive, from those at the nodes."""
+    def of_steps(self, drive: int, effects: Array, late_s: float) -> Array:
+        """Return the effects of the wheels in each step of a drive.
+
+        Args:
+            drive: Its place.
+            effects: At the nodes.
+            late_s: Delay of the angles; 0 where more than one wheel steers.
+        """
         if self.angles_rad is None:
             return effects
-        first = np.floor(self._places[drive]).astype(np.intp)
-        share = (self._places[drive] - first)[:, np.newaxis, np.newaxis]
+        places = self._places[drive]
+        if late_s:
+            steps = np.arange(len(places), dtype=np.float64)
+            places = np.interp(steps + late_s / STEP_S, steps, places)
+        first = np.floor(places).astype(np.intp)
+        share = (places - first)[:, np.newaxis, np.newaxis]
         behind = np.minimum(first + 1, len(effects) - 1)
         return np.asarray((1.0 - share) * effects[first] + share * effects[behind])
 
