@@ -157,7 +157,8 @@ class GeometryResult:
             )
         if not self.errors:
             return "there is no drive to validate them on: give two or more drives"
-        if all(abs(each.value) <= each.half_width for each in self.shown):
+        is_better = any(each.is_better for each in self.by_kind)
+        if not is_better and all(abs(each.value) <= each.half_width for each in self.shown):
             return "the described numbers are confirmed: none differs from them by more than its interval"
         worse = [each.kind for each in self.by_kind if each.is_worse]
         if worse:
@@ -165,7 +166,7 @@ class GeometryResult:
             more = "; give two or more drives of each kind" if min(counts) < 2 else ""
             kinds = ", ".join(worse)
             return f"the described numbers are better in validation drives of this kind: {kinds}{more}"
-        if not any(each.is_better for each in self.by_kind):
+        if not is_better:
             return "the described numbers are as good in validation drives"
         return ""
 
