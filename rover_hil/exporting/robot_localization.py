@@ -56,7 +56,7 @@ class Driven:
         duration_s: From the first to the last estimate.
         step_s: Time since the message before, (n,).
         length_m: Travel of the wheels in it, (n,).
-        turned_rad: Their turn in it, without sign, (n,).
+        turned_rad: Their rotation in it, without sign, (n,).
         velocity: Forward, to the left and yaw, in m/s and rad/s, (n, 3).
         variance: Of the velocity, (n, 3).
         wheels_variance: The same by the wheels alone, without slip compensation and gyro, (n, 3).
@@ -278,7 +278,7 @@ def _controller_lines(driven: Driven, config: Config) -> Iterator[str]:
     """Yield parameters of a controller that publishes odometry of the wheels alone."""
     controller = wheel_controller(config.rover)
     pose, twist = _wheel_pose(driven, config), _wheel_twist(driven)
-    yield "# Odometry of the wheels alone, in place of /odom of rover-hil: remove the first # of each line."
+    yield "# Odometry of the wheels alone, instead of /odom of rover-hil: remove the first # of each line."
     if controller.note:
         yield f"# {controller.note}"
     yield f"{controller.name}:"
