@@ -17,7 +17,7 @@ from rover_hil.exporting.can import check_name, write_can
 from rover_hil.exporting.robot_localization import robot_localization_text
 from rover_hil.exporting.rosbag2 import write_rosbag2
 from rover_hil.exporting.tables import read_tables
-from rover_hil.exporting.tum import SUFFIX, tum_texts
+from rover_hil.exporting.tum import CONTENT, SUFFIX, tum_texts
 from rover_hil.exporting.write import write_tables
 from rover_hil.pages.atomic_write import check_file, refuse_overwrite, unfinished, write_file, write_files
 from rover_hil.recording.data_files import restore_config
@@ -108,6 +108,8 @@ def _write(
     elif name == EVO:
         texts, rows = tum_texts(log, show)
         write_files(place, texts)
+        for left in {f"{each}{SUFFIX}" for each in CONTENT} - set(texts):  # of another log
+            (place / left).unlink(missing_ok=True)
     elif name == ROBOT_LOCALIZATION:
         with restore_config(log) as config:
             text = robot_localization_text(log, config, show)

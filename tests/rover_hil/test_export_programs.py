@@ -119,7 +119,9 @@ def test_poses_are_in_the_frame_of_the_positions(
     path = json.loads((folder / "answer.json").read_text("utf-8"))["true_path"]
     table, columns = str(folder / "table.csv.gz"), str(folder / "columns.toml")
     assert command("import", "table", table, "--columns", columns, "--out", "drive.mcap") == 0, command.error
-    assert command("export", "drive.mcap", "--for", "evo") == 0, command.error
+    Path("drive_evo").mkdir()
+    Path("drive_evo/ground_truth.tum").write_text("of another log")
+    assert command("export", "drive.mcap", "--for", "evo", "--force") == 0, command.error
     assert "positions of" in Path("drive_evo/estimate.tum").read_text().splitlines()[2]
     poses, odometry = (trajectory(Path(f"drive_evo/{name}.tum")) for name in ("estimate", "odometry"))
     went, way = poses[-1, 1:3] - poses[0, 1:3], np.array(path[-1][1:3]) - np.array(path[0][1:3])
