@@ -152,13 +152,10 @@ class PresenceParameters:
     bridge_odds: float = -3.0  # the same, where shadows may hide it:
     bridged_m: float = 0.4  # for this travel since evidence of
     bridged_odds: float = 5.0  # at least
-    start_odds: float = 6.5  # a trace has filled the view since the first frame
-    light_known_m: float = 0.06  # least travel for that: until then shadows cannot be separated from tone
+    persists_odds: float = log(20.0)  # a trace appears: 95 of 100 of those with these odds are traces
+    persists_m: float = 0.12  # in the median over this travel, in which shadows pass or become known
     clear_odds: float = 6.0  # the length of a trace with these odds is known
     shortest_m: float = 0.18  # strips of such a trace; the last one is covered in part
-    followed_m: float = 0.22  # strips of followed ground, for a trace before the usual start
-    end_known_m: float = 0.12  # least travel after which the motion of a trace's far end is known
-    end_share: float = 0.5  # of the travel: an end that moves further moves with the ground
     signature_gain: float = 0.1  # per frame
 
 

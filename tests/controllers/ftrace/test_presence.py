@@ -56,33 +56,51 @@ def test_a_trace_that_was_present_is_not_lost_for_a_part_of_it_at_the_wheel() ->
     assert not presence.update(end, STEP_M)
 
 
-def test_before_the_wheel_can_have_left_a_trace_only_one_that_fills_the_view_is_accepted() -> None:
+def test_before_the_wheel_can_have_left_a_trace_only_one_that_persists_and_fills_the_view_is_accepted() -> (
+    None
+):
     beginning = replace(CLEAR, fills_view=False)
     for shown, expected in ((beginning, False), (CLEAR, True)):
         presence = Presence(START_M, NUMBERS)
         found = [presence.update(shown, STEP_M) for _ in range(10)]
 
         assert found[-1] is expected
-        assert not any(found[:3])
+        assert not any(found[: int(NUMBERS.persists_m / STEP_M)])
 
 
 def test_a_trace_begun_before_the_drive_is_accepted_once_its_ground_was_followed() -> None:
-    begun = replace(CLEAR, fills_view=False, is_followed=True)
-
-    assert Presence(START_M, NUMBERS).update(begun, STEP_M)
-    assert not Presence(START_M, NUMBERS).update(replace(begun, length_m=0.16), STEP_M)
-
-
-def test_a_trace_begun_before_the_drive_is_accepted_when_its_far_end_moves_with_the_ground() -> None:
-    for grows, expected in ((1.0, True), (0.0, False)):
+    for length_m, expected in ((0.2, True), (0.16, False)):
+        begun = replace(CLEAR, fills_view=False, is_followed=True, length_m=length_m)
         presence = Presence(START_M, NUMBERS)
-        frames = [
-            replace(CLEAR, fills_view=False, length_m=0.2 + grows * STEP_M * frame) for frame in range(12)
-        ]
-        found = [presence.update(shown, STEP_M) for shown in frames]
+        found = [presence.update(begun, STEP_M) for _ in range(10)]
 
         assert found[-1] is expected
-        assert not any(found[:6])
+
+
+def test_weaker_evidence_that_persists_shows_a_trace_within_two_decimetres() -> None:
+    weak = odds((NUMBERS.persists_odds + NUMBERS.lock_odds) / 2)
+    for presence in (Presence(START_M, NUMBERS), under_way()):
+        found = [presence.update(weak, STEP_M) for _ in range(12)]
+
+        assert not found[0]
+        assert found[-1]
+
+
+def test_evidence_that_has_ended_shows_no_trace() -> None:
+    presence = Presence(START_M, NUMBERS)
+    strong = [presence.update(CLEAR, STEP_M) for _ in range(int(NUMBERS.persists_m / STEP_M))]
+
+    assert not any(strong)
+    assert not any(presence.update(odds(0.0), STEP_M) for _ in range(10))
+
+
+def test_what_was_seen_before_the_trace_was_present_bridges_nothing() -> None:
+    presence = Presence(START_M, NUMBERS)
+    for _ in range(8):
+        presence.update(replace(CLEAR, fills_view=False), STEP_M)
+    assert presence.update(odds(NUMBERS.lock_odds), STEP_M)
+
+    assert not presence.update(odds((NUMBERS.bridge_odds + NUMBERS.keep_odds) / 2), STEP_M)
 
 
 def test_standing_still_no_trace_appears() -> None:
