@@ -5,7 +5,7 @@ simulated rear scene (seeds below 1000). Units are in the names; other numbers a
 sensitivity to each number is printed by `python -m benchmarks.sensitivity ftrace`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import log, radians
 
 from controllers.ground_motion.parameters import DEFAULTS as GROUND_MOTION
@@ -231,16 +231,12 @@ class FuzzyParameters:
     continuity_weight: float = 1.5
 
 
-TRACE_MOTION = replace(GROUND_MOTION, validity=replace(GROUND_MOTION.validity, baseline_pixels=3.0))
-"""A longer baseline makes the sum of pairs better, but the direction of a single pair worse."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FTraceParameters:
     """All groups."""
 
     kept_m: float = 0.055  # travel without a trace on which the last one is kept: three frames of 16 mm
-    ground_motion: GroundMotionParameters = TRACE_MOTION
+    ground_motion: GroundMotionParameters = GROUND_MOTION
     frame: FrameParameters = FrameParameters()
     direction: DirectionParameters = DirectionParameters()
     matching: MatchingParameters = MatchingParameters()
