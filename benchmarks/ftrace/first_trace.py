@@ -32,6 +32,8 @@ BAND_M = (0.1, 1.2)
 """From behind the contact on."""
 LATE_M = 0.2
 """Of travel, for the first report."""
+ABSENT_M = 0.05
+"""A shorter trace in view is none."""
 SOFT_PIXELS = 3.0
 """Of the edges of the band."""
 
@@ -59,9 +61,9 @@ def score(folder: Path, band: float | None) -> Score:
     found = found_in(rig, images, telemetry)
     with (folder / "truth.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    state = np.array([int(row["present"]) for row in rows])
+    visible_m = np.array([float(row["visible_len_m"]) for row in rows])
     places = np.array([[float(row["x"]), float(row["y"])] for row in rows])
-    present = state == 1
+    present, absent = np.array([row["present"] == "1" for row in rows]), visible_m < ABSENT_M
     steps_m = np.r_[0.0, np.hypot(*np.diff(places, axis=0).T)] * (present & np.r_[False, present[:-1]])
     travel_m = np.cumsum(steps_m)
     reports = np.flatnonzero(present & found.detected)
@@ -80,8 +82,8 @@ def score(folder: Path, band: float | None) -> Score:
         present=int(present.sum()),
         missed=int(missed.sum()),
         longest=longest,
-        absent=int((state == 0).sum()),
-        false=int((found.detected & (state == 0)).sum()),
+        absent=int(absent.sum()),
+        false=int((found.detected & absent).sum()),
         error_deg=float(np.sqrt((error_deg[known] ** 2).mean())) if known.any() else math.nan,
         within=float((np.abs(error_deg) <= 2.0 * found.theta_sd_deg)[known].mean())
         if known.any()

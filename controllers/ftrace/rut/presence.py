@@ -12,20 +12,20 @@ from controllers.ground_motion.ground_patch import Floats
 class Presence:
     """Decides, frame by frame, whether the trace is present.
 
-    A trace that was present needs less evidence than one that appears. Evidence that persists while ground
-    passes by may be weaker than that of a single frame, which shadows and stones show as well. Until the
-    rover has moved far enough to leave a trace that counts, only evidence that persists is taken.
+    A trace that was present needs less evidence than one that appears. Until the rover has moved far enough
+    to leave a trace that counts, the evidence must persist while ground passes by: a shadow does not.
 
     Args:
         start_m: Distance after which a trace that counts can be in view.
+        known_m: Distance after which what is fixed in the picture is known.
         parameters: Tuned numbers.
 
     Attributes:
         locked: The trace is present.
     """
 
-    def __init__(self, start_m: float, parameters: PresenceParameters) -> None:
-        self._start_m = start_m
+    def __init__(self, start_m: float, known_m: float, parameters: PresenceParameters) -> None:
+        self._start_m, self._known_m = start_m, known_m
         self._parameters = parameters
         self._travelled_m = 0.0
         self._doubtful_m = np.inf
@@ -57,7 +57,7 @@ class Presence:
             bridges = self._doubtful_m < numbers.bridged_m
             present = stretch.log_odds > (numbers.bridge_odds if bridges else numbers.keep_odds)
         elif self._travelled_m > self._start_m + numbers.start_error_m:
-            present = persists or stretch.log_odds > numbers.lock_odds
+            present = stretch.log_odds > numbers.lock_odds
         else:
             counts = stretch.fills_view or (stretch.is_followed and stretch.length_m > numbers.shortest_m)
             present = persists and counts
@@ -82,11 +82,13 @@ class Presence:
     def _persists(self, log_odds: float) -> bool:
         """Take the odds of a frame; return whether they and their median over the last travel suffice."""
         numbers, recent = self._parameters, self._recent
+        if self._travelled_m < self._known_m:
+            return False
         if recent and recent[-1][0] == self._travelled_m:
             recent.pop()  # a rover that stands sees the same once more
         recent.append((self._travelled_m, log_odds))
         while len(recent) > 1 and self._travelled_m - recent[1][0] >= numbers.persists_m:
             recent.popleft()
-        if self._travelled_m - recent[0][0] < numbers.persists_m or log_odds <= numbers.persists_odds:
+        if self._travelled_m - recent[0][0] < numbers.persists_m or log_odds <= numbers.lock_odds:
             return False
-        return float(np.median([odds for _, odds in recent])) > numbers.persists_odds
+        return float(np.median([odds for _, odds in recent])) > numbers.lock_odds

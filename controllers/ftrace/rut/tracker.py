@@ -74,7 +74,9 @@ class RutTracker:
         self._odometry = PathFilter(ground.rig.behind_m, parameters.path)
         hidden_m = float(np.argmax(ground.visible[:, ground.centre])) * RESOLUTION_M
         self._strips = TraceStrips(self._finder.s_m, self._front.exists, parameters.strips)
-        self._presence = Presence(hidden_m + parameters.presence.least_length_m, parameters.presence)
+        self._presence = Presence(
+            hidden_m + parameters.presence.least_length_m, fixed.known_m, parameters.presence
+        )
         self._previous: Image | None = None
         self._offset_m = 0.0
         self._backwards = 0.0

@@ -47,13 +47,12 @@ def truth_deg(folder: Path) -> list[float]:
 def test_the_angle_is_right_where_one_edge_lies_in_the_front_wheels_imprint(
     angles: list[TraceAngle], truth_deg: list[float]
 ) -> None:
-    """The evidence of this faint trace is weak in every single frame; it persists."""
+    """The evidence of this faint trace is no stronger than that of some bare ground: it is not reported."""
     parted = range(88, 98)
 
     assert {angles[place].source for place in parted} <= {"trace", "flow"}
     assert max(abs(angles[place].theta_deg - truth_deg[place]) for place in parted) < 1.0
     assert not any(angle.detected for angle in angles[17:66])
-    assert all(angle.detected for angle in angles[92:98])
 
 
 def test_no_angle_is_held_before_one_was_seen(angles: list[TraceAngle]) -> None:
