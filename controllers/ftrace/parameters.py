@@ -152,7 +152,7 @@ class PresenceParameters:
     bridge_odds: float = -3.0  # the same, where shadows may hide it:
     bridged_m: float = 0.4  # for this travel since evidence of
     bridged_odds: float = 5.0  # at least
-    persists_m: float = 0.10  # at the start: in the median over this travel, in which shadows pass
+    persists_m: float = 0.08  # at the start: in the median over this travel, in which shadows pass
     clear_odds: float = 6.0  # the length of a trace with these odds is known
     shortest_m: float = 0.18  # strips of such a trace; the last one is covered in part
     signature_gain: float = 0.1  # per frame
