@@ -408,6 +408,7 @@ class GroundMotionEstimator:
             scale_sd=self._wheels.scale_sd,
             direction_sd_rad=self._wheels.direction_sd_rad,
             rig_fault=self._wheels.fault,
+            unconfirmed=self._wheels.unconfirmed,
         )
 
     def _invalid(self, from_ns: int, to_ns: int, reason: str) -> GroundMotion:
@@ -425,6 +426,7 @@ class GroundMotionEstimator:
             scale_sd=self._wheels.scale_sd,
             direction_sd_rad=self._wheels.direction_sd_rad,
             rig_fault=self._wheels.fault,
+            unconfirmed=self._wheels.unconfirmed,
             invalid_because=reason,
             is_open=self._t_ns == from_ns,
         )

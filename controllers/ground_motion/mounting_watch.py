@@ -102,6 +102,15 @@ class MountingWatch:
         return max(self._scale_sd, unconfirmed_sd)
 
     @property
+    def unconfirmed(self) -> str:
+        """What the drive has not confirmed, and how it does; "" for nothing."""
+        if self._is_confirmed:
+            return ""
+        if math.degrees(self._spun_rad) < self._numbers.confirming_deg:
+            return f"scale not confirmed: rotate by {self._numbers.confirming_deg:.0f} deg on the spot"
+        return f"scale not confirmed: {self._spun}"
+
+    @property
     def direction_sd_rad(self) -> float:
         """Standard deviation of the direction of the travel."""
         return self._drifts.sd_rad
@@ -174,6 +183,13 @@ class MountingWatch:
             return ""
         return f"near and far ground move differently: check {' or '.join(causes)}"
 
+    @property
+    def _spun(self) -> str:
+        return (
+            f"in rotations on the spot the ground moves {self._swing.slope:.2f} times as far as the gyro "
+            "measures"
+        )
+
     def _scale(self) -> str:
         if math.degrees(self._spun_rad) < self._numbers.confirming_deg:
             return ""
@@ -188,7 +204,4 @@ class MountingWatch:
         sd = math.hypot(self._scale_sd, self._swing.sd, by_gyro, by_centre)
         if abs(scale - 1.0) <= numbers.scale_deviations * sd:
             return ""
-        return (
-            f"in rotations on the spot the ground moves {scale:.2f} times as far as the gyro measures: check "
-            "height and focal length of the camera, and t_vehicle_camera of the rig"
-        )
+        return f"{self._spun}: check height and focal length of the camera, and t_vehicle_camera of the rig"

@@ -89,6 +89,11 @@ class WheelComparison:
         return self._mounting.direction_sd_rad
 
     @property
+    def unconfirmed(self) -> str:
+        """What the drive has not confirmed about the rig, and how it does; "" for nothing."""
+        return self._mounting.unconfirmed
+
+    @property
     def mounting(self) -> str:
         """What pictures and gyro show to be wrong about the rig; "" for nothing."""
         return self._mounting.text

@@ -106,6 +106,25 @@ def test_a_rover_that_stood_before_knows_the_bias_of_the_gyro() -> None:
     assert "about +3.1 deg wrong" in reported[1]
 
 
+@pytest.mark.parametrize(
+    ("scale", "expected"),
+    [(1.0, ""), (1.06, "scale not confirmed: in rotations on the spot the ground moves 1.06 times")],
+)
+def test_the_scale_is_confirmed_by_a_rotation_on_the_spot(scale: float, expected: str) -> None:
+    watched = watch()
+    drive(watched, 50)
+    assert watched.unconfirmed == "scale not confirmed: rotate by 45 deg on the spot"
+    for _ in range(math.ceil(math.radians(45.0) / 0.02)):
+        watched.spin(0.02, 0.02 * 0.4j, scale * 0.02 * 0.4j)
+
+    assert watched.unconfirmed.startswith(expected)
+    assert bool(watched.unconfirmed) == bool(expected)
+
+
+def test_a_calibrated_scale_needs_no_rotation() -> None:
+    assert not watch(is_calibrated=True).unconfirmed
+
+
 def rotate_and_drive(
     watched: MountingWatch, headings_deg: Sequence[float], aside: Callable[[float], float]
 ) -> str:
