@@ -62,7 +62,8 @@ TITLES: Final[dict[str, tuple[str, str]]] = {
     "position_region": (
         "The region of the position",
         "Recorded drives of three rovers on grounds of stated priors, by an independent simulator, judged "
-        "once: 95 % regions of x, y and yaw.",
+        "once: 95 % regions of x, y and yaw. The peer is an ideal slip estimator (NEES), or the estimate "
+        "without [ground].",
     ),
     "program": (
         "The program: time, memory, logs and malformed input",
