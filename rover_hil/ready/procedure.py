@@ -15,7 +15,7 @@ from controllers.control_loop import StepOutput
 from drivers.driver import Health
 from drivers.errors import ConfigError
 from rover_hil.config import Config, Rule, read_config_text, shipped_configs
-from rover_hil.config.entry import with_entry
+from rover_hil.config.entry import EntryValue, with_entry
 from rover_hil.connect.connections import connected
 from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.console.json_text import print_json
@@ -109,11 +109,11 @@ class Drive:
 
 
 class Entry(NamedTuple):
-    """A value of the configuration that a result gives."""
+    """A value of the configuration that a result gives: see `with_entry`."""
 
     section: str
     key: str
-    value: str | float
+    value: EntryValue
 
 
 class Results(NamedTuple):

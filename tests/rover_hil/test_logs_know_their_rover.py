@@ -66,7 +66,6 @@ def test_wheels_are_calibrated_by_imported_logs_alone(command: Command, tmp_path
     ("source", "words"),
     [
         ((), "name the configuration of the rover that is to drive, or logs"),
-        (("line.mcap",), "not the devices to drive it with"),
         (("columns.toml",), "not the devices to drive it with"),
     ],
 )

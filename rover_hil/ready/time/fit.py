@@ -1,9 +1,12 @@
 """Offsets between devices, by what they all feel: turns.
 
 Each device gives the yaw of the rover over time: gyros by integration, wheels by rolling, a camera that sees
-ground by the turns between its frames, compasses and overhead cameras directly. In blocks of a few seconds,
-without their constant and trend, the yaw of a device is that of the reference a little later; the offset
-minimises the squares of the difference. Turns at a constant rate show no offset: turns that begin and end do.
+ground by the turns between its frames, compasses, overhead cameras and ground truth directly. Positions
+without a yaw are compared with the wheels by the whole trajectory (`rover_hil.ready.wheels`).
+
+In blocks of a few seconds, without their constant and trend, the yaw of a device is that of the reference a
+little later; the offset minimises the squares of the difference. Turns at a constant rate show no offset:
+turns that begin and end do.
 Standard deviations are those of a jackknife over groups of blocks. A rolling shutter shears the ground while
 the rover turns: turns seem later by a share of the readout that follows from the rig. Which shutter a camera
 has, its turns do not show; the readout is no longer than the time between two frames.
@@ -20,10 +23,15 @@ from scipy.optimize import minimize_scalar
 from controllers.ground_motion.ground_patch import GroundPatch
 from controllers.ground_motion.rolling_shutter import rolling_shutter
 from drivers.errors import LogError
+from drivers.samples import UNKNOWN_YAW_STD_RAD
 from rover_hil.drives.arrays import Array, Flags, Times
 from rover_hil.drives.drive import Drive
+from rover_hil.drives.quality.drive_paths import places_of
 from rover_hil.ready.scale.record import read_ground_yaw
 from rover_hil.ready.time.parameters import TIMING
+from rover_hil.ready.wheels.geometry import DELAY, geometry_of, marker_numbers
+from rover_hil.ready.wheels.trajectory import RecordedDrive, recorded_of
+from rover_hil.ready.wheels.trajectory_fit import NORMAL, TrajectoryProblem, fit_trajectories
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +40,13 @@ class YawTrack:
 
     Attributes:
         name: What it is, in words.
-        kind: `gyro`, `wheels`, `heading`, `fixes` or `ground`.
+        kind: `gyro`, `wheels`, `heading`, `fixes`, `truth`, `ground` or, without a yaw, `positions`.
         device: Name of the device.
         t_s: Time stamps, (n,).
         yaw_rad: Not wrapped, from any start, (n,).
         readout_share: By how much later turns are shown by a rolling shutter, over its readout.
         longest_readout_s: The time between two frames.
+        recorded: The drive, of positions.
     """
 
     name: str
@@ -47,6 +56,7 @@ class YawTrack:
     yaw_rad: Array
     readout_share: float = 0.0
     longest_readout_s: float = 0.0
+    recorded: RecordedDrive | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +100,11 @@ def read_tracks(path: Path) -> list[YawTrack]:
     for source, heading in rows.of_devices("heading_rad").items():
         tracks.append(_track(drive, "heading", source.rpartition(" ")[0], heading.t_ns, heading.value))
     for device, fix in rows.of_devices("fix_yaw_rad").items():
-        tracks.append(_track(drive, "fixes", device, fix.t_ns, fix.value))
+        if all(each.yaw_std_rad < UNKNOWN_YAW_STD_RAD for each in rows.fixes.get(device, ())):
+            tracks.append(_track(drive, "fixes", device, fix.t_ns, fix.value))
+    truth = rows["yaw_rad"]
+    if len(truth):
+        tracks.append(_track(drive, "truth", "truth", truth.t_ns, truth.value))
     ground = read_ground_yaw(drive)
     if ground is not None and config.roles.camera is not None and config.ground_motion is not None:
         shutter = rolling_shutter(GroundPatch(config.ground_motion.rig.geometry()))
@@ -102,9 +116,12 @@ def read_tracks(path: Path) -> list[YawTrack]:
             )
         )
     tracks = [track for track in tracks if len(track.t_s) > TIMING.least_readings]
+    if rolled is not None:
+        tracks += _positions(drive)
     if len(tracks) < 2:
         raise LogError(
-            f"log {path}: fewer than two devices show turns: gyro, wheels, compass, overhead camera"
+            f"log {path}: fewer than two devices show turns: gyro, wheels, compass, overhead camera, ground "
+            "truth or positions"
         )
     return tracks
 
@@ -112,7 +129,51 @@ def read_tracks(path: Path) -> list[YawTrack]:
 def find_offsets(tracks: Sequence[YawTrack]) -> list[Offset]:
     """Return the offset of every device against the first one."""
     reference, *others = tracks
-    return [_find(reference, track) for track in others]
+    offsets: list[Offset] = []
+    for track in others:
+        if track.recorded is None:
+            offsets.append(_find(reference, track))
+        else:
+            wheels = next((each for each in offsets if each.track.kind == "wheels"), None)
+            offsets.append(_by_trajectory(track, track.recorded, wheels))
+    return offsets
+
+
+def _positions(drive: Drive) -> list[YawTrack]:
+    """Return ground truth or positions that have no yaw."""
+    known = next(places_of(drive.channels), None)
+    if known is None or known[1].yaw_rad is not None:
+        return []
+    try:
+        recorded = recorded_of(drive)
+    except LogError:  # too few of them
+        return []
+    name, nothing = known[0], np.zeros(0)
+    return [YawTrack(name, "positions", name, nothing, nothing, recorded=recorded)]
+
+
+def _by_trajectory(track: YawTrack, recorded: RecordedDrive, wheels: Offset | None) -> Offset:
+    """Return the offset of positions: that against the wheels, and that of the wheels."""
+    geometry = geometry_of(recorded.rover)
+    numbers = (*geometry.numbers, *marker_numbers(recorded.rover, has_yaw=False))
+    problem = TrajectoryProblem([recorded], geometry, numbers)
+    fit = fit_trajectories(problem)
+    (delay,) = (each for each in fit.estimates if each.number.name == DELAY)
+    sd_s = delay.half_width / NORMAL
+    wheels_s = 0.0 if wheels is None or wheels.problem else wheels.offset_s
+    wheels_sd_s = 0.0 if wheels is None or wheels.problem else wheels.sd_s
+    nothing = np.zeros(0)
+    return Offset(
+        track=track,
+        offset_s=delay.value + wheels_s,
+        sd_s=math.hypot(sd_s, wheels_sd_s, TIMING.least_sd_s),
+        gain=1.0,
+        residual=0.0,
+        blocks=len(problem.segments),
+        search_s=nothing,
+        cost=nothing,
+        problem=_problem(delay.value, sd_s, 0.0),
+    )
 
 
 def _track(
@@ -132,7 +193,8 @@ def _track(
         "fixes": "overhead camera",
         "ground": "ground camera",
     }
-    return YawTrack(f"{words[kind]} '{device}'", kind, device, t_s, np.unwrap(values))
+    name = "ground truth" if kind == "truth" else f"{words[kind]} '{device}'"
+    return YawTrack(name, kind, device, t_s, np.unwrap(values))
 
 
 def _find(reference: YawTrack, track: YawTrack) -> Offset:

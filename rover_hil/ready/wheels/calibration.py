@@ -1,4 +1,4 @@
-"""`rover-hil calibrate wheels`: radius and base from known distances and known turns."""
+"""`rover-hil calibrate wheels`: from drives with ground truth, or from known distances and known turns."""
 
 import math
 from collections.abc import Sequence
@@ -15,13 +15,15 @@ from controllers.motion.settings import LineMission, MissionSettings, WholeTurns
 from drivers.errors import ConfigError, LogError
 from rover_hil.config import Config
 from rover_hil.console.ask import ask_number
-from rover_hil.console.options import number_option
+from rover_hil.console.options import number_option, out_option
 from rover_hil.drives.drive import read_drive
+from rover_hil.drives.formats.described_rover import is_log
 from rover_hil.drives.toml_text import toml_text
 from rover_hil.pages.picture import Drawing
 from rover_hil.ready.options import command
 from rover_hil.ready.procedure import Drive, Entry, Facts, FileProcedure, Request, comments
 from rover_hil.ready.turns import DEFAULT_SPEED_M_S, turning_config
+from rover_hil.ready.wheels.drives_procedure import DrivesCalibration
 from rover_hil.ready.wheels.figures import draw_factor
 from rover_hil.ready.wheels.fit import (
     LEAST_DISTANCE_M,
@@ -45,8 +47,26 @@ class Known(NamedTuple):
     value: float
 
 
-@command("config_unless_logs", "virtual", "drive", "out", "enter")
+@command("virtual", "drive", "enter")
 def calibrate(
+    source: Annotated[
+        str,
+        typer.Argument(
+            help="Configuration whose rover is to move or is calibrated; or the first log of drives.",
+            metavar="CONFIG_OR_LOG",
+            show_default=False,
+        ),
+    ] = "",
+    logs: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            help="Logs of drives with ground truth or positions, or folders of runs.", show_default=False
+        ),
+    ] = None,
+    validation: Annotated[
+        list[Path] | None,
+        typer.Option(help="A log that only validates; without it each drive validates a fit of the others."),
+    ] = None,
     line: Annotated[
         list[str] | None,
         typer.Option(help="A straight drive of known distance from start to end, LOG=METRES; repeat it."),
@@ -63,19 +83,34 @@ def calibrate(
     turn_sd: Annotated[
         float, number_option("Accuracy of a known turn, standard deviation, deg.", "deg", 0.01, 45.0)
     ] = 2.0,
-) -> "WheelsCalibration":
-    """Fit radius and base of the wheels to known distances and known turns, with intervals.
+    out: Annotated[
+        Path | None, out_option("File to write, TOML; page and logs beside it have its name.")
+    ] = None,
+) -> "WheelsCalibration | DrivesCalibration":
+    """Fit the wheels to recorded drives with ground truth, or to known distances and turns, with intervals.
 
-    Without --line and --spin the rover drives two lines and turns on the spot in both senses; after each
-    drive the command asks for the measured distance, or the turns. Of a rover that skids in turns the base is
-    the effective track. The page with the picture is written before the file. Exit code 1: a factor is not
-    sure, or implausible; the file is not written.
+    With logs, radii, track or base, steering, marker and gyro are fitted to the ground truth or to positions.
+    They are written where they are better than the description in every kind of motion of drives that were
+    not used in the fit. Without logs, --line and --spin the rover drives two lines and turns on the spot in
+    both senses; after each drive the command asks for the measured distance, or the turns. Of a rover that
+    skids in turns the base is the effective track. The page with the pictures is written before the file.
+    Exit code 1: the numbers are not sure, or not better; the file is not written.
 
     Example: `rover-hil calibrate wheels robotino --virtual --out wheels.toml`
 
-    Data: drives of your rover and a tape measure, or logs of such drives;
+    Data: logs of drives of your rover with ground truth, or its drives and a tape measure;
     docs/how-to/calibrate_the_wheels.md.
     """
+    drives = [*([Path(source)] if source and is_log(source) else []), *(logs or ())]
+    known = [*(line or ()), *(spin or ())]
+    if validation and not drives:
+        raise ConfigError("--validation: name logs of other drives, too, which the numbers are fitted to")
+    if drives and not (known and is_log(source) and not logs):
+        if known:
+            raise ConfigError("--line and --spin: leave them out, logs of drives are given by themselves")
+        return DrivesCalibration(drives, validation or ())
+    if out is None:
+        raise ConfigError("--out is needed: name the file to write, like wheels.toml")
     return WheelsCalibration(
         lines=[_known_line(text) for text in line or ()],
         spins=[_known_spin(text) for text in spin or ()],

@@ -1,0 +1,353 @@
+"""Geometry of the wheels from recorded drives with ground truth or positions: one function, one result."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import t as student
+
+from controllers.motion.rover_geometry import RoverSettings, wheels_reach_m
+from drivers.errors import LogError
+from rover_hil.drives.arrays import Array
+from rover_hil.ready.wheels.geometry import (
+    BASE,
+    RADIUS,
+    RADIUS_OF,
+    TRACK,
+    WHEELBASE,
+    Geometry,
+    Number,
+    geometry_of,
+    marker_numbers,
+)
+from rover_hil.ready.wheels.gyro_scale import GyroFit, fit_gyro
+from rover_hil.ready.wheels.motion_kinds import ON_THE_SPOT, SQUARE, kind_of
+from rover_hil.ready.wheels.trajectory import RecordedDrive
+from rover_hil.ready.wheels.trajectory_fit import (
+    SHOWN,
+    Estimate,
+    Solution,
+    TrajectoryFit,
+    TrajectoryProblem,
+    fit_trajectories,
+    freedom,
+    moved_without,
+    named,
+    variance_of_unknown,
+)
+from rover_hil.ready.wheels.validation import DriveError, KindErrors, by_kind, drive_error
+
+COMPARED_S = 10.0
+"""Length of a segment where kinds of motion are compared: short drives have enough of them."""
+LEAST_SEGMENTS = 3
+"""A kind of motion with fewer is not compared."""
+DIFFERS = 0.01
+"""Probability that one of all comparisons of kinds differs by chance."""
+LEAST_DIFFERENCE = 0.003
+"""Numbers that differ by less hold for all kinds; of an angle in rad."""
+LEAST_GAIN = 0.2
+"""Share of what is left of a kind of motion that a number of its own explains, where it matters."""
+
+
+AS_MUCH = 0.1
+"""Numbers whose gains differ by less explain as much."""
+BASES = (BASE, TRACK, WHEELBASE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KindDifference:
+    """A number that differs between kinds of motion.
+
+    Attributes:
+        number: The number.
+        values: Of each kind: difference from the description, and half of its 95 % interval.
+        gain: Share of all that is left which these numbers explain.
+    """
+
+    number: Number
+    values: Mapping[str, tuple[float, float]]
+    gain: float
+
+    @property
+    def points_to(self) -> str:
+        """What such a difference comes from."""
+        name = self.number.name
+        rotating = [kind for kind in self.values if kind in (ON_THE_SPOT, SQUARE)]
+        others = [kind for kind in self.values if kind not in (ON_THE_SPOT, SQUARE)]
+        if name in (TRACK, BASE):
+            if rotating and others:
+                more = max(self.values[kind][0] for kind in rotating)
+                if more > max(self.values[kind][0] for kind in others):
+                    return "slip in rotations: the wheels roll farther than the rotation needs"
+            return "slip that depends on how the rover rotates"
+        if name == RADIUS:
+            return "slip along the path, or a load of the tyres that differs"
+        if name.startswith(RADIUS_OF):
+            return "load or slip that differs between wheels, as on a slope or in bends"
+        return "side slip in bends, or play or a delay of the steering"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GeometryResult:
+    """What drives show of the wheels.
+
+    Attributes:
+        geometry: Of the rover as described.
+        drives: That the numbers are from.
+        kinds: Of their motion.
+        fit: The numbers.
+        described: Numbers of the marker where those of the wheels stay as described.
+        errors: Of the validation drives.
+        differences: Numbers that differ between kinds of motion, the one that explains most first.
+        gyro: Its scale and bias; None without one.
+    """
+
+    geometry: Geometry
+    drives: Sequence[RecordedDrive]
+    kinds: Sequence[str]
+    fit: TrajectoryFit
+    described: Mapping[str, float]
+    errors: Sequence[DriveError]
+    differences: Sequence[KindDifference]
+    gyro: GyroFit | None
+
+    @property
+    def by_kind(self) -> list[KindErrors]:
+        """The errors of the validation drives by kind of motion."""
+        return by_kind(self.errors)
+
+    @property
+    def shown(self) -> list[Estimate]:
+        """The numbers of the wheels that the drives show."""
+        return [each for each in self.fit.estimates if each.is_shown and each.number.is_geometry]
+
+    @property
+    def not_shown(self) -> list[Estimate]:
+        """The numbers of the wheels that stay as described, because the drives do not show them."""
+        return [
+            each
+            for each in self.fit.estimates
+            if each.number.is_geometry and not each.half_width <= SHOWN * each.number.plausible
+        ]
+
+    @property
+    def corrected(self) -> RoverSettings:
+        """The description of the rover with the numbers."""
+        return self.geometry.corrected(self.fit.values)
+
+    @property
+    def problem(self) -> str:
+        """Why the numbers must not be used; empty where they may."""
+        if not self.shown:
+            wanted = dict.fromkeys(each.number.shown_by for each in self.not_shown)
+            return f"these drives show no number of the wheels: drive {'; '.join(wanted)}"
+        for each in self.shown:
+            if abs(each.value) > each.number.plausible:
+                return (
+                    f"the {each.number.name} differs by {100.0 * each.value:+.0f} %: correct ticks, gear "
+                    "ratio, sign or units first"
+                )
+        if self.differences:
+            first = self.differences[0]
+            return (
+                f"no single {first.number.name} fits all kinds of motion, which points to {first.points_to}"
+            )
+        if not self.errors:
+            return "there is no drive to validate them on: give two or more drives"
+        worse = [each.kind for each in self.by_kind if each.is_worse]
+        if worse:
+            counts = [self.kinds.count(kind) for kind in worse]
+            more = "; give two or more drives of each kind" if min(counts) < 2 else ""
+            kinds = ", ".join(worse)
+            return f"the described numbers are better in validation drives of this kind: {kinds}{more}"
+        if not any(each.is_better for each in self.by_kind):
+            return "the described numbers are as good in validation drives: they are confirmed"
+        return ""
+
+
+def geometry_from_drives(
+    drives: Sequence[RecordedDrive],
+    validation: Sequence[RecordedDrive] = (),
+    rover: RoverSettings | None = None,
+) -> GeometryResult:
+    """Return what drives show of the wheels, of the marker and of the gyro.
+
+    Args:
+        drives: That the numbers are fitted to, one or more.
+        validation: Drives that are not used in the fit. Without them each drive is validated with numbers
+            that are fitted without it.
+        rover: The description; that of the first drive without it.
+
+    Raises:
+        LogError: The drives are of different rovers.
+    """
+    everything = [*drives, *validation]
+    rover = drives[0].rover if rover is None else rover
+    for drive in everything:
+        if drive.turned_rad.shape[1] != drives[0].turned_rad.shape[1] or drive.rover != drives[0].rover:
+            raise LogError(
+                f"{drive.path} and {drives[0].path} have different [rover]: use logs of one geometry"
+            )
+    has_yaw = all(drive.truth.yaw_rad is not None for drive in everything)
+    geometry = geometry_of(rover)
+    numbers = (*geometry.numbers, *marker_numbers(rover, has_yaw=has_yaw))
+    problem = TrajectoryProblem(drives, geometry, numbers)
+    fit = fit_trajectories(problem)
+    common = TrajectoryProblem(everything, geometry, numbers, segment_s=COMPARED_S)
+    size_m = wheels_reach_m(rover)
+    # By the corrected wheels: wrong ones bend straights.
+    kinds = [kind_of(moves, size_m) for moves in common.moves(fit.values)]
+    described = fit_trajectories(problem, fixed=[each.name for each in geometry.numbers])
+    return GeometryResult(
+        geometry=geometry,
+        drives=drives,
+        kinds=kinds[: len(drives)],
+        fit=fit,
+        described=described.values,
+        errors=_errors(drives, validation, kinds, geometry, (described, fit)),
+        differences=_differences(common, numbers, kinds, fit),
+        gyro=fit_gyro(problem, fit.values),
+    )
+
+
+def _errors(
+    drives: Sequence[RecordedDrive],
+    validation: Sequence[RecordedDrive],
+    kinds: Sequence[str],
+    geometry: Geometry,
+    fits: tuple[TrajectoryFit, TrajectoryFit],
+) -> list[DriveError]:
+    """Return the errors of the validation drives, with the description and with the numbers."""
+    described, fit = fits
+    if validation:
+        return [
+            drive_error(drive, kind, geometry, described.values, fit.values)
+            for drive, kind in zip(validation, kinds[len(drives) :], strict=True)
+        ]
+    if len(drives) < 2:
+        return []
+    return [
+        drive_error(drive, kind, geometry, *without)
+        for drive, kind, *without in zip(drives, kinds, described.without, fit.without, strict=True)
+    ]
+
+
+def _differences(
+    common: TrajectoryProblem, numbers: Sequence[Number], kinds: Sequence[str], fit: TrajectoryFit
+) -> list[KindDifference]:
+    """Return the numbers that differ between kinds of motion, the one that explains most first.
+
+    Args:
+        common: All drives.
+        numbers: That may differ from the description.
+        kinds: Of the motion of each drive.
+        fit: The numbers.
+    """
+    of_segments = [kinds[each.drive] for each in common.segments]
+    compared = [kind for kind in dict.fromkeys(kinds) if of_segments.count(kind) >= LEAST_SEGMENTS]
+    names = [each.number.name for each in fit.estimates if each.is_shown]
+    candidates = [each.number for each in fit.estimates if each.is_shown and each.number.is_geometry]
+    if len(compared) < 2 or not candidates:
+        return []
+    solution = common.solve(names, fit.values)
+    values = solution.values
+    left = _left(solution.residuals, of_segments, compared)
+    pairs = len(candidates) * len(compared) * (len(compared) - 1) / 2
+    found = []
+    for number in candidates:
+        own = {kind: named(number.name, kind) for kind in dict.fromkeys(kinds)}
+        free = [name for name in names if name != number.name] + list(own.values())
+        problem = TrajectoryProblem(common.drives, common.geometry, numbers, (number.name, kinds), COMPARED_S)
+        start = {**values, **dict.fromkeys(own.values(), values[number.name])}
+        of_kinds = problem.solve(free, start, solution.sd)
+        still_left = _left(of_kinds.residuals, of_segments, compared)
+        gains = [1.0 - after / before for before, after in zip(left, still_left, strict=True)]
+        samples = _samples(number, of_kinds, own, compared)
+        if max(gains) >= LEAST_GAIN and _differ(samples, DIFFERS / pairs):
+            found.append(
+                KindDifference(
+                    number=number,
+                    values={each.kind: (each.value, each.half_width(0.05)) for each in samples},
+                    gain=1.0 - sum(still_left) / sum(left),
+                )
+            )
+    best = max((each.gain for each in found), default=0.0)
+    # Of numbers that explain as much the base comes first: with it the distances stay as they are.
+    return sorted(
+        found, key=lambda each: (each.gain < best - AS_MUCH, each.number.name not in BASES, -each.gain)
+    )
+
+
+def _left(residuals: Sequence[Array], of_segments: Sequence[str], kinds: Sequence[str]) -> list[float]:
+    """Return the sum of squares of each kind of motion."""
+    return [
+        sum(float(rest @ rest) for rest, of in zip(residuals, of_segments, strict=True) if of == kind)
+        for kind in kinds
+    ]
+
+
+class _Sample(NamedTuple):
+    """A number of a kind of motion.
+
+    Attributes:
+        kind: Of the motion.
+        value: The number.
+        sd: Its standard deviation.
+        freedom: Degrees of freedom of the standard deviation.
+    """
+
+    kind: str
+    value: float
+    sd: float
+    freedom: float
+
+    def half_width(self, probability: float) -> float:
+        """Return half of the interval that the number is outside of with a probability."""
+        return float(student.ppf(1.0 - 0.5 * probability, self.freedom)) * self.sd
+
+
+def _samples(
+    number: Number, solution: Solution, names: Mapping[str, str], compared: Sequence[str]
+) -> list[_Sample]:
+    """Return the number of those kinds of motion that show it.
+
+    Args:
+        number: The number.
+        solution: With a value of its own for each kind.
+        names: Of these values.
+        compared: Kinds of motion.
+    """
+    units = [[place] for place in range(len(solution.residuals))]
+    moved, unknown, freedoms = (
+        moved_without(solution, units),
+        variance_of_unknown(solution, {}),
+        freedom(solution, units),
+    )
+    columns = list(solution.values)
+    samples = []
+    for kind in compared:
+        name = names[kind]
+        column = columns.index(name)
+        sd = math.hypot(_sd(moved[:, column]), math.sqrt(unknown[name]))
+        sample = _Sample(kind, solution.values[name], sd, float(freedoms[column]))
+        if sample.half_width(0.05) <= SHOWN * number.plausible:
+            samples.append(sample)
+    return samples
+
+
+def _differ(samples: Sequence[_Sample], probability: float) -> bool:
+    """Return whether the numbers of two kinds differ beyond their intervals."""
+    for one, other in combinations(samples, 2):
+        both = _Sample("", 0.0, math.hypot(one.sd, other.sd), min(one.freedom, other.freedom))
+        if abs(one.value - other.value) > max(both.half_width(probability), LEAST_DIFFERENCE):
+            return True
+    return False
+
+
+def _sd(moved: Array) -> float:
+    """Return the standard deviation by leaving one segment out after the other."""
+    count = len(moved)
+    return math.sqrt((count - 1) / count * float(np.sum((moved - moved.mean()) ** 2)))
