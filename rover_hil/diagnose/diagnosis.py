@@ -1,0 +1,382 @@
+"""All that drives show: errors, geometry, covariance, sensors, and the answer in three sentences."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from drivers.samples import Sample
+from rover_hil.config import Config
+from rover_hil.diagnose.covariance import (
+    Normalised,
+    Settings,
+    judged,
+    learned_settings,
+    normalised_errors,
+)
+from rover_hil.diagnose.drive_errors import (
+    ESTIMATE,
+    ODOMETRY,
+    Compared,
+    Errors,
+    compare,
+    errors_of,
+    leg_m,
+    travel_shares,
+)
+from rover_hil.diagnose.geometry import GeometryPart, fit_geometry, number_words
+from rover_hil.diagnose.intervals import Interval, mean_of
+from rover_hil.diagnose.recorded import Measurements, NotShown, measurements_of, not_shown
+from rover_hil.diagnose.replayed_drive import ReplayedDrive, replay_drive, replay_of
+from rover_hil.diagnose.trajectory_errors import Trajectory, absolute_errors
+from rover_hil.drives.arrays import rms
+from rover_hil.drives.quality.consistency import Consistency
+from rover_hil.recording.findings import FoundFinding
+
+HELD_OUT_EVERY = 3
+LEAST_SLIP = 0.02
+"""A smaller share of the travel is that of a hard floor, see [ground] slip = "firm"."""
+MOST_VALIDATED = 3
+"""More drives are not replayed again with other settings."""
+Report = Callable[[str, Path, int], None]
+"""Gets what is being done, the log, and how many bytes of it are read."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """The diagnosis in three sentences.
+
+    Attributes:
+        worth: What the odometry is worth.
+        cause: The most harmful cause.
+        next_step: What to do next.
+    """
+
+    worth: str
+    cause: str
+    next_step: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnosis:
+    """What drives show.
+
+    Attributes:
+        drives: The drives.
+        compared: Their tracks at the known places, by name.
+        errors: Of odometry and estimate; None without known places.
+        geometry: Of the wheels.
+        normalised: Errors of the estimate over its covariance, of the drives where that is known.
+        settings: That would be right; None where the covariance is not judged.
+        measurements: What became of them, by device.
+        without: ATE of all drives without a device, m, by its name; empty where it was not asked for.
+        slip: Share of the wheels' travel that was lost, by kind of motion; where the ground truth has a yaw.
+        not_shown: What the drives cannot show.
+    """
+
+    drives: Sequence[ReplayedDrive]
+    compared: Mapping[str, Compared]
+    errors: Errors | None
+    geometry: GeometryPart
+    normalised: Sequence[Normalised]
+    settings: Settings | None
+    measurements: Sequence[Measurements]
+    without: Mapping[str, float]
+    slip: Mapping[str, Interval]
+    not_shown: Sequence[NotShown]
+
+    @property
+    def covariance(self) -> Consistency | None:
+        """Whether the covariance holds; None where nothing shows it."""
+        return judged(self.normalised) if self.normalised else None
+
+    @property
+    def answer(self) -> Answer:
+        """The three sentences."""
+        return Answer(worth=_worth(self), cause=_cause(self), next_step=_next_step(self))
+
+    @property
+    def causes(self) -> list[tuple[FoundFinding, list[str]]]:
+        """Findings of whole drives, each once, and the drives that have it; the most frequent first."""
+        found: dict[str, tuple[FoundFinding, list[str]]] = {}
+        for each in self.drives:
+            for finding in each.findings:
+                if finding.t_s is None:
+                    found.setdefault(finding.name, (finding, []))[1].append(each.name)
+        return sorted(found.values(), key=lambda item: -len(item[1]))
+
+
+def diagnose(paths: Sequence[Path], report: Report, *, leaves_out: bool) -> Diagnosis:
+    """Return what the drives in logs show.
+
+    Args:
+        paths: The logs, of one rover.
+        report: Gets the progress.
+        leaves_out: Replay each drive again without each sensor in turn.
+
+    Raises:
+        LogError: A log cannot be read or is damaged, or the logs are of different rovers.
+    """
+    drives = [_replayed(path, report) for path in paths]
+    geometry = fit_geometry(drives)
+    compared = _all_compared(drives, geometry)
+    normalised = [
+        found
+        for each in drives
+        if each.name in compared
+        and (found := normalised_errors(each, each.replay, compared[each.name])) is not None
+    ]
+    corrected = _with_wheels(compared, geometry)
+    return Diagnosis(
+        drives=drives,
+        compared=compared,
+        errors=errors_of(compared),
+        geometry=geometry,
+        normalised=normalised,
+        settings=_settings(drives, corrected, normalised, geometry, report),
+        measurements=measurements_of(drives),
+        without=_without_each(drives, compared, geometry, report) if leaves_out else {},
+        slip=_slip(drives, corrected),
+        not_shown=not_shown(drives, geometry),
+    )
+
+
+def _replayed(path: Path, report: Report) -> ReplayedDrive:
+    return replay_drive(path, lambda done: report(f"replaying {path.name}", path, done))
+
+
+def _marker(each: ReplayedDrive, geometry: GeometryPart) -> Mapping[str, float]:
+    """Return where the known places are: the pose of a simulated rover is that of its origin."""
+    return {} if each.drive.log.origin == "virtual" else geometry.marker
+
+
+def _all_compared(drives: Sequence[ReplayedDrive], geometry: GeometryPart) -> dict[str, Compared]:
+    return {
+        each.name: found
+        for each in drives
+        if (found := compare(each, each.replay, _marker(each, geometry))) is not None
+    }
+
+
+def _with_wheels(compared: Mapping[str, Compared], geometry: GeometryPart) -> dict[str, Compared]:
+    """Return the drives with their odometry by the corrected wheels, where these are accepted."""
+    if not geometry.is_accepted:
+        return dict(compared)
+    changed = {}
+    for name, each in compared.items():
+        if name not in geometry.wheels or each.true.yaw_rad is None:
+            continue
+        t_s, path = geometry.wheels[name]
+        assert path.yaw_rad is not None  # noqa: S101 wheels have one
+        at = Trajectory(np.interp(each.t_s, t_s, path.place_m), np.interp(each.t_s, t_s, path.yaw_rad))
+        changed[name] = replace(each, tracks={**each.tracks, ODOMETRY: at})
+    return changed
+
+
+def _settings(
+    drives: Sequence[ReplayedDrive],
+    compared: Mapping[str, Compared],
+    normalised: Sequence[Normalised],
+    geometry: GeometryPart,
+    report: Report,
+) -> Settings | None:
+    """Return the settings that would be right, tried on drives that they are not from."""
+    if not normalised:
+        return None
+    is_right = not (judged(normalised).is_too_small or judged(normalised).is_too_large)
+    judged_drives = [each for each in drives if any(each.name == other.drive for other in normalised)]
+    every = min(HELD_OUT_EVERY, len(judged_drives))
+    held = [each for place, each in enumerate(judged_drives, start=1) if place % every == 0]
+    held = held[:MOST_VALIDATED] if len(judged_drives) > 1 and not is_right else []
+
+    def validate(settings: Settings) -> tuple[Consistency, Consistency] | None:
+        before, after = [], []
+        for each in held:
+            path = each.drive.log.path
+            again = replay_of(
+                path,
+                lambda done, path=path: report(f"replaying {path.name} with other settings", path, done),  # type: ignore[misc]
+                lambda config: settings.applied(_corrected(config, geometry)),
+            )
+            marker = _marker(each, geometry)
+            now = compare(each, again, marker)
+            found = None if now is None else normalised_errors(each, again, now)
+            if found is not None:
+                after.append(found)
+                before += [other for other in normalised if other.drive == each.name]
+        return (judged(before), judged(after)) if after else None
+
+    return learned_settings(compared, drives[0].drive.config, validate, [each.name for each in held])
+
+
+def _corrected(config: Config, geometry: GeometryPart) -> Config:
+    result = geometry.result
+    if result is None or not geometry.is_accepted or type(result.corrected) is not type(config.rover):
+        return config
+    return config.model_copy(update={"rover": result.corrected})
+
+
+def _without_each(
+    drives: Sequence[ReplayedDrive],
+    compared: Mapping[str, Compared],
+    geometry: GeometryPart,
+    report: Report,
+) -> dict[str, float]:
+    """Return the ATE of all drives without each device in turn; wheels are always used."""
+    roles = drives[0].drive.config.roles
+    others = (roles.gyro, *roles.headings, *drives[0].drive.config.fix_sources, roles.camera)
+    devices = list(dict.fromkeys(device for device in others if device not in (None, roles.wheels)))
+    found = {}
+    for device in devices:
+        errors = []
+
+        def is_used(sample: Sample, device: str | None = device) -> bool:
+            return sample.device != device
+
+        for each in drives:
+            if each.name not in compared:
+                continue
+            path = each.drive.log.path
+            again = replay_of(
+                path,
+                lambda done, path=path, device=device: report(  # type: ignore[misc]
+                    f"replaying {path.name} without {device}", path, done
+                ),
+                is_used=is_used,
+            )
+            now = compare(each, again, _marker(each, geometry))
+            if now is not None:
+                errors.append(absolute_errors(now.tracks[ESTIMATE].place_m, now.true.place_m))
+        if errors:
+            found[str(device)] = rms(np.concatenate(errors))
+    return found
+
+
+def _slip(drives: Sequence[ReplayedDrive], compared: Mapping[str, Compared]) -> dict[str, Interval]:
+    """Return the share of the wheels' travel that was lost, by kind of motion."""
+    found, size_m = {}, leg_m(compared.values())
+    for kind in dict.fromkeys(each.kind for each in drives):
+        shares = [
+            (1.0 - travel_shares(compared[each.name], size_m).real).tolist()
+            for each in drives
+            if each.kind == kind and each.name in compared
+        ]
+        slip = mean_of(shares)
+        if slip.count:
+            found[kind] = slip
+    return found
+
+
+def _worth(diagnosis: Diagnosis) -> str:
+    """Return what the odometry is worth, in one sentence."""
+    drives, errors = diagnosis.drives, diagnosis.errors
+    count = f"{len(drives)} drive{'' if len(drives) == 1 else 's'}"
+    driven = (
+        f"{count}, {sum(each.distance_m for each in drives):.3g} m and "
+        f"{sum(each.rotations for each in drives):.3g} rotations by the wheels"
+    )
+    if errors is None:
+        return (
+            f"In {driven}, what the odometry is worth cannot be known: there is neither ground truth nor "
+            "positions."
+        )
+    distance, turn = errors.per_100_m[ODOMETRY], errors.per_rotation_rad[ODOMETRY]
+    rotation = "the error per rotation is not known, because no known place has a yaw"
+    if turn.count:
+        rotation = f"turns {_degrees(turn).words('deg')} too far per rotation"
+        if turn.value < 0.0:
+            rotation = f"turns {_degrees(turn, -1.0).words('deg')} too little per rotation"
+    estimate = errors.per_100_m[ESTIMATE]
+    used = "" if all(each.is_independent for each in drives) else ", by positions that it has used"
+    return (
+        f"In {driven}, the odometry is off by {distance.words('m')} per 100 m, measured over parts of "
+        f"{errors.part_m:g} m, and {rotation}; the estimate is off by {estimate.words('m')} per 100 m{used}."
+    )
+
+
+def _degrees(interval: Interval, sign: float = 1.0) -> Interval:
+    return interval.times(sign * math.degrees(1.0))
+
+
+def _cause(diagnosis: Diagnosis) -> str:
+    """Return the most harmful cause, in one sentence."""
+    if diagnosis.causes:
+        finding, names = diagnosis.causes[0]
+        return f"Most harmful in {len(names)} of {len(diagnosis.drives)} drives: {finding.text}."
+    return f"{_of_geometry(diagnosis.geometry) or _of_slip(diagnosis.slip) or _of_estimate(diagnosis)}."
+
+
+def _of_geometry(geometry: GeometryPart) -> str:
+    """Return which number of the description does most harm; "" where none is shown to differ."""
+    result = geometry.result
+    if result is None:
+        return ""
+    if result.differences:
+        first = result.differences[0]
+        return (
+            f"Most harmful: no single {first.number.name} fits all kinds of motion, which points to "
+            f"{first.points_to}"
+        )
+    worst = geometry.worst
+    if worst is not None:
+        share = 100.0 * min(geometry.harms.get(worst.number.name, 0.0), 1.0)
+        return (
+            f"Most harmful: the {worst.number.name} is {number_words(worst)}, which explains {share:.0f} % "
+            "of the squared error that the numbers of the wheels explain"
+        )
+    gyro = result.gyro
+    if gyro is not None and gyro.is_shown and abs(gyro.scale - 1.0) > gyro.half_width:
+        return (
+            f"Most harmful: the gyro measures {gyro.scale:.4g} of the rotation (95 %: "
+            f"{gyro.scale - gyro.half_width:.4g} to {gyro.scale + gyro.half_width:.4g})"
+        )
+    return ""
+
+
+def _of_slip(slips: Mapping[str, Interval]) -> str:
+    """Return in which kind of motion the wheels lose most travel; "" where they lose none beyond chance."""
+    shown = {
+        kind: slip
+        for kind, slip in slips.items()
+        if slip.is_known and abs(slip.value) >= LEAST_SLIP and not slip.low <= 0.0 <= slip.high
+    }
+    if not shown:
+        return ""
+    kind = max(shown, key=lambda each: abs(shown[each].value))
+    slip = shown[kind].times(100.0)
+    return f"Most harmful: the wheels lose {slip.words('%')} of their travel in motion of the kind '{kind}'"
+
+
+def _of_estimate(diagnosis: Diagnosis) -> str:
+    """Return what is wrong with the estimate, where nothing is wrong with what was measured."""
+    for each in diagnosis.measurements:
+        if each.faults:
+            return f"Most harmful: {next(iter(each.faults.values()))}"
+    covariance = diagnosis.covariance
+    if covariance is not None and (covariance.is_too_small or covariance.is_too_large):
+        return (
+            f"No error of wheels or sensors is shown; the standard deviation is {covariance.words('poses')}"
+        )
+    rules = [finding for each in diagnosis.drives for finding in each.findings]
+    if rules:
+        return f"Most harmful: {rules[0].text}"
+    if diagnosis.errors is None:
+        return "No sensor contradicts another; errors that all of them share cannot be known"
+    return "No error of wheels, sensors or standard deviation is shown"
+
+
+def _next_step(diagnosis: Diagnosis) -> str:
+    """Return what to do next, in one sentence."""
+    if diagnosis.causes:
+        return "Correct this first, as the finding says, and diagnose again: all other numbers depend on it."
+    if diagnosis.geometry.is_accepted:
+        return "Enter the corrected numbers (--config FILE --enter, or paste them), and drive with them."
+    settings = diagnosis.settings
+    if settings is not None and settings.is_accepted:
+        return "Enter the settings of the ground and the filter (--config FILE --enter, or paste them)."
+    if diagnosis.not_shown:
+        first = diagnosis.not_shown[0]
+        return f"Record what would show {first.what}: {first.shown_by}."
+    return "Nothing needs to be changed."
