@@ -305,7 +305,8 @@ def _cause(diagnosis: Diagnosis) -> str:
     if diagnosis.causes:
         finding, names = diagnosis.causes[0]
         return f"Most harmful in {len(names)} of {len(diagnosis.drives)} drives: {finding.text}."
-    return f"{_of_geometry(diagnosis.geometry) or _of_slip(diagnosis.slip) or _of_estimate(diagnosis)}."
+    found = _of_geometry(diagnosis.geometry) or _of_slip(diagnosis.slip)
+    return f"{found or _of_rotation(diagnosis.errors) or _of_estimate(diagnosis)}."
 
 
 def _of_geometry(geometry: GeometryPart) -> str:
@@ -347,6 +348,18 @@ def _of_slip(slips: Mapping[str, Interval]) -> str:
     kind = max(shown, key=lambda each: abs(shown[each].value))
     slip = shown[kind].times(100.0)
     return f"Most harmful: the wheels lose {slip.words('%')} of their travel in motion of the kind '{kind}'"
+
+
+def _of_rotation(errors: Errors | None) -> str:
+    """Return that the rotations by the wheels are wrong beyond chance; "" where they are not."""
+    turn = None if errors is None else errors.per_rotation_rad[ODOMETRY]
+    if turn is None or not turn.is_known or turn.low <= 0.0 <= turn.high:
+        return ""
+    what = "too far" if turn.value > 0.0 else "too little"
+    return (
+        f"Most harmful: the wheels turn {what} in rotations, by the track, the base or slip; these drives do "
+        "not show which"
+    )
 
 
 def _of_estimate(diagnosis: Diagnosis) -> str:

@@ -50,7 +50,7 @@ class Measurements:
     Attributes:
         device: Its name.
         counts: Number of measured quantities by what became of them.
-        mean_normalised: Mean squared innovation over its variance, 1 is expected; NaN where none was compared.
+        mean_normalised: Mean squared innovation over its variance, expected 1; NaN where none was compared.
         faults: Why none was used, by drive.
     """
 
@@ -89,10 +89,8 @@ def recordings_of(each: ReplayedDrive) -> list[Recording]:
     channels, rows = each.drive.channels, []
     for quantity, name in SOURCES.items():
         names = [other for other in channels.names() if other.startswith(name) and " " not in other]
-        if name == "steer" and names:
-            name = names[0]
-        if name in channels:
-            rows.append(_recording(each.name, quantity, channels[name].t_ns))
+        if names:
+            rows.append(_recording(each.name, quantity, channels[names[0]].t_ns))
     for device, fixes in channels.fixes.items():
         t_ns = np.array([min(fix.t_capture_ns, fix.t_ns) for fix in fixes], np.int64)
         rows.append(_recording(each.name, f"positions of {device}", t_ns))

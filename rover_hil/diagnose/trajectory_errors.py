@@ -2,7 +2,7 @@
 
 S. Umeyama: Least-squares estimation of transformation parameters between two point patterns. IEEE
 Transactions on Pattern Analysis and Machine Intelligence 13 (1991) 376-380; in the plane, without scale and
-without reflection. M. Grupp: evo, github.com/MichaelGrupp/evo: consecutive pairs, chosen by the estimated trajectory.
+without reflection. M. Grupp: evo, github.com/MichaelGrupp/evo: consecutive pairs by the estimated one.
 """
 
 import math
