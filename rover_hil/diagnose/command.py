@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from drivers.errors import ConfigError
 from rover_hil.config import read_config_text, shipped_configs
@@ -193,11 +192,10 @@ def _print(diagnosis: Diagnosis, out: Path, entered: str) -> None:
     answer = diagnosis.answer
     for sentence in (answer.worth, answer.cause, answer.next_step):
         console.print(sentence)
-    heading, *rows = error_table(diagnosis)
-    table = Table(*heading)
-    for row in rows:
-        table.add_row(*row)
-    console.print(table)
+    table = error_table(diagnosis)
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    for row in table:  # not broken where the terminal is narrow
+        console.print("  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
     for number, section in enumerate(sections_of(diagnosis), start=2):
         console.print(f"{number}. {section.title}")
         for line in section.lines:

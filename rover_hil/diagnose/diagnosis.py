@@ -28,7 +28,7 @@ from rover_hil.diagnose.drive_errors import (
 )
 from rover_hil.diagnose.geometry import GeometryPart, fit_geometry, number_words
 from rover_hil.diagnose.intervals import Interval, mean_of
-from rover_hil.diagnose.recorded import Measurements, NotShown, measurements_of, not_shown
+from rover_hil.diagnose.recorded import OTHER_KINDS, Measurements, NotShown, measurements_of, not_shown
 from rover_hil.diagnose.replayed_drive import ReplayedDrive, replay_drive, replay_of
 from rover_hil.diagnose.trajectory_errors import Trajectory, absolute_errors
 from rover_hil.drives.arrays import rms
@@ -385,7 +385,9 @@ def _next_step(diagnosis: Diagnosis) -> str:
     if diagnosis.causes:
         return "Correct this first, as the finding says, and diagnose again: all other numbers depend on it."
     if diagnosis.geometry.is_accepted:
-        return "Enter the corrected numbers (--config FILE --enter, or paste them), and drive with them."
+        others = next((each.shown_by for each in diagnosis.not_shown if each.what == OTHER_KINDS), "")
+        more = f", and record {others}, which would show whether they hold there" if others else ""
+        return f"Enter the corrected numbers (--config FILE --enter, or paste them){more}."
     settings = diagnosis.settings
     if settings is not None and settings.is_accepted:
         return "Enter the settings of the ground and the filter (--config FILE --enter, or paste them)."

@@ -23,6 +23,8 @@ SOURCES = {
 }
 """Channels by their name for the user."""
 
+OTHER_KINDS = "whether the numbers hold in other kinds of motion"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
@@ -146,7 +148,7 @@ def not_shown(drives: Sequence[ReplayedDrive], geometry: GeometryPart) -> list[N
         kinds = {each.kind for each in drives}
         others = [kind for kind in KINDS if kind not in kinds and kind != BY_HAND]
         if others:
-            found["whether the numbers hold in other kinds of motion"] = f"drives: {', '.join(others)}"
+            found[OTHER_KINDS] = f"drives of other kinds ({', '.join(others)})"
     for each in drives:
         for oddity in unseen(make_kinematics(each.drive.config.rover), _evidence(each), _turned_rad(each)):
             found.setdefault(oddity.what, f"other than here: {oddity.where}")

@@ -16,7 +16,7 @@ from rover_hil.recording.findings import finding_lines
 
 Row = Sequence[str]
 ERROR_COLUMNS = ("drive", "motion", "m", "rotations", "ATE m", "RPE m per m", "RPE deg")
-"""Errors: those of the odometry / those of the estimate."""
+"""Errors: those of the odometry / those of the estimate; one number where both are alike."""
 TOGETHER = "together"
 
 
@@ -77,7 +77,11 @@ def _cells(tracks: Mapping[str, TrackErrors]) -> tuple[str, ...]:
         (odometry.rpe_m, estimate.rpe_m),
         (math.degrees(odometry.rpe_rad), math.degrees(estimate.rpe_rad)),
     )
-    return tuple(f"{short(one)} / {short(other)}" for one, other in pairs)
+    return tuple(_pair(short(one), short(other)) for one, other in pairs)
+
+
+def _pair(odometry: str, estimate: str) -> str:
+    return odometry if odometry == estimate else f"{odometry} / {estimate}"
 
 
 def _recorded(diagnosis: Diagnosis) -> Section:
