@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from controllers.estimation.ground_settings import GroundSettings
 from rover_hil.config import Config
 from rover_hil.diagnose.drive_errors import ESTIMATE, ODOMETRY, Compared, leg_m, travel_shares
 from rover_hil.diagnose.replayed_drive import Replay, ReplayedDrive
@@ -72,7 +73,7 @@ class Settings:
             "filter": config.filter.model_copy(update=dict(self.yaw_noise)),
         }
         if self.ground is not None:
-            changes["ground"] = type(config.ground)(**self.ground.settings("drives"))
+            changes["ground"] = GroundSettings.model_validate(self.ground.settings("drives"))
         return config.model_copy(update=changes)
 
 
@@ -82,17 +83,17 @@ def normalised_errors(each: ReplayedDrive, replay: Replay, compared: Compared) -
     The ground truth needs a yaw, which ties the frames together at the start, and the estimate must not have
     used it.
     """
-    if each.truth is None or not each.is_independent or compared.true.yaw_rad is None:
+    true, own = compared.true, compared.tracks[ESTIMATE]
+    true_rad, own_rad = true.yaw_rad, own.yaw_rad
+    if each.truth is None or not each.is_independent or true_rad is None or own_rad is None:
         return None
     slots = np.floor(compared.t_s / PERIOD_S)
     use = np.flatnonzero(np.concatenate(([True], np.diff(slots) > 0.0)))
-    true, own = compared.true, compared.tracks[ESTIMATE]
-    assert own.yaw_rad is not None  # noqa: S101 tracks of a replay have one
     first = use[0]
-    turn_rad = own.yaw_rad[first] - true.yaw_rad[first]
+    turn_rad = own_rad[first] - true_rad[first]
     place_m = own.place_m[first] + (true.place_m[use] - true.place_m[first]) * np.exp(1j * turn_rad)
     errors_m = own.place_m[use] - place_m
-    yaw_rad = own.yaw_rad[use] - true.yaw_rad[use] - turn_rad
+    yaw_rad = own_rad[use] - true_rad[use] - turn_rad
     errors = np.column_stack((errors_m.real, errors_m.imag, np.angle(np.exp(1j * yaw_rad))))[1:]
     index = np.minimum(np.searchsorted(replay.t_s, compared.t_s[use[1:]]), len(replay.t_s) - 1)
     noise = np.diag([FLOOR_M**2 + 2.0 * each.truth.sd_m**2] * 2 + [2.0 * FLOOR_RAD**2])

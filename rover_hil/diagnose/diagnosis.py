@@ -282,6 +282,7 @@ def _worth(diagnosis: Diagnosis) -> str:
             f"In {driven}, what the odometry is worth cannot be known: there is neither ground truth nor "
             "positions."
         )
+    per = "per 100 m" if errors.per_rotation_rad[ODOMETRY].count else "of length per 100 m"
     distance, turn = errors.per_100_m[ODOMETRY], errors.per_rotation_rad[ODOMETRY]
     rotation = "the error per rotation is not known, because no known place has a yaw"
     if turn.count:
@@ -291,7 +292,7 @@ def _worth(diagnosis: Diagnosis) -> str:
     estimate = errors.per_100_m[ESTIMATE]
     used = "" if all(each.is_independent for each in drives) else ", by positions that it has used"
     return (
-        f"In {driven}, the odometry is off by {distance.words('m')} per 100 m, measured over parts of "
+        f"In {driven}, the odometry is off by {distance.words('m')} {per}, measured over parts of "
         f"{errors.part_m:g} m, and {rotation}; the estimate is off by {estimate.words('m')} per 100 m{used}."
     )
 
@@ -369,9 +370,7 @@ def _of_estimate(diagnosis: Diagnosis) -> str:
             return f"Most harmful: {next(iter(each.faults.values()))}"
     covariance = diagnosis.covariance
     if covariance is not None and (covariance.is_too_small or covariance.is_too_large):
-        return (
-            f"No error of wheels or sensors is shown; the standard deviation is {covariance.words('poses')}"
-        )
+        return f"No error of wheels or sensors is shown; standard deviation: {covariance.words('poses')}"
     rules = [finding for each in diagnosis.drives for finding in each.findings]
     if rules:
         return f"Most harmful: {rules[0].text}"
@@ -391,7 +390,12 @@ def _next_step(diagnosis: Diagnosis) -> str:
     settings = diagnosis.settings
     if settings is not None and settings.is_accepted:
         return "Enter the settings of the ground and the filter (--config FILE --enter, or paste them)."
-    if diagnosis.not_shown:
-        first = diagnosis.not_shown[0]
+    if _of_slip(diagnosis.slip):
+        return (
+            "Measure the slip while driving, by a camera that sees the ground or positions, or state it in "
+            "[ground]: diagnose two drives or more on this ground together."
+        )
+    first = next((each for each in diagnosis.not_shown if each.shown_by), None)
+    if first is not None:
         return f"Record what would show {first.what}: {first.shown_by}."
     return "Nothing needs to be changed."

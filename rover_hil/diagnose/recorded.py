@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -68,9 +68,8 @@ class Measurements:
         faults = "".join(f"; {drive}: {text}" for drive, text in self.faults.items())
         if math.isnan(self.mean_normalised):
             return f"{counts}{faults}"
-        return (
-            f"{counts}; squared innovation over its variance {self.mean_normalised:.2g}, expected 1{faults}"
-        )
+        size = math.sqrt(self.mean_normalised)
+        return f"{counts}; innovations are {size:.2g} times as large as their standard deviation{faults}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,11 +78,18 @@ class NotShown:
 
     Attributes:
         what: What it is.
-        shown_by: What is needed.
+        shown_by: The drive that would show it; "" where only `why` is known.
+        why: What these drives lack.
     """
 
     what: str
-    shown_by: str
+    shown_by: str = ""
+    why: str = ""
+
+    @property
+    def words(self) -> str:
+        """What it is, and what is missing."""
+        return f"{self.what} ({f'would show it: {self.shown_by}' if self.shown_by else f'here: {self.why}'})"
 
 
 def recordings_of(each: ReplayedDrive) -> list[Recording]:
@@ -138,6 +144,7 @@ def measurements_of(drives: Sequence[ReplayedDrive]) -> list[Measurements]:
 def not_shown(drives: Sequence[ReplayedDrive], geometry: GeometryPart) -> list[NotShown]:
     """Return what drives cannot show, what matters most first."""
     found: dict[str, str] = {}
+    lacking: dict[str, str] = {}
     if all(each.truth is None for each in drives):
         found["the error of odometry and estimate"] = (
             "a drive with ground truth or positions: GNSS, an overhead camera, or marks measured by hand"
@@ -151,8 +158,9 @@ def not_shown(drives: Sequence[ReplayedDrive], geometry: GeometryPart) -> list[N
             found[OTHER_KINDS] = f"drives of other kinds ({', '.join(others)})"
     for each in drives:
         for oddity in unseen(make_kinematics(each.drive.config.rover), _evidence(each), _turned_rad(each)):
-            found.setdefault(oddity.what, f"other than here: {oddity.where}")
-    return [NotShown(what=what, shown_by=shown_by) for what, shown_by in found.items()]
+            lacking.setdefault(oddity.what, oddity.where)
+    shown_by = [NotShown(what=what, shown_by=drive) for what, drive in found.items()]
+    return [*shown_by, *(NotShown(what=what, why=why) for what, why in lacking.items())]
 
 
 def _evidence(each: ReplayedDrive) -> Evidence:
@@ -171,8 +179,3 @@ def _evidence(each: ReplayedDrive) -> Evidence:
 
 def _turned_rad(each: ReplayedDrive) -> float:
     return float(np.ptp(each.replay.odometry[:, 2]))
-
-
-def as_records(rows: Sequence[Recording | Measurements | NotShown]) -> list[dict[str, object]]:
-    """Return rows for a program."""
-    return [asdict(row) for row in rows]

@@ -94,9 +94,7 @@ def _recorded(diagnosis: Diagnosis) -> Section:
     kinds = [each.kind for each in diagnosis.drives]
     lines = [f"kinds of motion: {', '.join(f'{kind} {kinds.count(kind)}' for kind in dict.fromkeys(kinds))}"]
     lines += [_rate_words(rows)]
-    lines += [
-        f"cannot be known: {each.what} (would show it: {each.shown_by})" for each in diagnosis.not_shown
-    ]
+    lines += [f"cannot be known: {each.words}" for each in diagnosis.not_shown]
     return Section(title="What was recorded, and what it cannot show", lines=lines, table=table)
 
 
@@ -197,7 +195,7 @@ def _covariance(diagnosis: Diagnosis) -> Section:
         (kind, each.words("poses"), short(each.growth), " to ".join(map(short, each.interval)))
         for kind, each in kinds.items()
     ]
-    lines = [f"the standard deviation is {covariance.words('poses')}" if covariance.is_decided else ""]
+    lines = [f"standard deviation: {covariance.words('poses')}"]
     if settings.ground is not None:
         lines.append(f"the ground by the wheels: {settings.ground.words}")
     if settings.yaw_noise:
@@ -212,7 +210,7 @@ def _covariance(diagnosis: Diagnosis) -> Section:
         )
     elif covariance.is_too_small or covariance.is_too_large:
         lines.append("the settings are not validated: give two drives or more")
-    return Section(title=title, lines=[line for line in lines if line], table=table)
+    return Section(title=title, lines=lines, table=table)
 
 
 def _measurements(diagnosis: Diagnosis) -> Section:
