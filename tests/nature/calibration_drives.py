@@ -34,12 +34,13 @@ class Wheel:
 
 @dataclass(frozen=True, kw_only=True)
 class Sensors:
-    """How a drive is recorded: noise, marker, gyro."""
+    """How a drive is recorded: noise, marker, delays of pose and steering, gyro."""
 
     place_sd_m: float = 0.001
     yaw_sd_rad: float = 0.003
     marker: tuple[float, float, float] = (0.0, 0.0, 0.0)
     delay_s: float = 0.0
+    steering_delay_s: float = 0.0
     gyro: tuple[float, float] = (1.0, 0.0)
 
 
@@ -159,7 +160,7 @@ def drive(
         kind=kind,
         t_s=t_s[rows],
         turned_rad=turned[rows],
-        steering_rad=steering[rows],
+        steering_rad=steering[np.maximum(rows - round(sensors.steering_delay_s / STEP_S), 0)],
         gyro_rad_s=scale * true_turn[rows] + bias + 0.002 * noise[:, 3],
         pose=np.column_stack((seen_x, seen_y, seen_yaw + marker_yaw))
         + noise[:, :3] * (sensors.place_sd_m, sensors.place_sd_m, sensors.yaw_sd_rad),

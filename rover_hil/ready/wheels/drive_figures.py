@@ -31,13 +31,13 @@ def draw_errors(result: GeometryResult) -> Figure | None:
     ):
         axes.plot(drives, pairs[:, 0], "o", color=style.ENCODERS, label="as described")
         axes.plot(drives, pairs[:, 1], "o", color=style.ESTIMATE, label="corrected")
-        axes.set(ylabel=f"error at the end ({unit})", ylim=(0.0, None))
+        axes.set(ylabel=f"error at the end ({unit})", ylim=(0.0, max(1e-6, 1.15 * float(pairs.max()))))
         for place, kind in enumerate(each.kind for each in errors):
             if place == 0 or kind != errors[place - 1].kind:
                 axes.axvline(place + 0.5, color=style.COMMANDED, linewidth=0.8)
                 axes.annotate(kind, (place + 0.6, 1.0), xycoords=("data", "axes fraction"), va="top")
     rows[-1].set(xlabel="validation drive")
-    rows[0].legend(loc="center right")
+    rows[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     return figure
 
 

@@ -54,12 +54,12 @@ class DrivesCalibration(FileProcedure[Recorded, GeometryResult]):
     def __post_init__(self) -> None:
         self.logs = [log_at(path) for path in (*self.fitted, *self.validation)]
         self._config: Config | None = None
-        self._is_log = False
+        self._is_log = self._enters = False
 
     def configure(self, request: Request, config: Config | None) -> Path | None:
         if request.enter and request.source in presets():
             raise ConfigError(f"--enter: {request.source} cannot be edited: name a TOML file of yours")
-        self._config = config
+        self._config, self._enters = config, request.enter
         self._is_log = log_at(Path(request.source)) in self.logs
         return request.out
 
@@ -164,15 +164,15 @@ class DrivesCalibration(FileProcedure[Recorded, GeometryResult]):
         return comments(facts) + toml_text(_sections(result))
 
     def entries(self, record: Recorded, result: GeometryResult, out: Path | None) -> Sequence[Entry]:
-        section = _rover_section(result.corrected)
+        section, described = _rover_section(result.corrected), result.geometry.rover
         entries = [Entry("rover", key, value) for key, value in section.items()]
-        if section.get("kinematics") == "wheels" and isinstance(result.geometry.rover, OmniRoverSettings):
-            if self._config is not None and self._config.slip is not None:
-                return ()
-            kept = {*section}
-            entries += [
-                Entry("rover", key, None) for key in result.geometry.rover.model_fields_set if key not in kept
-            ]
+        if "wheels" in section and isinstance(described, OmniRoverSettings):
+            if self._enters and self._config is not None and self._config.slip is not None:
+                raise ConfigError(
+                    "--enter: the radii of the wheels differ, which needs kinematics = 'wheels', but [slip] "
+                    "needs 'omni3': leave --enter out, and copy the values or remove [slip]"
+                )
+            entries += [Entry("rover", key, None) for key in described.model_dump() if key not in section]
         return entries
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
 
-import numpy as np
 from scipy.stats import t as student
 
 from controllers.motion.rover_geometry import RoverSettings, wheels_reach_m
@@ -14,10 +13,10 @@ from drivers.errors import LogError
 from rover_hil.drives.arrays import Array
 from rover_hil.ready.wheels.geometry import (
     BASE,
+    BASES,
     RADIUS,
     RADIUS_OF,
     TRACK,
-    WHEELBASE,
     Geometry,
     Number,
     geometry_of,
@@ -32,6 +31,7 @@ from rover_hil.ready.wheels.trajectory_fit import (
     Solution,
     TrajectoryFit,
     TrajectoryProblem,
+    deviation,
     fit_trajectories,
     freedom,
     moved_without,
@@ -54,7 +54,6 @@ LEAST_GAIN = 0.2
 
 AS_MUCH = 0.1
 """Numbers whose gains differ by less explain as much."""
-BASES = (BASE, TRACK, WHEELBASE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,9 +145,10 @@ class GeometryResult:
             return f"these drives show no number of the wheels: drive {'; '.join(wanted)}"
         for each in self.shown:
             if abs(each.value) > each.number.plausible:
+                factor, unit = (100.0, "%") if not each.number.unit else (math.degrees(1.0), "deg")
                 return (
-                    f"the {each.number.name} differs by {100.0 * each.value:+.0f} %: correct ticks, gear "
-                    "ratio, sign or units first"
+                    f"the {each.number.name} differs by {factor * each.value:+.0f} {unit}: correct ticks, "
+                    "gear ratio, sign or units first"
                 )
         if self.differences:
             first = self.differences[0]
@@ -157,14 +157,17 @@ class GeometryResult:
             )
         if not self.errors:
             return "there is no drive to validate them on: give two or more drives"
+        is_better = any(each.is_better for each in self.by_kind)
+        if not is_better and all(abs(each.value) <= each.half_width for each in self.shown):
+            return "the described numbers are confirmed: none differs from them by more than its interval"
         worse = [each.kind for each in self.by_kind if each.is_worse]
         if worse:
             counts = [self.kinds.count(kind) for kind in worse]
             more = "; give two or more drives of each kind" if min(counts) < 2 else ""
             kinds = ", ".join(worse)
             return f"the described numbers are better in validation drives of this kind: {kinds}{more}"
-        if not any(each.is_better for each in self.by_kind):
-            return "the described numbers are as good in validation drives: they are confirmed"
+        if not is_better:
+            return "the described numbers are as good in validation drives"
         return ""
 
 
@@ -200,7 +203,7 @@ def geometry_from_drives(
     size_m = wheels_reach_m(rover)
     # By the corrected wheels: wrong ones bend straights.
     kinds = [kind_of(moves, size_m) for moves in common.moves(fit.values)]
-    described = fit_trajectories(problem, fixed=[each.name for each in geometry.numbers])
+    described = fit_trajectories(problem, fixed=[each.name for each in numbers if each.is_geometry])
     return GeometryResult(
         geometry=geometry,
         drives=drives,
@@ -209,7 +212,7 @@ def geometry_from_drives(
         described=described.values,
         errors=_errors(drives, validation, kinds, geometry, (described, fit)),
         differences=_differences(common, numbers, kinds, fit),
-        gyro=fit_gyro(problem, fit.values),
+        gyro=fit_gyro(problem, fit),
     )
 
 
@@ -321,17 +324,14 @@ def _samples(
         compared: Kinds of motion.
     """
     units = [[place] for place in range(len(solution.residuals))]
-    moved, unknown, freedoms = (
-        moved_without(solution, units),
-        variance_of_unknown(solution, {}),
-        freedom(solution, units),
-    )
+    own_sd, freedoms = deviation(moved_without(solution, units)), freedom(solution, units)
+    unknown = variance_of_unknown(solution, {})
     columns = list(solution.values)
     samples = []
     for kind in compared:
         name = names[kind]
         column = columns.index(name)
-        sd = math.hypot(_sd(moved[:, column]), math.sqrt(unknown[name]))
+        sd = math.hypot(float(own_sd[column]), math.sqrt(unknown[name]))
         sample = _Sample(kind, solution.values[name], sd, float(freedoms[column]))
         if sample.half_width(0.05) <= SHOWN * number.plausible:
             samples.append(sample)
@@ -345,9 +345,3 @@ def _differ(samples: Sequence[_Sample], probability: float) -> bool:
         if abs(one.value - other.value) > max(both.half_width(probability), LEAST_DIFFERENCE):
             return True
     return False
-
-
-def _sd(moved: Array) -> float:
-    """Return the standard deviation by leaving one segment out after the other."""
-    count = len(moved)
-    return math.sqrt((count - 1) / count * float(np.sum((moved - moved.mean()) ** 2)))

@@ -26,7 +26,9 @@ from rover_hil.drives.arrays import Array
 from rover_hil.drives.quality.drive_paths import effects_of
 
 RADIUS, BASE, TRACK, WHEELBASE = "radius", "base radius", "track", "wheelbase"
-STEERING_ZERO, STEERING_RATIO = "steering zero", "steering ratio"
+BASES = (BASE, TRACK, WHEELBASE)
+"""Numbers that rotations depend on, and distances do not."""
+STEERING_ZERO, STEERING_RATIO, STEERING_DELAY = "steering zero", "steering ratio", "delay of the steering"
 MARKER_X, MARKER_Y, MARKER_YAW, DELAY = "marker x", "marker y", "marker yaw", "delay of the ground truth"
 RADIUS_OF = "radius, "
 """Followed by the name of a contrast."""
@@ -41,7 +43,7 @@ class Number:
         unit: "" for a relative difference, else "m", "deg" or "s".
         plausible: It lies within plus and minus this, in SI units; chosen by hand.
         is_geometry: Of the wheels; False for what is only of the measurement: marker and clock.
-        is_optional: Left out where its interval contains 0.
+        is_optional: Left out where it is within a standard deviation of 0.
         shown_by: A drive that would show it.
     """
 
@@ -143,6 +145,8 @@ def geometry_of(rover: RoverSettings) -> Geometry:
             Number(name=STEERING_ZERO, unit="deg", plausible=math.radians(15.0), shown_by=bends),
             Number(name=STEERING_RATIO, unit="", plausible=0.1, shown_by=bends, is_optional=True),
         ]
+    if sum(wheel.steering is not None for wheel in rover.wheels) == 1:
+        numbers.append(_delay(STEERING_DELAY, "bends that begin and end"))
     return Geometry(rover, rover.wheels, contrasts, tuple(numbers))
 
 
@@ -160,10 +164,11 @@ def marker_numbers(rover: RoverSettings, *, has_yaw: bool) -> tuple[Number, ...]
         for name in (MARKER_X, MARKER_Y)
     ]
     yaw = Number(name=MARKER_YAW, unit="deg", plausible=math.pi, shown_by="a straight", is_geometry=False)
-    delay = Number(
-        name=DELAY, unit="s", plausible=0.5, shown_by="changes of speed", is_geometry=False, is_optional=True
-    )
-    return (*lever, *([yaw] if has_yaw else []), delay)
+    return (*lever, *([yaw] if has_yaw else []), _delay(DELAY, "changes of speed"))
+
+
+def _delay(name: str, shown_by: str) -> Number:
+    return Number(name=name, unit="s", plausible=0.5, shown_by=shown_by, is_geometry=False, is_optional=True)
 
 
 def _radius() -> Number:

@@ -1,15 +1,14 @@
 """Scale and bias of the gyro, against the measured yaw, else against the yaw by the corrected wheels."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import t as student
 
 from rover_hil.drives.arrays import Array
-from rover_hil.ready.wheels.geometry import DELAY
-from rover_hil.ready.wheels.trajectory_fit import CONFIDENCE, TrajectoryProblem
+from rover_hil.ready.wheels.geometry import BASES, DELAY
+from rover_hil.ready.wheels.trajectory_fit import CONFIDENCE, TrajectoryFit, TrajectoryProblem, deviation
 
 LEAST_SEGMENTS = 3
 WIDEST = 0.02
@@ -38,15 +37,17 @@ class GyroFit:
         return self.half_width <= WIDEST
 
 
-def fit_gyro(problem: TrajectoryProblem, values: Mapping[str, float]) -> GyroFit | None:
+def fit_gyro(problem: TrajectoryProblem, fit: TrajectoryFit) -> GyroFit | None:
     """Return scale and bias of the gyro; None without one, or for too few segments.
 
-    The rotation by the gyro in a segment is scale times that of the reference, and bias times time.
+    The rotation by the gyro in a segment is scale times that of the reference, and bias times time. The yaw
+    by the wheels is as uncertain as their base: without a measured yaw nothing distinguishes both.
 
     Args:
         problem: The drives.
-        values: Numbers of the wheels.
+        fit: Numbers of the wheels.
     """
+    values = fit.values
     drives = [place for place, drive in enumerate(problem.drives) if drive.gyro_rad is not None]
     segments = [each for each in problem.segments if each.drive in drives]
     if len(segments) < LEAST_SEGMENTS:
@@ -68,15 +69,16 @@ def fit_gyro(problem: TrajectoryProblem, values: Mapping[str, float]) -> GyroFit
         products.append(np.asarray(columns.T @ columns / len(t_s), np.float64))
     total = np.sum(products, axis=0)
     solved = _solve(total)
-    others = np.array([_solve(total - each)[0] for each in products])
-    count = len(others)
+    others = np.array([_solve(total - each)[:1] for each in products])
     # Rotations that are no constant rate show the scale; the others show the bias.
     shares = np.array([_unlike_time(each) for each in products])
     support = float(shares.sum() ** 2 / max(float(shares @ shares), 1e-300))
-    sd = math.sqrt((count - 1) / count * float(np.sum((others - others.mean()) ** 2)))
+    sd = float(deviation(others)[0])
+    own = float(student.ppf(0.5 + 0.5 * CONFIDENCE, max(support - 1.0, 1.0))) * sd
+    bases = [each.half_width for each in fit.estimates if each.number.name in BASES and not has_yaw]
     return GyroFit(
         scale=float(solved[0]),
-        half_width=float(student.ppf(0.5 + 0.5 * CONFIDENCE, max(support - 1.0, 1.0))) * sd,
+        half_width=math.hypot(own, *bases),
         bias_rad_s=solved[1:],
         reference="measured yaw" if has_yaw else "yaw by the corrected wheels",
     )

@@ -86,6 +86,8 @@ def recorded_of(drive: Drive) -> RecordedDrive:
         LogError: A wheel is not measured, or there is no ground truth.
     """
     path = drive.log.path
+    if drive.channels.has_computed_wheels:
+        raise LogError(f"log {path}: the angles of its wheels are computed from a path, not measured")
     kinematics = make_kinematics(drive.config.rover)
     stepped = wheel_steps(drive.channels, kinematics, STEP_S, LEAST_STEPS)
     if stepped is None:

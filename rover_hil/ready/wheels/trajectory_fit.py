@@ -20,16 +20,19 @@ from rover_hil.drives.arrays import Array
 from rover_hil.drives.quality.drive_paths import moves_of, rounded_angles
 from rover_hil.ready.wheels.geometry import (
     MARKER_YAW,
+    STEERING_DELAY,
     Geometry,
     Number,
 )
-from rover_hil.ready.wheels.trajectory import RecordedDrive, Trajectory, of_marker, wheel_trajectory
+from rover_hil.ready.wheels.trajectory import STEP_S, RecordedDrive, Trajectory, of_marker, wheel_trajectory
 
 CONFIDENCE, NORMAL = 0.95, 1.96
 SEGMENT_S = 20.0
 """Longer than slip and the ground stay alike."""
 LEAST_DRIVES = 6
-"""With fewer drives the units are segments."""
+"""With fewer drives the units are segments, and"""
+FEWEST_DRIVES = 3
+"""from so many on, what differs between drives counts, too."""
 LEAST_SD = (5e-4, 5e-4)
 """Of places in m and of yaw in rad: no ground truth is better."""
 FIRST_SD = (0.05, 0.05)
@@ -189,7 +192,8 @@ class TrajectoryProblem:
     def _moves(self, drive: int, wheels: tuple[float, ...], values: Mapping[str, float]) -> Array:
         if wheels not in self._effects:
             self._effects[wheels] = self.geometry.effects(values, self._nodes.angles_rad)
-        effects = self._nodes.of_steps(drive, self._effects[wheels])
+        late_s = values.get(STEERING_DELAY, 0.0)
+        effects = self._nodes.of_steps(drive, self._effects[wheels], late_s)
         return moves_of(self.drives[drive].turned_rad, effects)
 
     def residuals(self, values: Mapping[str, float], sd: tuple[float, float]) -> list[Array]:
@@ -316,12 +320,22 @@ class _SteeringNodes:
             places = rows.ravel().astype(np.float64)
         self._places = np.split(places, np.cumsum([len(each) for each in angles])[:-1])
 
-    def of_steps(self, drive: int, effects: Array) -> Array:
-        """Return the effects of the wheels in each step of a drive, from those at the nodes."""
+    def of_steps(self, drive: int, effects: Array, late_s: float) -> Array:
+        """Return the effects of the wheels in each step of a drive.
+
+        Args:
+            drive: Its place.
+            effects: At the nodes.
+            late_s: Delay of the angles; 0 where more than one wheel steers.
+        """
         if self.angles_rad is None:
             return effects
-        first = np.floor(self._places[drive]).astype(np.intp)
-        share = (self._places[drive] - first)[:, np.newaxis, np.newaxis]
+        places = self._places[drive]
+        if late_s:
+            steps = np.arange(len(places), dtype=np.float64)
+            places = np.interp(steps + late_s / STEP_S, steps, places)
+        first = np.floor(places).astype(np.intp)
+        share = (places - first)[:, np.newaxis, np.newaxis]
         behind = np.minimum(first + 1, len(effects) - 1)
         return np.asarray((1.0 - share) * effects[first] + share * effects[behind])
 
@@ -342,7 +356,7 @@ def fit_trajectories(problem: TrajectoryProblem, fixed: Sequence[str] = ()) -> T
         problem: The drives.
         fixed: Numbers that stay as described.
     """
-    start, units = problem.start(), _units(problem)
+    start, units = problem.start(), _units_of(problem)
     free = [number for number in problem.numbers if number.name not in fixed]
     everything = solution = problem.solve([number.name for number in free], start)
     half = half_widths(everything, units, variance_of_unknown(everything, {}))
@@ -367,44 +381,54 @@ def fit_trajectories(problem: TrajectoryProblem, fixed: Sequence[str] = ()) -> T
         )
         for number in problem.numbers
     ]
-    drives = [
-        [place for place, each in enumerate(problem.segments) if each.drive == drive]
-        for drive in range(len(problem.drives))
-    ]
     point = np.array(list(solution.values.values()))
     without = [
         dict(zip(solution.values, (point + row).tolist(), strict=True))
-        for row in moved_without(solution, drives)
+        for row in moved_without(solution, _drives_of(problem))
     ]
-    return TrajectoryFit(estimates=estimates, sd=solution.sd, units=len(units), without=without)
+    return TrajectoryFit(estimates=estimates, sd=solution.sd, units=len(units[0]), without=without)
 
 
-def moved_without(solution: Solution, units: Sequence[Sequence[int]]) -> Array:
-    """Return by how much the numbers move when the segments of each unit are left out, (units, numbers)."""
+def moved_without(solution: Solution, units: Sequence[Sequence[int]], *, is_left_out: bool = True) -> Array:
+    """Return by how much the numbers move without the pull of each unit, (units, numbers).
+
+    Args:
+        solution: The minimum.
+        units: Segments of each.
+        is_left_out: What the unit shows is left out as well.
+    """
     hessians = [each.T @ each for each in solution.slopes]
     gradients = [each.T @ rest for each, rest in zip(solution.slopes, solution.residuals, strict=True)]
     count = len(solution.scale)
     total = sum(hessians, np.eye(count))
     moved = np.zeros((len(units), count))
     for place, unit in enumerate(units):
-        without = total - sum((hessians[each] for each in unit), np.zeros_like(total))
+        own = sum((hessians[each] for each in unit), np.zeros_like(total))
+        without = total - own if is_left_out else total
         gradient = sum((gradients[each] for each in unit), np.zeros(count))
         moved[place] = solution.scale * np.linalg.solve(without, gradient)
     return moved
 
 
-def _units(problem: TrajectoryProblem) -> list[list[int]]:
-    """Return the segments of each unit."""
-    if len(problem.drives) < LEAST_DRIVES:
-        return [[place] for place in range(len(problem.segments))]
+def _drives_of(problem: TrajectoryProblem) -> list[list[int]]:
+    """Return the segments of each drive."""
     return [
         [place for place, each in enumerate(problem.segments) if each.drive == drive]
         for drive in range(len(problem.drives))
     ]
 
 
+def _units_of(problem: TrajectoryProblem) -> list[list[list[int]]]:
+    """Return the segments of the units that are left out one after the other, the first way the main one."""
+    drives, segments = _drives_of(problem), [[place] for place in range(len(problem.segments))]
+    if len(drives) >= LEAST_DRIVES:
+        return [drives]
+    return [segments, drives] if len(drives) >= FEWEST_DRIVES else [segments]
+
+
 def _is_needed(number: Number, solution: Solution, half: Mapping[str, float]) -> bool:
-    return not number.is_optional or abs(solution.values[number.name]) > half[number.name]
+    """Return whether a number predicts better than its description does: from one standard deviation on."""
+    return not number.is_optional or abs(solution.values[number.name]) > half[number.name] / NORMAL
 
 
 def variance_of_unknown(everything: Solution, fixed_sd: Mapping[str, float]) -> dict[str, float]:
@@ -426,25 +450,35 @@ def variance_of_unknown(everything: Solution, fixed_sd: Mapping[str, float]) -> 
 
 
 def half_widths(
-    solution: Solution, units: Sequence[Sequence[int]], unknown: Mapping[str, float]
+    solution: Solution, units: Sequence[Sequence[Sequence[int]]], unknown: Mapping[str, float]
 ) -> dict[str, float]:
     """Return half of the 95 % interval of each number.
 
     Args:
         solution: The minimum.
-        units: Segments that are left out together.
+        units: Segments that are left out together; of several such ways the widest interval counts, and the
+            degrees of freedom are those of the first.
         unknown: Variance of each number by what the data do not show.
     """
-    count = len(units)
-    if count < 2:
+    if len(units[0]) < 2:
         return dict.fromkeys(solution.values, math.inf)
-    moved = moved_without(solution, units)
-    variance = (count - 1) / count * np.sum((moved - moved.mean(axis=0)) ** 2, axis=0)
-    quantiles = student.ppf(0.5 + 0.5 * CONFIDENCE, freedom(solution, units))
+    sd = deviation(moved_without(solution, units[0]))
+    for other in units[1:]:
+        # A drive that alone shows a number must not be left out: what each drive pulls at counts.
+        pulls = moved_without(solution, other, is_left_out=False)
+        sd = np.maximum(sd, len(other) / max(len(other) - 1, 1) * deviation(pulls))
+    quantiles = student.ppf(0.5 + 0.5 * CONFIDENCE, freedom(solution, units[0]))
     return {
-        name: math.hypot(quantile * math.sqrt(own), NORMAL * math.sqrt(unknown[name]), LEAST_HALF_WIDTH)
-        for name, own, quantile in zip(solution.values, variance.tolist(), quantiles.tolist(), strict=True)
+        name: math.hypot(own, NORMAL * math.sqrt(unknown[name]), LEAST_HALF_WIDTH)
+        for name, own in zip(solution.values, (quantiles * sd).tolist(), strict=True)
     }
+
+
+def deviation(moved: Array) -> Array:
+    """Return the standard deviation of numbers that move by so much without each unit, (units, numbers)."""
+    count = len(moved)
+    apart = moved - moved.mean(axis=0)
+    return np.asarray(np.sqrt((count - 1) / count * np.sum(apart**2, axis=0)), np.float64)
 
 
 def freedom(solution: Solution, units: Sequence[Sequence[int]]) -> Array:

@@ -23,6 +23,7 @@ from rover_hil.ready.wheels.geometry import (
     MARKER_YAW,
     RADIUS,
     RADIUS_OF,
+    STEERING_DELAY,
     STEERING_ZERO,
     TRACK,
     WHEELBASE,
@@ -157,6 +158,21 @@ def test_planted_numbers_are_found_within_their_intervals(rover: str, has_yaw: b
     assert result.gyro.scale == pytest.approx(1.015, abs=result.gyro.half_width + 0.002)
 
 
+def test_late_steering_is_found_beside_a_late_ground_truth() -> None:
+    wheels, described, numbers = planted("tricycle")
+    rng, sensors = np.random.default_rng(3), replace(SENSORS, steering_delay_s=0.15)
+    drives = [
+        recorded(nature.drive(wheels, kind, rng, sensors=sensors), described, f"{kind}{number}")
+        for kind in (SQUARE, BY_HAND)
+        for number in range(2)
+    ]
+    result = geometry_from_drives(drives)
+    assert result.problem == ""
+    assert result.fit.values[STEERING_DELAY] == pytest.approx(0.15, abs=0.01)
+    assert result.fit.values[DELAY] == pytest.approx(0.06, abs=0.01)
+    assert result.fit.values[STEERING_ZERO] == pytest.approx(numbers[STEERING_ZERO], abs=0.002)
+
+
 @pytest.mark.parametrize("rover", ROVERS)
 def test_slip_in_rotations_is_no_geometry(rover: str) -> None:
     """The wheels roll farther where the rover rotates more tightly: no single track or wheelbase fits."""
@@ -202,6 +218,15 @@ def test_a_right_description_is_confirmed_and_not_written() -> None:
     result = geometry_from_drives(drives)
     assert result.problem != ""
     assert not result.differences
+
+
+def test_a_wrong_unit_is_no_calibration() -> None:
+    drives = [
+        replace(drive, turned_rad=2.0 * drive.turned_rad)
+        for drive in drives_of("differential", [CIRCLE, BY_HAND], 1)
+    ]
+    result = geometry_from_drives(drives)
+    assert "the radius differs by -48 %: correct ticks" in result.problem
 
 
 def test_one_drive_alone_validates_nothing() -> None:
