@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import ValidationError
 
 from controllers.estimation.ground_settings import GroundSettings
 from rover_hil.config import Config
@@ -138,7 +139,11 @@ def learned_settings(
     )
     noise = {} if config.roles.gyro is not None else wheel_yaw_noise(fitted)
     settings = Settings(
-        ground=ground_of(shares), yaw_noise=noise, before=None, after=None, validated_on=tuple(validation)
+        ground=_in_range(ground_of(shares)),
+        yaw_noise=noise,
+        before=None,
+        after=None,
+        validated_on=tuple(validation),
     )
     found = validate(settings) if validation else None
     if found is None:
@@ -150,6 +155,15 @@ def learned_settings(
         after=found[1],
         validated_on=tuple(validation),
     )
+
+
+def _in_range(ground: LearnedGround | None) -> LearnedGround | None:
+    """Return a ground that [ground] can state; None for another."""
+    try:
+        GroundSettings.model_validate({} if ground is None else ground.settings("drives"))
+    except ValidationError:
+        return None
+    return ground
 
 
 def wheel_yaw_noise(compared: Sequence[Compared]) -> dict[str, float]:

@@ -102,9 +102,8 @@ class Diagnosis:
         """Findings of whole drives, each once, and the drives that have it; the most frequent first."""
         found: dict[str, tuple[FoundFinding, list[str]]] = {}
         for each in self.drives:
-            for finding in each.findings:
-                if finding.t_s is None:
-                    found.setdefault(finding.name, (finding, []))[1].append(each.name)
+            for finding in _of_whole_drives(each):
+                found.setdefault(finding.name, (finding, []))[1].append(each.name)
         return sorted(found.values(), key=lambda item: -len(item[1]))
 
 
@@ -141,6 +140,10 @@ def diagnose(paths: Sequence[Path], report: Report, *, leaves_out: bool) -> Diag
         slip=_slip(drives, corrected),
         not_shown=not_shown(drives, geometry),
     )
+
+
+def _of_whole_drives(each: ReplayedDrive) -> list[FoundFinding]:
+    return [finding for finding in each.findings if finding.t_s is None]
 
 
 def _replayed(path: Path, report: Report) -> ReplayedDrive:
@@ -182,8 +185,11 @@ def _settings(
     geometry: GeometryPart,
     report: Report,
 ) -> Settings | None:
-    """Return the settings that would be right, tried on drives that they are not from."""
-    if not normalised:
+    """Return the settings that would be right, tried on drives that they are not from.
+
+    None where the covariance is not judged, or a finding has to be corrected first.
+    """
+    if not normalised or any(_of_whole_drives(each) for each in drives):
         return None
     is_right = not (judged(normalised).is_too_small or judged(normalised).is_too_large)
     judged_drives = [each for each in drives if any(each.name == other.drive for other in normalised)]

@@ -50,8 +50,14 @@ class GeometryPart:
 
     @property
     def worst(self) -> Estimate | None:
-        """The number of the wheels that does most harm; None where none is shown to differ."""
-        if self.result is None:
+        """The number of the wheels that does most harm; None where none is shown to differ.
+
+        None as well where validation drives confirm the description: of several numbers one is outside of its
+        interval by chance.
+        """
+        if self.result is None or (
+            self.result.errors and not any(each.is_better for each in self.result.by_kind)
+        ):
             return None
         differing = [each for each in self.result.shown if abs(each.value) > each.half_width]
         return max(differing, key=lambda each: self.harms.get(each.number.name, 0.0), default=None)

@@ -186,7 +186,7 @@ def _errors(diagnosis: Diagnosis) -> Section:
 def _covariance(diagnosis: Diagnosis) -> Section:
     title = "Is the standard deviation honest?"
     covariance, settings = diagnosis.covariance, diagnosis.settings
-    if covariance is None or settings is None:
+    if covariance is None:
         why = "it needs ground truth with yaw that the estimate has not used"
         return Section(title=title, lines=[f"cannot be known: {why}"])
     table: list[Row] = [("motion", "standard deviation", "too small by", "95 %")]
@@ -196,6 +196,9 @@ def _covariance(diagnosis: Diagnosis) -> Section:
         for kind, each in kinds.items()
     ]
     lines = [f"standard deviation: {covariance.words('poses')}"]
+    if settings is None:
+        lines.append("settings that would be right cannot be known before the findings are corrected")
+        return Section(title=title, lines=lines, table=table)
     if settings.ground is not None:
         lines.append(f"the ground by the wheels: {settings.ground.words}")
     if settings.yaw_noise:

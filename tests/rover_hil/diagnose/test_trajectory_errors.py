@@ -60,7 +60,7 @@ EVO = {
 
 
 def test_a_factor_of_the_distance_in_closed_form() -> None:
-    """Even points on a line of length L: the rms distance from their centre is L / sqrt(12) as they get many."""
+    """The rms distance of even points on a line of length L from their centre is about L / sqrt(12)."""
     count = 1001
     own, true = straight(10.3, count), straight(10.0, count)
     expected = 0.3 * math.sqrt((count + 1.0) / (count - 1.0) / 12.0)
