@@ -52,12 +52,13 @@ class GeometryPart:
     def worst(self) -> Estimate | None:
         """The number of the wheels that does most harm; None where none is shown to differ.
 
-        None as well where validation drives confirm the description: of several numbers one is outside of its
-        interval by chance.
+        None as well where the numbers are plausible and no better in validation drives of every kind: of
+        several numbers one is outside of its interval by chance.
         """
-        if self.result is None or (
-            self.result.errors and not any(each.is_better for each in self.result.by_kind)
-        ):
+        if self.result is None:
+            return None
+        is_plausible = all(abs(each.value) <= each.number.plausible for each in self.result.shown)
+        if is_plausible and self.result.errors and not self.is_accepted:
             return None
         differing = [each for each in self.result.shown if abs(each.value) > each.half_width]
         return max(differing, key=lambda each: self.harms.get(each.number.name, 0.0), default=None)
