@@ -50,7 +50,7 @@ def diagnose_drives(
         "diagnosis"
     ),
     leave_out: Annotated[
-        bool, typer.Option(help="Replay the drives again without each sensor in turn.")
+        bool, typer.Option(help="Replay the longest drives again without each sensor in turn.")
     ] = True,
     config_name: Annotated[
         str | None,

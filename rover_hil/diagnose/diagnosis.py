@@ -1,7 +1,7 @@
 """All that drives show: errors, geometry, covariance, sensors, and the answer in three sentences."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -27,17 +27,24 @@ from rover_hil.diagnose.drive_errors import (
     travel_shares,
 )
 from rover_hil.diagnose.geometry import GeometryPart, fit_geometry, number_words
-from rover_hil.diagnose.intervals import Interval, mean_of
+from rover_hil.diagnose.intervals import Interval, mean_of, short
 from rover_hil.diagnose.recorded import OTHER_KINDS, Measurements, NotShown, measurements_of, not_shown
 from rover_hil.diagnose.replayed_drive import ReplayedDrive, replay_drive, replay_of
 from rover_hil.diagnose.trajectory_errors import Trajectory, absolute_errors
-from rover_hil.drives.arrays import rms
+from rover_hil.drives.arrays import Array, rms
 from rover_hil.drives.quality.consistency import Consistency
+from rover_hil.ready.wheels.drives_procedure import UNITS
 from rover_hil.recording.findings import FoundFinding
 
 HELD_OUT_EVERY = 3
+LEAST_SCALE = 0.002
+"""A smaller error of the scale of a gyro turns the estimate by less than a degree per rotation."""
 LEAST_SLIP = 0.02
 """A smaller share of the travel is that of a hard floor, see [ground] slip = "firm"."""
+MOST_LEFT_OUT = 2
+"""More drives are not replayed again without each sensor."""
+BETTER_WITHOUT = 0.7
+"""The estimate is better without a sensor where its error is smaller than this share of that with it."""
 MOST_VALIDATED = 3
 """More drives are not replayed again with other settings."""
 Report = Callable[[str, Path, int], None]
@@ -71,7 +78,8 @@ class Diagnosis:
         normalised: Errors of the estimate over its covariance, of the drives where that is known.
         settings: That would be right; None where the covariance is not judged.
         measurements: What became of them, by device.
-        without: ATE of all drives without a device, m, by its name; empty where it was not asked for.
+        without: ATE without a device and with it, m, by its name, of the `MOST_LEFT_OUT` longest drives; empty
+            where it was not asked for.
         slip: Share of the wheels' travel that was lost, by kind of motion; where the ground truth has a yaw.
         not_shown: What the drives cannot show.
     """
@@ -83,7 +91,7 @@ class Diagnosis:
     normalised: Sequence[Normalised]
     settings: Settings | None
     measurements: Sequence[Measurements]
-    without: Mapping[str, float]
+    without: Mapping[str, tuple[float, float]]
     slip: Mapping[str, Interval]
     not_shown: Sequence[NotShown]
 
@@ -113,7 +121,7 @@ def diagnose(paths: Sequence[Path], report: Report, *, leaves_out: bool) -> Diag
     Args:
         paths: The logs, of one rover.
         report: Gets the progress.
-        leaves_out: Replay each drive again without each sensor in turn.
+        leaves_out: Replay the longest drives again without each sensor in turn.
 
     Raises:
         LogError: A log cannot be read or is damaged, or the logs are of different rovers.
@@ -229,8 +237,12 @@ def _without_each(
     compared: Mapping[str, Compared],
     geometry: GeometryPart,
     report: Report,
-) -> dict[str, float]:
-    """Return the ATE of all drives without each device in turn; wheels are always used."""
+) -> dict[str, tuple[float, float]]:
+    """Return the ATE without each device in turn, and with it; wheels are always used."""
+    longest = sorted((each for each in drives if each.name in compared), key=lambda each: -each.distance_m)[
+        :MOST_LEFT_OUT
+    ]
+    whole = [_ate_errors(compared[each.name]) for each in longest]
     roles = drives[0].drive.config.roles
     others = (roles.gyro, *roles.headings, *drives[0].drive.config.fix_sources, roles.camera)
     devices = list(dict.fromkeys(device for device in others if device not in (None, roles.wheels)))
@@ -241,9 +253,7 @@ def _without_each(
         def is_used(sample: Sample, device: str | None = device) -> bool:
             return sample.device != device
 
-        for each in drives:
-            if each.name not in compared:
-                continue
+        for each in longest:
             path = each.drive.log.path
             again = replay_of(
                 path,
@@ -254,10 +264,14 @@ def _without_each(
             )
             now = compare(each, again, _marker(each, geometry))
             if now is not None:
-                errors.append(absolute_errors(now.tracks[ESTIMATE].place_m, now.true.place_m))
+                errors.append(_ate_errors(now))
         if errors:
-            found[str(device)] = rms(np.concatenate(errors))
+            found[str(device)] = (rms(np.concatenate(errors)), rms(np.concatenate(whole)))
     return found
+
+
+def _ate_errors(compared: Compared) -> Array:
+    return absolute_errors(compared.tracks[ESTIMATE].place_m, compared.true.place_m)
 
 
 def _slip(drives: Sequence[ReplayedDrive], compared: Mapping[str, Compared]) -> dict[str, Interval]:
@@ -312,8 +326,11 @@ def _cause(diagnosis: Diagnosis) -> str:
     if diagnosis.causes:
         finding, names = diagnosis.causes[0]
         return f"Most harmful in {len(names)} of {len(diagnosis.drives)} drives: {finding.text}."
-    found = _of_geometry(diagnosis.geometry) or _of_slip(diagnosis.slip)
-    return f"{found or _of_rotation(diagnosis.errors) or _of_estimate(diagnosis)}."
+    found = _of_geometry(diagnosis.geometry) or _of_slip(diagnosis.slip) or _of_rotation(diagnosis.errors)
+    of_sensors = "; ".join([*_of_gyro(diagnosis.geometry), *_of_harmful(diagnosis.without)])
+    if of_sensors:
+        return f"{found}; {of_sensors}." if found else f"Most harmful: {of_sensors}."
+    return f"{found or _of_estimate(diagnosis)}."
 
 
 def _of_geometry(geometry: GeometryPart) -> str:
@@ -323,9 +340,11 @@ def _of_geometry(geometry: GeometryPart) -> str:
         return ""
     if result.differences:
         first = result.differences[0]
+        factor, unit = UNITS[first.number.unit]
+        values = ", ".join(f"{kind} {factor * value:+.2g}{unit}" for kind, (value, _) in first.values.items())
         return (
-            f"Most harmful: no single {first.number.name} fits all kinds of motion, which points to "
-            f"{first.points_to}"
+            f"Most harmful: no single {first.number.name} fits all kinds of motion ({values} from the "
+            f"description), which points to {first.points_to}"
         )
     worst = geometry.worst
     if worst is not None:
@@ -334,13 +353,25 @@ def _of_geometry(geometry: GeometryPart) -> str:
             f"Most harmful: the {worst.number.name} is {number_words(worst)}, which explains {share:.0f} % "
             "of the squared error that the numbers of the wheels explain"
         )
-    gyro = result.gyro
-    if gyro is not None and gyro.is_shown and abs(gyro.scale - 1.0) > gyro.half_width:
-        return (
-            f"Most harmful: the gyro measures {gyro.scale:.4g} of the rotation (95 %: "
-            f"{gyro.scale - gyro.half_width:.4g} to {gyro.scale + gyro.half_width:.4g})"
-        )
     return ""
+
+
+def _of_gyro(geometry: GeometryPart) -> Iterator[str]:
+    """Yield that the scale of the gyro is wrong, where it is."""
+    gyro = None if geometry.result is None else geometry.result.gyro
+    if gyro is not None and gyro.is_shown and abs(gyro.scale - 1.0) > max(gyro.half_width, LEAST_SCALE):
+        yield (
+            f"the gyro measures {gyro.scale:.4g} of the rotation (95 %: {gyro.scale - gyro.half_width:.4g} to "
+            f"{gyro.scale + gyro.half_width:.4g})"
+        )
+
+
+def _of_harmful(without: Mapping[str, tuple[float, float]]) -> Iterator[str]:
+    """Yield which sensor makes the estimate worse."""
+    for device, (ate_m, whole_m) in without.items():
+        if ate_m < BETTER_WITHOUT * whole_m:
+            change = f"ATE {short(ate_m)} m instead of {short(whole_m)} m"
+            yield f"the estimate is better without {device}: {change}"
 
 
 def _of_slip(slips: Mapping[str, Interval]) -> str:
@@ -396,6 +427,26 @@ def _next_step(diagnosis: Diagnosis) -> str:
     settings = diagnosis.settings
     if settings is not None and settings.is_accepted:
         return "Enter the settings of the ground and the filter (--config FILE --enter, or paste them)."
+    if any(_of_gyro(diagnosis.geometry)):
+        return "Calibrate the gyro with `rover-hil calibrate mounting`, and diagnose new drives."
+    harmful = next(
+        (
+            device
+            for device, (ate_m, whole_m) in diagnosis.without.items()
+            if ate_m < BETTER_WITHOUT * whole_m
+        ),
+        "",
+    )
+    if harmful:
+        return (
+            f"Check noise, delay and mounting of {harmful} in the configuration, or leave it out of [roles]."
+        )
+    result = diagnosis.geometry.result
+    if result is not None and result.differences:
+        return (
+            "Keep the described numbers, and take the rotation from a gyro or positions: the slip differs by "
+            "motion."
+        )
     if _of_slip(diagnosis.slip):
         return (
             "Measure the slip while driving, by a camera that sees the ground or positions, or state it in "

@@ -156,9 +156,13 @@ def not_shown(drives: Sequence[ReplayedDrive], geometry: GeometryPart) -> list[N
         others = [kind for kind in KINDS if kind not in kinds and kind != BY_HAND]
         if others:
             found[OTHER_KINDS] = f"drives of other kinds ({', '.join(others)})"
-    for each in drives:
-        for oddity in unseen(make_kinematics(each.drive.config.rover), _evidence(each), _turned_rad(each)):
-            lacking.setdefault(oddity.what, oddity.where)
+    unseen_by = [
+        unseen(make_kinematics(each.drive.config.rover), _evidence(each), _turned_rad(each))
+        for each in drives
+    ]
+    for oddity in unseen_by[0]:
+        if all(oddity in others for others in unseen_by):
+            lacking[oddity.what] = oddity.where
     shown_by = [NotShown(what=what, shown_by=drive) for what, drive in found.items()]
     return [*shown_by, *(NotShown(what=what, why=why) for what, why in lacking.items())]
 

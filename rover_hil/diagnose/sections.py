@@ -220,10 +220,9 @@ def _measurements(diagnosis: Diagnosis) -> Section:
     lines = [f"{each.device}: {each.words}" for each in diagnosis.measurements]
     errors = diagnosis.errors
     if errors is not None:
-        whole_m = errors.together[ESTIMATE].ate_m
         lines += [
-            f"without {device}: ATE {ate_m:.3g} m instead of {whole_m:.3g} m"
-            for device, ate_m in diagnosis.without.items()
+            f"without {device}, in the longest drives: ATE {ate_m:.3g} m instead of {whole_m:.3g} m"
+            for device, (ate_m, whole_m) in diagnosis.without.items()
         ]
     return Section(
         title="Measurements that correct the estimate",
@@ -282,6 +281,9 @@ def record_of(diagnosis: Diagnosis) -> dict[str, object]:
             "validated_on": list(settings.validated_on),
         },
         "measurements": [asdict(each) for each in diagnosis.measurements],
-        "ate_without_m": dict(diagnosis.without),
+        "ate_without_m": {
+            device: {"without": ate_m, "with": whole_m}
+            for device, (ate_m, whole_m) in diagnosis.without.items()
+        },
         "slip": {kind: asdict(each) for kind, each in diagnosis.slip.items()},
     }
