@@ -78,8 +78,8 @@ class Diagnosis:
         normalised: Errors of the estimate over its covariance, of the drives where that is known.
         settings: That would be right; None where the covariance is not judged.
         measurements: What became of them, by device.
-        without: ATE without a device and with it, m, by its name, of the `MOST_LEFT_OUT` longest drives; empty
-            where it was not asked for.
+        without: ATE without a device and with it, m, by its name, of the `MOST_LEFT_OUT` longest drives;
+            empty where it was not asked for.
         slip: Share of the wheels' travel that was lost, by kind of motion; where the ground truth has a yaw.
         not_shown: What the drives cannot show.
     """
@@ -360,10 +360,8 @@ def _of_gyro(geometry: GeometryPart) -> Iterator[str]:
     """Yield that the scale of the gyro is wrong, where it is."""
     gyro = None if geometry.result is None else geometry.result.gyro
     if gyro is not None and gyro.is_shown and abs(gyro.scale - 1.0) > max(gyro.half_width, LEAST_SCALE):
-        yield (
-            f"the gyro measures {gyro.scale:.4g} of the rotation (95 %: {gyro.scale - gyro.half_width:.4g} to "
-            f"{gyro.scale + gyro.half_width:.4g})"
-        )
+        low, high = gyro.scale - gyro.half_width, gyro.scale + gyro.half_width
+        yield f"the gyro measures {gyro.scale:.4g} of the rotation (95 %: {low:.4g} to {high:.4g})"
 
 
 def _of_harmful(without: Mapping[str, tuple[float, float]]) -> Iterator[str]:
