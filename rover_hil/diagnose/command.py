@@ -49,9 +49,12 @@ def diagnose_drives(
     out: Annotated[Path, out_option("Folder for diagnosis.json, the page, and the logs of tables.")] = Path(
         "diagnosis"
     ),
-    leave_out: Annotated[
-        bool, typer.Option(help="Replay the longest drives again without each sensor in turn.")
-    ] = True,
+    no_leave_out: Annotated[
+        bool,
+        typer.Option(
+            "--no-leave-out", help="Do not replay the longest drives again without each sensor in turn."
+        ),
+    ] = False,
     config_name: Annotated[
         str | None,
         typer.Option("--config", help="Configuration, or file of columns, that --enter writes into."),
@@ -74,7 +77,7 @@ def diagnose_drives(
     refuse_overwrite(out / JSON_NAME, out / PAGE_NAME, force=force)
     logs = _logs(drives, columns_path, out, force=force)
     with _shown(logs) as report:
-        diagnosis = diagnose(logs, report, leaves_out=leave_out)
+        diagnosis = diagnose(logs, report, leaves_out=not no_leave_out)
     entries = entries_of(diagnosis, None if target is None else columns_at(target))
     edited = "" if target is None or not enter else _edited(target, entries)
     record = record_of(diagnosis)

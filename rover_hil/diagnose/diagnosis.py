@@ -361,7 +361,7 @@ def _of_gyro(geometry: GeometryPart) -> Iterator[str]:
     gyro = None if geometry.result is None else geometry.result.gyro
     if gyro is not None and gyro.is_shown and abs(gyro.scale - 1.0) > max(gyro.half_width, LEAST_SCALE):
         low, high = gyro.scale - gyro.half_width, gyro.scale + gyro.half_width
-        yield f"the gyro measures {gyro.scale:.4g} of the rotation (95 %: {low:.4g} to {high:.4g})"
+        yield f"the gyro measures {gyro.scale:.5g} of the rotation (95 %: {low:.5g} to {high:.5g})"
 
 
 def _of_harmful(without: Mapping[str, tuple[float, float]]) -> Iterator[str]:
