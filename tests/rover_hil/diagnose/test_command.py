@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -79,9 +80,8 @@ def tables(
     return paths
 
 
-def found() -> dict[str, object]:
-    record: dict[str, object] = json.loads(Path("found/diagnosis.json").read_text("utf-8"))
-    return record
+def found() -> Any:
+    return json.loads(Path("found/diagnosis.json").read_text("utf-8"))
 
 
 def cause(command: Command) -> str:
@@ -94,10 +94,10 @@ def test_wheels_that_are_three_percent_smaller_are_named(command: Command) -> No
     assert command("diagnose", *paths, *OPTIONS, "--config", "columns.toml", "--enter") == 0, command.error
     assert re.search(r"Most harmful: the radius is (2\.9|3|3\.1) % smaller than described", cause(command))
     record = found()
-    assert record["geometry"]["is_accepted"]  # type: ignore[index]
-    radius = record["geometry"]["numbers"]["radius"]  # type: ignore[index]
+    assert record["geometry"]["is_accepted"]
+    radius = record["geometry"]["numbers"]["radius"]
     assert radius["value"] == pytest.approx(-0.03, abs=radius["half_width"])
-    odometry = record["errors"]["per_100_m"]["odometry"]  # type: ignore[index]
+    odometry = record["errors"]["per_100_m"]["odometry"]
     assert odometry["low"] <= 3.1
     assert odometry["value"] == pytest.approx(3.1, rel=0.3)
     text = Path("columns.toml").read_text("utf-8")
@@ -114,19 +114,19 @@ def test_sound_drives_have_no_finding(command: Command, seed: int) -> None:
     paths = tables(("circle", "straight", "by hand", "on the spot"), seed)
     assert command("diagnose", *paths, *OPTIONS) == 0, command.error
     record = found()
-    assert not any(each["findings"] for each in record["drives"])  # type: ignore[attr-defined, index]
-    assert not record["geometry"]["is_accepted"]  # type: ignore[index]
+    assert not any(each["findings"] for each in record["drives"])
+    assert not record["geometry"]["is_accepted"]
     assert "Most harmful" not in cause(command)
-    assert record["covariance"]["growth"] < 1.0  # type: ignore[index]  # nothing is stated of the ground
+    assert record["covariance"]["growth"] < 1.0  # nothing is stated of the ground
 
 
 def test_settings_of_a_firm_floor_are_validated(command: Command) -> None:
     paths = tables(("circle", "by hand", "circle", "by hand", "circle", "by hand"), 3)
     assert command("diagnose", *paths, *OPTIONS) == 0, command.error
     settings = found()["settings"]
-    assert settings["is_accepted"]  # type: ignore[index]
-    assert settings["after"]["growth"] > 2.0 * settings["before"]["growth"]  # type: ignore[index]
-    assert settings["after"]["inside"] >= 0.8  # type: ignore[index]
+    assert settings["is_accepted"]
+    assert settings["after"]["growth"] > 2.0 * settings["before"]["growth"]
+    assert settings["after"]["inside"] >= 0.8
     assert 'slip = "learned"' in command.out
 
 
@@ -134,7 +134,7 @@ def test_slip_in_rotations_is_no_geometry(command: Command) -> None:
     paths = tables(ALL_KINDS, rotation_slip=0.08)
     assert command("diagnose", *paths, *OPTIONS) in (0, 1), command.error
     assert "no single track fits all kinds of motion" in cause(command)
-    assert not found()["geometry"]["is_accepted"]  # type: ignore[index]
+    assert not found()["geometry"]["is_accepted"]
 
 
 def test_exchanged_wheels_are_the_cause(command: Command) -> None:
@@ -161,9 +161,9 @@ def test_positions_alone_compare_lengths(command: Command) -> None:
     assert "without /pose_fix, in the longest drives: ATE" in command.out
     record = found()
     assert record["covariance"] is None
-    (use,) = record["measurements"]  # type: ignore[misc]
+    (use,) = record["measurements"]
     assert use["counts"]["accepted"] > 100
-    without = record["ate_without_m"]["/pose_fix"]  # type: ignore[index]
+    without = record["ate_without_m"]["/pose_fix"]
     assert without["without"] > without["with"]
 
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from rover_hil.diagnose.intervals import mean_of, short
 from rover_hil.diagnose.trajectory_errors import (
+    Places,
     Trajectory,
     absolute_errors,
     pairs_by,
@@ -19,19 +20,23 @@ from rover_hil.diagnose.trajectory_errors import (
 from rover_hil.drives.arrays import Array, rms
 
 
+def complex_of(values: np.ndarray) -> Places:
+    return np.asarray(values, np.complex128)
+
+
 def paths() -> tuple[Trajectory, Trajectory]:
     """Return a path that is 3 % too long and 2 % too much turned, and the true one."""
     t_s = np.arange(1500) * 0.05
     speed, rate = 0.3 + 0.1 * np.sin(t_s), 0.5 * np.sin(0.2 * t_s) + 0.1
     yaw = np.cumsum(rate) * 0.05
     own_yaw = 1.02 * yaw
-    true = Trajectory(np.cumsum(speed * np.exp(1j * yaw)) * 0.05, yaw)
+    true = Trajectory(complex_of(np.cumsum(speed * np.exp(1j * yaw)) * 0.05), yaw)
     own = np.cumsum(1.03 * speed * np.exp(1j * own_yaw)) * 0.05
-    return Trajectory(own * np.exp(0.3j) + 2.0 + 1.0j, own_yaw + 0.3), true
+    return Trajectory(complex_of(own * np.exp(0.3j) + 2.0 + 1.0j), own_yaw + 0.3), true
 
 
 def straight(length_m: float, count: int = 101) -> Trajectory:
-    return Trajectory(np.linspace(0.0, length_m, count) + 0j, np.zeros(count))
+    return Trajectory(complex_of(np.linspace(0.0, length_m, count)), np.zeros(count))
 
 
 def size(values: Array | np.ndarray) -> float:
@@ -72,7 +77,8 @@ def test_a_factor_of_the_distance_in_closed_form() -> None:
 
 def test_a_factor_of_the_rotation_in_closed_form() -> None:
     yaw = np.linspace(0.0, 4.0 * math.pi, 401)
-    own, true = Trajectory(np.zeros(401) + 0j, 1.05 * yaw), Trajectory(np.zeros(401) + 0j, yaw)
+    place_m = np.zeros(401, np.complex128)
+    own, true = Trajectory(place_m, 1.05 * yaw), Trajectory(place_m, yaw)
     turns = relative_errors(own, true, pairs_by_rotation(true, 2.0 * math.pi - 1e-9))
     assert turns.yaw_rad == pytest.approx(np.full(2, 0.05 * 2.0 * math.pi))
 
@@ -82,7 +88,7 @@ def test_moved_and_turned_paths_have_no_error(x_m: float, y_m: float, turn_rad: 
     _, true = paths()
     assert true.yaw_rad is not None
     place_m = true.place_m * np.exp(1j * turn_rad) + complex(x_m, y_m)
-    own = Trajectory(place_m, true.yaw_rad + turn_rad)
+    own = Trajectory(complex_of(place_m), true.yaw_rad + turn_rad)
     assert absolute_errors(place_m, true.place_m).max() < 1e-9
     legs = relative_errors(own, true, pairs_by_distance(own, 1.0))
     assert np.abs(legs.place_m).max() < 1e-9
