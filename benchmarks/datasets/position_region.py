@@ -4,8 +4,8 @@
     python -m benchmarks.datasets.position_region FOLDER --record record.json [--without-setting]
 
 Each folder holds the tables of a drive, its configuration, and `answer.json` with its `[ground]`, written
-before. The drive is imported and replayed as a user does it: `import table --no-estimate`, then
-`replay --config --out`. `--without-setting` leaves `[ground]` out, for versions that have none. `--judge
+before. The drive is imported by `import table --no-estimate`, and estimated as
+`replay --config` does it. `--without-setting` leaves `[ground]` out, for versions that have none. `--judge
 record.json` prints the tables of an earlier run again.
 
 Regions are those of x, y and yaw at 95 % (chi-square, 3 degrees of freedom), at the end and at every 2 m
@@ -29,13 +29,17 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from mcap.reader import make_reader
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import chi2, norm
 
 from benchmarks.wilson import share_text
+from controllers.control_loop import StepOutput
 from rover_hil.app.program import main as program
+from rover_hil.config import load_config
+from rover_hil.recording.data_files import restore_config, with_controller_of
+from rover_hil.recording.reader import LogReader
+from rover_hil.run.replay import estimate_again
 
 Array = NDArray[np.float64]
 
@@ -45,6 +49,8 @@ LIMIT_2 = float(chi2.ppf(LEVEL, 2))
 LIMIT_YAW = float(norm.ppf(0.5 + 0.5 * LEVEL))
 AREA_M = 10.0
 REPORT_M = 1.0
+ENDED = (130, 143)
+"""Exit codes of a command that a signal ended."""
 ABOUT_GROUND = "ground|slip|firm|learned"
 
 
@@ -121,60 +127,45 @@ def toml_section(setting: dict[str, Any]) -> str:
 
 
 def estimate(folder: Path, answer: dict[str, Any], *, has_setting: bool) -> Outcome:
-    """Import and replay the drive of a folder."""
+    """Import the drive of a folder, and estimate it with its configuration."""
     with TemporaryDirectory() as place:
-        config = Path(place) / "config.toml"
+        config, log = Path(place) / "config.toml", Path(place) / "drive.mcap"
         text = (folder / "config.toml").read_text("utf-8")
         config.write_text(text + (toml_section(answer["setting"]) if has_setting else ""), "utf-8")
-        log, out = Path(place) / "drive.mcap", Path(place) / "estimated"
-        commands: tuple[tuple[str, ...], ...] = (
-            (
-                *("import", "table", str(folder / "drive.csv"), "--columns", str(folder / "columns.toml")),
-                *("--out", str(log), "--no-estimate"),
-            ),
-            ("replay", str(log), "--config", str(config), "--out", str(out)),
+        code, output = call(
+            *("import", "table", str(folder / "drive.csv"), "--columns", str(folder / "columns.toml")),
+            *("--out", str(log), "--no-estimate"),
         )
-        for command in commands:
-            code, output = call(*command)
-            if code:
-                return Outcome(refusal=f"{command[0]}: {output.strip()[-300:]}")
-        return _read(out / "drive.mcap", folder, answer)
+        if code in ENDED:
+            raise SystemExit(code)
+        if code:
+            return Outcome(refusal=f"import: {output.strip()[-300:]}")
+        reader = LogReader(log)
+        with restore_config(reader) as logged:
+            estimated = estimate_again(reader, with_controller_of(logged, load_config(str(config))))
+            return _judge(estimated, reader.start_ns, folder, answer)
 
 
-def _read(log: Path, folder: Path, answer: dict[str, Any]) -> Outcome:
+def _judge(outputs: Iterable[StepOutput], start_ns: int, folder: Path, answer: dict[str, Any]) -> Outcome:
     truth = np.loadtxt(folder / "truth.csv", delimiter=",", skiprows=1)
-    outcome, poses, covariances, times = Outcome(), [], [], []
+    outcome, estimates, times = Outcome(), [], []
     known: set[str] = set()
-    with log.open("rb") as stream:
-        reader = make_reader(stream)
-        start_ns = next(
-            int(each.metadata["start_ns"]) for each in reader.iter_metadata() if "start_ns" in each.metadata
-        )
-        for _, _, message in reader.iter_messages(["/estimate"]):
-            record = json.loads(message.data)
-            time_s = (record["t_ns"] - start_ns) * 1e-9
-            now = record["estimate"]
-            times.append(time_s)
-            poses.append((now["x_m"], now["y_m"], now["yaw_rad"]))
-            covariances.append(now["covariance"])
-            texts = _texts(record)
-            outcome.reports += [(time_s, text) for text in texts if text not in known]
-            known = set(texts)
+    for output in outputs:
+        times.append((output.t_ns - start_ns) * 1e-9)
+        estimates.append(output.estimate)
+        texts = [f"{each.cause}: {each.text}" for each in output.findings or ()]
+        texts += [output.suspicion] if output.suspicion else []
+        outcome.reports += [(times[-1], text) for text in texts if text not in known]
+        known = set(texts)
     for row in (*answer["rows"], answer["end"]):
         cycle = min(int(np.searchsorted(times, truth[row, 0] - 1e-3)), len(times) - 1)
-        error = np.array(poses[cycle]) - truth[row, 1:4]
+        now = estimates[cycle]
+        error = np.array((now.x_m, now.y_m, now.yaw_rad)) - truth[row, 1:4]
         error[2] = math.remainder(error[2], math.tau)
         outcome.points.append(
-            Point(travel_m=float(truth[row, 4]), error=error.tolist(), covariance=list(covariances[cycle]))
+            Point(travel_m=float(truth[row, 4]), error=error.tolist(), covariance=list(now.covariance))
         )
     return outcome
-
-
-def _texts(record: dict[str, Any]) -> list[str]:
-    """Return what a cycle reports: findings, the warning, and a setting of the ground that was returned."""
-    found = record.get("findings") or []
-    texts = [f"{each['cause']}: {each['text']}" for each in found]
-    return [*texts, *([record["suspicion"]] if record.get("suspicion") else [])]
 
 
 class Tables:
@@ -195,10 +186,13 @@ class Tables:
                 if outcome.refusal:
                     print(f"{answer['name']} refused: {outcome.refusal}")
             self.drives[name] = [pair for pair in pairs if not pair[1].refusal]
-        head = ("drives", "n", "inside at the end", "inside at 2, 4, ... m", "yaw inside at the end")
-        print("\n" + _line((*head, "NEES / 3 end", "at all", "area m2 at 10 m")))
+        print("\nshares with 95 % intervals; NEES over 3 and area are medians")
+        head = ("drives", "n", "inside, end", "inside, 2, 4, ... m", "yaw inside, end", "yaw, 2, 4, ... m")
+        print(_line((*head, "NEES end", "2, 4", "m2 at 10 m")))
         for name, pairs in self.drives.items():
             self._print_consistency(name, pairs)
+        for name in ("unknown", "firm", "learned"):
+            self._print_parts(name, lambda answer: answer["about"]["ground"])
         self._print_parts(
             "single", lambda answer: f"{answer['about']['lost']:g}/{answer['about']['sideways']:g}"
         )
@@ -227,6 +221,7 @@ class Tables:
                     _inside(ends),
                     _inside(on_the_way),
                     share_text(sum(point.is_yaw_inside() for point in ends), len(ends)),
+                    share_text(sum(point.is_yaw_inside() for point in on_the_way), len(on_the_way)),
                     f"{np.median([point.nees() for point in ends]) / 3:.2f}",
                     f"{np.median([point.nees() for point in on_the_way]) / 3:.2f}",
                     f"{np.median([point.area_m2() for point in _at(pairs)]):.3g}",
@@ -286,7 +281,7 @@ def _at(pairs: Iterable[tuple[dict[str, Any], Outcome]]) -> Iterable[Point]:
 
 
 def _line(cells: Sequence[str]) -> str:
-    widths = (26, 4, 22, 22, 22, 13, 8, 16)
+    widths = (18, 4, 20, 20, 20, 20, 9, 7, 10)
     return "".join(f"{cell:{width}}" for cell, width in zip(cells, widths, strict=True)).rstrip()
 
 

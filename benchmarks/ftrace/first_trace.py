@@ -6,9 +6,10 @@ A folder is a drive with `truth.csv`, or holds drives, as of `benchmarks.ground_
 `python -m benchmarks.ftrace.ground_drives --drives FOLDER --first-seed 310 --frames 80`. With `--band` a
 strip of ground as wide as the wheel, behind it, is darkened to this share of its grey in every frame.
 
-Columns: travel from the first frame with a trace of 0.20 m to the first report; frames with such a trace,
-missed of them after that report, and in a row; frames with less than 0.05 m of trace, and false reports in
-them; error of the angle, rms, and share of the errors within two reported standard deviations.
+Columns: travel over ground with a trace of 0.20 m in view, until the first angle of any source, and until the
+first report of the trace; frames with such a trace, missed of them after that report, and in a row; frames
+with less than 0.05 m of trace, and false reports in them; error of the angle, rms, and share of the errors
+within two reported standard deviations.
 """
 
 import argparse
@@ -31,6 +32,8 @@ BAND_M = (0.1, 1.2)
 """From behind the contact on."""
 LATE_M = 0.2
 """Of travel, for the first report."""
+ABSENT_M = 0.05
+"""A shorter trace in view is none."""
 SOFT_PIXELS = 3.0
 """Of the edges of the band."""
 
@@ -38,6 +41,7 @@ SOFT_PIXELS = 3.0
 class Score(NamedTuple):
     """Of one drive."""
 
+    angle_m: float
     first_m: float
     present: int
     missed: int
@@ -57,13 +61,14 @@ def score(folder: Path, band: float | None) -> Score:
     found = found_in(rig, images, telemetry)
     with (folder / "truth.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    state = np.array([int(row["present"]) for row in rows])
+    visible_m = np.array([float(row["visible_len_m"]) for row in rows])
     places = np.array([[float(row["x"]), float(row["y"])] for row in rows])
-    travel_m = np.r_[0.0, np.cumsum(np.hypot(*np.diff(places, axis=0).T))]
-    present = state == 1
+    present, absent = np.array([row["present"] == "1" for row in rows]), visible_m < ABSENT_M
+    steps_m = np.r_[0.0, np.hypot(*np.diff(places, axis=0).T)] * (present & np.r_[False, present[:-1]])
+    travel_m = np.cumsum(steps_m)
     reports = np.flatnonzero(present & found.detected)
+    angles = np.flatnonzero(present & np.isfinite(found.theta_deg))
     first = int(reports[0]) if reports.size else len(rows)
-    first_m = float(travel_m[first] - travel_m[present][0]) if reports.size else math.nan
     missed = present & ~found.detected & (np.arange(len(rows)) >= first)
     longest = run = 0
     for is_missed in missed[present]:
@@ -72,12 +77,13 @@ def score(folder: Path, band: float | None) -> Score:
     error_deg = found.theta_deg - np.array([float(row["theta_t_deg"]) for row in rows])
     known = present & np.isfinite(error_deg)
     return Score(
-        first_m=first_m,
+        angle_m=float(travel_m[angles[0]]) if angles.size else math.nan,
+        first_m=float(travel_m[first]) if reports.size else math.nan,
         present=int(present.sum()),
         missed=int(missed.sum()),
         longest=longest,
-        absent=int((state == 0).sum()),
-        false=int((found.detected & (state == 0)).sum()),
+        absent=int(absent.sum()),
+        false=int((found.detected & absent).sum()),
         error_deg=float(np.sqrt((error_deg[known] ** 2).mean())) if known.any() else math.nan,
         within=float((np.abs(error_deg) <= 2.0 * found.theta_sd_deg)[known].mean())
         if known.any()
@@ -106,7 +112,18 @@ def main() -> int:
     parser.add_argument("--band", type=float, help="grey of a fixed band over that of the ground")
     given = parser.parse_args()
     cv2.setNumThreads(1)
-    heads = ("drive", "first, m", "present", "missed", "in a row", "absent", "false", "error, deg", "within")
+    heads = (
+        "drive",
+        "angle, m",
+        "trace, m",
+        "present",
+        "missed",
+        "in a row",
+        "absent",
+        "false",
+        "error, deg",
+        "within",
+    )
     sys.stdout.write(f"| {' | '.join(heads)} |\n{'|---' * len(heads)}|\n")
     scores = []
     for folder in drives_in(given.folders):
@@ -117,10 +134,11 @@ def main() -> int:
         sys.stdout.flush()
     with_trace = [one for one in scores if one.present]
     late = sum(not one.first_m <= LATE_M for one in with_trace)
+    without = sum(not one.angle_m <= LATE_M for one in with_trace)
     missed, false = sum(one.missed for one in scores), sum(one.false for one in scores)
     present, absent = sum(one.present for one in scores), sum(one.absent for one in scores)
     sys.stdout.write(
-        f"first report after {LATE_M} m, or none: {late} of {len(with_trace)} drives; "
+        f"after {LATE_M} m, or never: first angle {without}, first trace {late} of {len(with_trace)} drives; "
         f"missed after it {missed} of {present}; false {false} of {absent}\n"
     )
     return 0

@@ -4,10 +4,9 @@
 
 A folder is a drive as of `benchmarks.ground_motion.drives`. Prints medians and 95 % points of all frames, on
 one thread, and the median of the ratio to the peer, which a loaded machine changes little. `step`: with
-rectification. `pair`: on rectified structure. `trace`: a step of the wheel's trace. `step beside the trace`:
-of a rover with both, once the trace has looked at the frame; `trace and step beside it`: both in one cycle.
-The peer: `cv2.calcOpticalFlowPyrLK` once on the
-same points. Exit code 1 where a median misses its bar.
+rectification. `pair`: on rectified structure. `trace alone`: a step of the wheel's trace, which measures the
+motion over the ground itself. `trace`: of a rover that has measured it; `step and trace`: both in one cycle.
+The peer: `cv2.calcOpticalFlowPyrLK` once on the same points. Exit code 1 where a median misses its bar.
 """
 
 import argparse
@@ -26,6 +25,7 @@ from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.flow import GroundFlow
 from controllers.ground_motion.ground_patch import GroundPatch
 from controllers.ground_motion.ground_view import GroundView
+from controllers.ground_motion.pair_sum import PairSum
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
 from controllers.ground_motion.rig import RigFile
@@ -34,7 +34,7 @@ from drivers.samples import Image
 from rover_hil.ftrace.telemetry import read_telemetry
 
 PEER = "plain Lucas-Kanade"
-CYCLE = "trace and step beside it"
+CYCLE = "step and trace"
 BARS_MS = {"step": 8.0, "pair": 5.0, CYCLE: 8.0}
 
 
@@ -73,8 +73,9 @@ def _time(folder: Path, watch: Stopwatch) -> None:
     rig = RigFile.model_validate_json((folder / "rig.json").read_text("utf-8")).geometry()
     ground = GroundPatch(rig)
     flow, shared = GroundFlow(ground, DEFAULTS.flow), GroundView(ground)
-    alone, beside, pairs = (GroundMotionEstimator(view) for view in (GroundView(ground), shared, shared))
-    trace = TraceEstimator(rig, view=shared)
+    alone, pairs = (GroundMotionEstimator(view) for view in (GroundView(ground), shared))
+    measured = PairSum(GroundView(ground))
+    trace_alone, trace = TraceEstimator(rig), TraceEstimator(rig, pairs=measured)
     points_m = flow.points_m()
     pixels = np.stack(
         [points_m[:, 1] / ground.pixel_m + ground.centre, points_m[:, 0] / ground.pixel_m - 0.5], axis=1
@@ -93,11 +94,12 @@ def _time(folder: Path, watch: Stopwatch) -> None:
         counted = Stopwatch() if before is None else watch
         with counted.of("step"):
             alone.step(t_ns, image, prior)
+        with counted.of("trace alone"):
+            trace_alone.step(t_ns, image, wheel_speed_m_s=row.wheel_speed_m_s, rates_rad_s=row.rates_rad_s)
         with counted.of(CYCLE):
+            measured.measure(t_ns, measured.view.look(image), prior)
             with counted.of("trace"):
                 trace.step(t_ns, image, wheel_speed_m_s=row.wheel_speed_m_s, rates_rad_s=row.rates_rad_s)
-            with counted.of("step beside the trace"):
-                beside.step(t_ns, image, prior)
         seen = shared.look(image)
         with counted.of("pair"):
             pairs.step_patch(t_ns, seen.patch, seen.structure, prior)

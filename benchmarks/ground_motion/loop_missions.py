@@ -25,9 +25,9 @@ Columns; errors are of the position, in plan view, and weighted by the true path
   mm (closure) of the wanted one, as in `benchmarks.gates.floors`; the El-Dorado slides down side slopes. Of
   wrong missions: whether the cause was reported in 25 cycles or more, or is a reason of that many frames.
 
-Before the table are all reports with their numbers of cycles, and other reasons of the ground motion with
-their numbers of frames. Exit code 1 where a right mission is not ok in both, a cause was not reported, or
-NEES exceeds 30 without a report.
+Before the table are all reports with their numbers of cycles, other reasons of the ground motion with their
+numbers of frames, and what the mission has not confirmed about the camera by its end. Exit code 1 where a
+right mission is not ok in both, a cause was not reported, or NEES exceeds 30 without a report.
 """
 
 import argparse
@@ -250,6 +250,7 @@ def texts_of(title: str, result: Result, recipe: Recipe) -> list[str]:
         f"down, {recipe.motion.fps:g} frames/s, {drawn}",
         *(f"    report: {finding}" for finding in result.reports),
         *(f"    no pair: {finding}" for finding in result.reasons),
+        *([f"    at the end: {result.unconfirmed}"] if result.unconfirmed else []),
     ]
 
 

@@ -68,6 +68,7 @@ class Result(NamedTuple):
         way: The true way.
         reports: What was reported, by cycles.
         reasons: Other reasons of the ground motion, by frames.
+        unconfirmed: What the mission has not confirmed about the camera by its end; empty for nothing.
     """
 
     frames: int
@@ -86,6 +87,7 @@ class Result(NamedTuple):
     way: Way
     reports: tuple[Finding, ...]
     reasons: tuple[Finding, ...]
+    unconfirmed: str
 
     @property
     def is_near(self) -> bool:
@@ -133,6 +135,7 @@ def judge(driven: Driven, config: Config, scene: LiveScene) -> Result:
         way=_way(config, driven, true),
         reports=_findings(reports),
         reasons=_findings(reasons),
+        unconfirmed=seen[-1][1].unconfirmed if seen else "",
     )
 
 

@@ -72,7 +72,7 @@ def measure(
     inputs = inputs._replace(is_of_rover=_scene(folder).get("speed_of") == "rover")
     truth = _columns(folder / "truth.csv")
     ground = GroundPatch(inputs.rig.geometry())
-    estimator = _Timed(GroundView(ground), tolerance)
+    estimator = TimedEstimator(GroundView(ground), tolerance)
     poses = _poses(truth, ground.rig.point_m)
     by_ns: dict[int, int] = {}
     motions: list[GroundMotion] = []
@@ -101,14 +101,19 @@ def measure(
     )
 
 
-class _Timed(GroundMotionEstimator):
-    """An estimator that keeps the processor time of each step."""
+class TimedEstimator(GroundMotionEstimator):
+    """An estimator that keeps the processor time of each step.
+
+    Attributes:
+        spent_ms: Of each step, ms.
+    """
 
     def __init__(self, view: GroundView, tolerance: RigTolerance | None) -> None:
         super().__init__(view, tolerance)
         self.spent_ms: list[float] = []
 
     def step(self, t_ns: int, image: Image, prior: MotionPrior) -> GroundMotion | None:
+        """Return what the estimator returns."""
         started = time.thread_time()
         motion = super().step(t_ns, image, prior)
         self.spent_ms.append(1e3 * (time.thread_time() - started))

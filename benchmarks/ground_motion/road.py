@@ -17,16 +17,18 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.ground_motion.measured import Floats
-from controllers.ground_motion.estimator import GroundMotionEstimator
+from benchmarks.ground_motion.measured import Floats, TimedEstimator
 from controllers.ground_motion.ground_patch import GroundPatch
 from controllers.ground_motion.ground_view import GroundView
-from controllers.ground_motion.parameters import DEFAULTS
-from controllers.ground_motion.prior import MotionPrior, turned
 from controllers.ground_motion.rig import SCHEMA, RigFile
 from controllers.ground_motion.rig_tolerance import RigTolerance
-from drivers.clock import nanoseconds
 from drivers.samples import Image
+from rover_hil.ftrace.frames import FrameSource
+from rover_hil.ftrace.inputs import FrameInputs
+from rover_hil.ground.run import measure
+
+Measured = tuple[Floats, Floats, float, float]
+"""Motion of the pairs (forward, left, turn), its standard deviations, that of the scale, and ms of a step."""
 
 RATE_HZ = 10.0
 HEIGHT_M = 1.65
@@ -81,23 +83,18 @@ def main() -> int:
         f"from {ground.rig.contact_m[0] - ground.shape[0] * ground.pixel_m:.1f} m ahead, "
         f"pixels of {100 * ground.pixel_m:.1f} cm\n"
     )
-    _report("ground motion", *_ours(ground, tolerance, images, given.every), true)
+    inputs = FrameInputs(FrameSource(given.folder), road_rig(), None)
+    _report("ground motion", *_ours(ground, tolerance, inputs, given.every), true)
     _report("plain Lucas-Kanade", *_plain(images), true)
     return 0
 
 
-def _ours(
-    ground: GroundPatch, tolerance: RigTolerance, images: list[Image], every: int
-) -> tuple[Floats, Floats, float, float]:
-    """Return motion (forward, left, turn), its deviations, that of the scale, and ms of a step."""
-    estimator = GroundMotionEstimator(GroundView(ground), tolerance)
-    turn, turn_sd = turned(None, None, every / RATE_HZ, DEFAULTS.turn)
-    prior = MotionPrior(forward_m=None, left_m=0.0, turn_rad=turn, turn_sd_rad=turn_sd)
-    rows, spent_ms, scale_sd = [], [], 0.0
-    for number, image in enumerate(images):
-        started = time.thread_time()
-        motion = estimator.step(nanoseconds(number * every / RATE_HZ), image, prior)
-        spent_ms.append(1e3 * (time.thread_time() - started))
+def _ours(ground: GroundPatch, tolerance: RigTolerance, inputs: FrameInputs, every: int) -> Measured:
+    """Return what `rover-hil ground` measures."""
+    estimator = TimedEstimator(GroundView(ground), tolerance)
+    rows, scale_sd = [], 0.0
+    for item in measure(inputs, estimator, every=every):
+        motion = item.motion
         if motion is None:
             continue
         scale_sd = motion.scale_sd
@@ -107,12 +104,12 @@ def _ours(
         )  # fmt: skip
         rows.append(row if motion.is_valid else (np.nan,) * 6)
         if not motion.is_valid:
-            sys.stdout.write(f"- pair {number}: {motion.invalid_because}\n")
+            sys.stdout.write(f"- frame {item.number}: {motion.invalid_because}\n")
     table = np.array(rows)
-    return table[:, :3], table[:, 3:], scale_sd, float(np.median(spent_ms))
+    return table[:, :3], table[:, 3:], scale_sd, float(np.median(estimator.spent_ms))
 
 
-def _plain(images: list[Image]) -> tuple[Floats, Floats, float, float]:
+def _plain(images: list[Image]) -> Measured:
     """Return the same by OpenCV's Lucas-Kanade from corner to corner: the median on a plane road, no turn."""
     camera = np.array([[FOCAL_PX, 0.0, CENTRE_PX[0]], [0.0, FOCAL_PX, CENTRE_PX[1]], [0.0, 0.0, 1.0]])
     to_road, rows, spent_ms = np.linalg.inv(camera), [], []

@@ -23,7 +23,7 @@ class GroundSettings(Settings):
         cross_slip_sd: The same of the motion across the travel of the wheels, as a share of that.
         slip_distance_m: The correlation of the slip falls to 37 % over this distance.
         local_slip_sd: Standard deviation of the slip that changes over `filter.slip_distance_m`, in addition;
-            0 for `learned` where it is left out.
+            as large as `slip_sd` where it is left out.
         source: The drives that `learned` comes from.
         learned_on: Day, as 2026-01-31.
     """
@@ -73,7 +73,7 @@ class GroundSettings(Settings):
             mean=self.slip_mean or 0.0,
             sd=self.slip_sd,
             cross_sd=self.slip_sd if self.cross_slip_sd is None else self.cross_slip_sd,
-            local_sd=self.local_slip_sd or 0.0,
+            local_sd=self.slip_sd if self.local_slip_sd is None else self.local_slip_sd,
             noise_m_sqrt_m=FIRM.noise_m_sqrt_m,
         )
 

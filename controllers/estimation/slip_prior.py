@@ -43,7 +43,7 @@ class SlipPrior(NamedTuple):
 UNKNOWN = SlipPrior("unknown", 0.0, 0.3, 0.1, 10.0, 0.3)
 """Chosen by hand: two standard deviations reach a slip of 0.6, and 0.2 aside, as on a slope of about 10 deg;
 a ground goes on for 10 m."""
-FIRM = SlipPrior("firm", 0.0, 0.01, 0.005, 10.0, 0.0, 0.005)
+FIRM = SlipPrior("firm", 0.0, 0.01, 0.005, 10.0, 0.01, 0.002)
 """A tyre loses the rolling resistance (1 to 3 % of the weight) over its slip stiffness (5 to 20 weights per
-unit of slip): below 0.6 %; a calibrated radius is known to 0.5 to 1 % (load, wear). Joints and grains: 5 mm
+unit of slip): below 0.6 %; a calibrated radius is known to 0.5 to 1 % (load, wear). Joints and grains: 2 mm
 after a metre."""

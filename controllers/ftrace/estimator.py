@@ -13,6 +13,7 @@ from controllers.ftrace.reading import Rates, TraceReading
 from controllers.ftrace.rut.tracker import RutTracker
 from controllers.ground_motion.ground_patch import Floats, GroundPatch
 from controllers.ground_motion.ground_view import GroundView
+from controllers.ground_motion.pair_sum import PairSum
 from controllers.ground_motion.prior import turned
 from controllers.ground_motion.rig import RigGeometry
 from controllers.ground_motion.rig_tolerance import RigTolerance
@@ -54,8 +55,9 @@ class TraceEstimator:
         method: `fused`: cross-sections of the rut, the path travelled, and the optical flow of the ground;
             `hough`: the paper's method, Hough lines and fuzzy reasoning.
         parameters: Tuned numbers.
-        view: The ground in the frames of the rig, for others that look at it too; None for one of its own.
         tolerance: What is not known about the rig; None for its defaults.
+        pairs: The motion over the ground that somebody else measures, in each frame before it comes here;
+            None to measure it here.
 
     Raises:
         ConfigError: The rig watches no wheel, or the camera does not see the ground behind it.
@@ -66,19 +68,22 @@ class TraceEstimator:
         rig: RigGeometry,
         method: Method = "fused",
         parameters: FTraceParameters = DEFAULTS,
-        view: GroundView | None = None,
         tolerance: RigTolerance | None = None,
+        pairs: PairSum | None = None,
     ) -> None:
         if not rig.watches_wheel:
             raise ConfigError("the rig watches no wheel, so there is no trace: describe `wheel` in the rig")
         self._rig = rig
         self._parameters = parameters
-        self._view = view or GroundView(GroundPatch(rig), parameters.ground_motion.structure)
+        if pairs is None:
+            self._view = GroundView(GroundPatch(rig), parameters.ground_motion.structure)
+        else:
+            self._view = pairs.view
         self._ground = self._view.ground
         self._tracker: HoughTracker | RutTracker = (
             HoughTracker(self._view, parameters)
             if method == "hough"
-            else RutTracker(self._view, parameters, tolerance or RigTolerance())
+            else RutTracker(self._view, parameters, tolerance or RigTolerance(), pairs)
         )
         self._missed_m = self._unmeasured_m = math.inf  # travel of the wheel since
         self._confidence = 0.0

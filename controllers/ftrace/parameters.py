@@ -5,7 +5,7 @@ simulated rear scene (seeds below 1000). Units are in the names; other numbers a
 sensitivity to each number is printed by `python -m benchmarks.sensitivity ftrace`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import log, radians
 
 from controllers.ground_motion.parameters import DEFAULTS as GROUND_MOTION
@@ -152,13 +152,9 @@ class PresenceParameters:
     bridge_odds: float = -3.0  # the same, where shadows may hide it:
     bridged_m: float = 0.4  # for this travel since evidence of
     bridged_odds: float = 5.0  # at least
-    start_odds: float = 6.5  # a trace has filled the view since the first frame
-    light_known_m: float = 0.06  # least travel for that: until then shadows cannot be separated from tone
+    persists_m: float = 0.08  # at the start: in the median over this travel, in which shadows pass
     clear_odds: float = 6.0  # the length of a trace with these odds is known
     shortest_m: float = 0.18  # strips of such a trace; the last one is covered in part
-    followed_m: float = 0.22  # strips of followed ground, for a trace before the usual start
-    end_known_m: float = 0.12  # least travel after which the motion of a trace's far end is known
-    end_share: float = 0.5  # of the travel: an end that moves further moves with the ground
     signature_gain: float = 0.1  # per frame
 
 
@@ -234,16 +230,12 @@ class FuzzyParameters:
     continuity_weight: float = 1.5
 
 
-TRACE_MOTION = replace(GROUND_MOTION, validity=replace(GROUND_MOTION.validity, baseline_pixels=3.0))
-"""A longer baseline makes the sum of pairs better, but the direction of a single pair worse."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FTraceParameters:
     """All groups."""
 
     kept_m: float = 0.055  # travel without a trace on which the last one is kept: three frames of 16 mm
-    ground_motion: GroundMotionParameters = TRACE_MOTION
+    ground_motion: GroundMotionParameters = GROUND_MOTION
     frame: FrameParameters = FrameParameters()
     direction: DirectionParameters = DirectionParameters()
     matching: MatchingParameters = MatchingParameters()

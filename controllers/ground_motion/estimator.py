@@ -162,15 +162,18 @@ class GroundMotionEstimator:
             self.pair = NO_MOTION
             self._left_out += 1
             return self._invalid(before_ns, t_ns, "frame repeated")
+        wheel_m = self._travel_m
+        if self._repeats.is_undecided and (wheel_m is None or np.hypot(*wheel_m) > self._ground.pixel_m):
+            self._begin(t_ns, patch)
+            return self._invalid(before_ns, t_ns, "frames are repeated for long, or the ground stands")
         picture = self._structure.picture(self._pattern.without(structure))
         found, reason = self._measure(picture)
         self._repeating.take(structure, is_needed=found is None)
         period_m = self._repeating.period_m(self._travel_m)
         if found is None:
-            unfollowed = self._wheels.miss(self._travel_m)
-            if period_m and not self._travels_too_far():
-                reason, unfollowed = REPEATS, ""
-            reason = self._mirrored(picture) or reason + unfollowed
+            repeats = bool(period_m) and not self._travels_too_far()
+            reason = REPEATS if repeats else self._wheels.miss(self._travel_m, reason)
+            reason = self._mirrored(picture) or reason
             self._restart(t_ns, patch, structure)
             return self._invalid(before_ns, t_ns, reason)
         motion = found.motion
@@ -404,6 +407,8 @@ class GroundMotionEstimator:
             turn_sd_rad=motion.turn_sd_rad,
             scale_sd=self._wheels.scale_sd,
             direction_sd_rad=self._wheels.direction_sd_rad,
+            rig_fault=self._wheels.fault,
+            unconfirmed=self._wheels.unconfirmed,
         )
 
     def _invalid(self, from_ns: int, to_ns: int, reason: str) -> GroundMotion:
@@ -421,6 +426,7 @@ class GroundMotionEstimator:
             scale_sd=self._wheels.scale_sd,
             direction_sd_rad=self._wheels.direction_sd_rad,
             rig_fault=self._wheels.fault,
+            unconfirmed=self._wheels.unconfirmed,
             invalid_because=reason,
             is_open=self._t_ns == from_ns,
         )

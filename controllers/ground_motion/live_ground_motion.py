@@ -1,9 +1,9 @@
 """The motion over the ground in the frames of a running rover."""
 
-from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.ground_patch import GroundPatch
 from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.motion import GroundMotion, Rates, WheelPrior
+from controllers.ground_motion.pair_sum import PairSum
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.prior import MotionPrior, turned
 from controllers.ground_motion.settings import GroundMotionSettings
@@ -19,21 +19,21 @@ class LiveGroundMotion:
     Args:
         settings: Calibration of the camera and what is not known about it.
         camera: The camera of the rig.
-        view: The ground in its frames, for others that look at it too; None for one of its own.
+
+    Attributes:
+        pairs: The motion that is measured, for others that need it in these frames.
 
     Raises:
         ConfigError: The camera does not see the ground, or its frames have another size.
     """
 
-    def __init__(
-        self, settings: GroundMotionSettings, camera: CameraSettings, view: GroundView | None = None
-    ) -> None:
+    def __init__(self, settings: GroundMotionSettings, camera: CameraSettings) -> None:
         rig = settings.rig
         conflict = rig.size_conflict(camera.width, camera.height)
         if conflict:
             raise ConfigError(conflict)
         geometry = rig.geometry()
-        self._estimator = GroundMotionEstimator(view or GroundView(GroundPatch(geometry)), settings.tolerance)
+        self.pairs = PairSum(GroundView(GroundPatch(geometry)), settings.tolerance)
         self._shape = (rig.image.height, rig.image.width)
         self._before_ns: int | None = None
         self._rates_rad_s: Rates | None = None
@@ -48,7 +48,7 @@ class LiveGroundMotion:
     @property
     def from_ns(self) -> int | None:
         """Time of the frame at which the next pair begins; None before the first."""
-        return self._estimator.from_ns
+        return self.pairs.estimator.from_ns
 
     def measure(self, frame: FrameSample, t_ns: int, prior: WheelPrior) -> GroundMotion | None:
         """Return the motion since the frame before; None for the first frame and one of another size."""
@@ -59,9 +59,9 @@ class LiveGroundMotion:
         angles, deviations = turned(prior.rates_rad_s, self._rates_rad_s, dt_s, DEFAULTS.turn)
         has_gyro = prior.rates_rad_s is not None and self._rates_rad_s is not None
         self._before_ns, self._rates_rad_s = t_ns, prior.rates_rad_s
-        return self._estimator.step(
+        return self.pairs.measure(
             t_ns,
-            frame.image,
+            self.pairs.view.look(frame.image),
             MotionPrior(
                 forward_m=prior.forward_m,
                 left_m=prior.left_m,

@@ -31,6 +31,8 @@ class GroundMotion:
         direction_sd_rad: Standard deviation of the shared direction of the travel, 0.
         rig_fault: What contradicts the rig, and by how much the travel of all earlier pairs may be wrong by
             it; None for nothing.
+        unconfirmed: What the drive has not confirmed about the rig so far, and how it does; "" for nothing.
+            It is no fault: `scale_sd` holds it.
         invalid_because: Why the pair measures nothing; "" where it is valid. The motion is then 0.
         is_open: The frame was left out, and the next pair begins at `from_ns`, too.
     """
@@ -48,6 +50,7 @@ class GroundMotion:
     scale_sd: float
     direction_sd_rad: float
     rig_fault: Fault | None = None
+    unconfirmed: str = ""
     invalid_because: str = ""
     is_open: bool = False
 

@@ -36,7 +36,7 @@ class MountedMotion:
 
     Attributes:
         duration_s: From frame to frame.
-        forward_m: Of the measured point, as the pictures show it.
+        forward_m: Of the measured point, as the pictures show it; by the wheels, where it hardly moves along.
         drift_m: Of the point below the camera, as the pictures show it, ahead, and to the left beyond that of
             rolling wheels as imaginary part; None where the wheels do not roll ahead.
         turn_rad: By the gyro.
@@ -88,7 +88,7 @@ class MountingWatch:
     ) -> None:
         self._effects, self._scale_sd, self._numbers = effects, scale_sd, parameters
         self._is_confirmed = is_calibrated
-        self._swing, self._spun_rad = Slope(), 0.0
+        self._swing, self._aside, self._spun_rad = Slope(), Slope(), 0.0
         self._pitch, self._bend = (SlopeWithBias(parameters.gyro_bias_rad_s) for _ in range(2))
         self._turn = Slope()
         self._drifts = HeadingDrifts(yaw_sd_deg, parameters)
@@ -100,6 +100,15 @@ class MountingWatch:
         """Standard deviation of the travel's factor."""
         unconfirmed_sd = 0.0 if self._is_confirmed else self._numbers.unconfirmed_scale_sd
         return max(self._scale_sd, unconfirmed_sd)
+
+    @property
+    def unconfirmed(self) -> str:
+        """What the drive has not confirmed, and how it does; "" for nothing."""
+        if self._is_confirmed:
+            return ""
+        if math.degrees(self._spun_rad) < self._numbers.confirming_deg:
+            return f"scale not confirmed: rotate by {self._numbers.confirming_deg:.0f} deg on the spot"
+        return f"scale not confirmed: {self._spun}"
 
     @property
     def direction_sd_rad(self) -> float:
@@ -119,7 +128,9 @@ class MountingWatch:
             moved_m: Its motion as the pictures show it.
         """
         self._spun_rad += abs(turn_rad)
-        self._swing.add(abs(swing_m), (moved_m * swing_m.conjugate()).real / abs(swing_m))
+        along_m = moved_m * swing_m.conjugate() / abs(swing_m)
+        self._swing.add(abs(swing_m), along_m.real)
+        self._aside.add(abs(swing_m), along_m.imag)
         if math.degrees(self._spun_rad) >= self._numbers.confirming_deg:
             self._is_confirmed |= abs(self._swing.slope - 1.0) <= CONFIRMS_SD * self._scale_sd
 
@@ -150,34 +161,47 @@ class MountingWatch:
         return "pictures rotate against the gyro: check that they are not mirrored, and the sign of the gyro"
 
     def _near_and_far(self) -> str:
-        if self._pitch.length < self._numbers.least_travel_m:
+        numbers, effects = self._numbers, self._effects
+        if self._pitch.length < numbers.least_reversed_m:
             return ""
-        effects, (slope, sd), (bend, bend_sd) = self._effects, self._pitch.fitted, self._bend.fitted
+        (slope, sd), (bend, bend_sd) = self._pitch.fitted, self._bend.fitted
         # Ground that curves is not in the plane of the wheels.
         slope -= effects.pitch_per_bend * bend
         by_bend = effects.pitch_per_bend * bend_sd
-        limit = self._numbers.deviations * math.hypot(sd, effects.tolerance, by_bend)
+        limit = numbers.deviations * math.hypot(sd, effects.tolerance, by_bend)
+        if abs(slope) - limit > numbers.reversed_rad * abs(effects.pitch_per_rad):
+            return "near and far ground move against each other: check that the camera is not upside down"
+        if self._pitch.length < numbers.least_travel_m or abs(slope) <= limit:
+            return ""
         causes = []
         if abs(effects.pitch_per_rad) > self._numbers.least_effect:
             wrong_deg = math.degrees(slope / effects.pitch_per_rad)
             causes.append(f"the pitch of the camera (about {wrong_deg:+.1f} deg wrong)")
         if abs(effects.pitch_per_focal) > self._numbers.least_effect:
             causes.append(f"its focal length (about {100.0 * slope / effects.pitch_per_focal:+.0f} %)")
-        if abs(slope) <= limit or not causes:
+        if not causes:
             return ""
         return f"near and far ground move differently: check {' or '.join(causes)}"
+
+    @property
+    def _spun(self) -> str:
+        return (
+            f"in rotations on the spot the ground moves {self._swing.slope:.2f} times as far as the gyro "
+            "measures"
+        )
 
     def _scale(self) -> str:
         if math.degrees(self._spun_rad) < self._numbers.confirming_deg:
             return ""
         numbers, scale = self._numbers, self._swing.slope
-        by_centre = numbers.centre_sd_m * self._spun_rad / self._swing.length
+        # The rover rotates about a point that is off along the arm as far as it is across, which shows.
+        by_centre = abs(self._aside.slope) + self._aside.sd
+        by_centre = math.hypot(by_centre, numbers.centre_sd_m * self._spun_rad / self._swing.length)
         # Pictures that rotate as the gyro says show its scale.
-        by_gyro = min(abs(self._turn.slope - 1.0) + self._turn.sd, numbers.gyro_scale_sd)
+        by_gyro, turn_sd = numbers.gyro_scale_sd, self._turn.sd
+        if turn_sd < by_gyro:
+            by_gyro = abs(self._turn.slope - 1.0) + turn_sd
         sd = math.hypot(self._scale_sd, self._swing.sd, by_gyro, by_centre)
         if abs(scale - 1.0) <= numbers.scale_deviations * sd:
             return ""
-        return (
-            f"in rotations on the spot the ground moves {scale:.2f} times as far as the gyro measures: check "
-            "height and focal length of the camera, and t_vehicle_camera of the rig"
-        )
+        return f"{self._spun}: check height and focal length of the camera, and t_vehicle_camera of the rig"

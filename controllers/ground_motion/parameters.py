@@ -96,7 +96,8 @@ class RepeatParameters:
     same_grey: float = 0.02  # two frames that differ less are one; the noise of a camera gives more
     share: float = 0.3  # of the median of the differences before: a frame coded again differs less
     kept: int = 8  # differences
-    most_in_a_row: int = 4  # more of them are of ground that stands
+    most_in_a_row: int = 4  # of them, for which the pair waits
+    most_undecided: int = 9  # more of them are of ground that stands
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,10 +163,10 @@ class RigWatchParameters:
     memory_m: float = 1.0  # travel of the wheels over which sums of the travels fade
     least_travel_m: float = 0.25  # of the wheels, for a ratio to their travel
     unfollowed_m: float = 0.5  # of the wheels, without any motion of the ground
-    confirmed_travel_m: float = 0.1  # of the wheels, with the ground moving along: the camera is upright
+    confirmed_travel_m: float = 1.0  # of the wheels, with the ground moving along: the camera is upright
     backwards: float = 0.3  # motion against the wheels', over theirs, that counts
     across: float = 0.7  # motion across the wheels', over theirs: no slope drags a rover aside so fast
-    slack_m: float = 0.002  # camera and wheels are timed to some hundredths of a second
+    slack_m: float = 0.005  # camera and wheels are timed to some hundredths of a second, at 0.15 m/s
     # Ground travel beyond the wheels' that a rover reaches, downhill; or against it, at first: a rover that
     # slips much and is seen upside down seems to slide back slowly.
     skid: float = 0.05
@@ -181,6 +182,8 @@ class MountingParameters:
     memory_m: float = 5.0  # travel over which sums fade
     least_travel_m: float = 0.4  # over which slopes are formed
     gyro_bias_rad_s: float = 0.002  # standard deviation about the pitch axis: 0.1 deg/s
+    reversed_rad: float = 0.2  # of pitch: no camera is wrong by so much, but one that is upside down, and
+    least_reversed_m: float = 0.1  # of travel show that
     least_effect: float = 0.1  # change of pitch per metre by a whole error: smaller ones show nothing
     least_turn_deg: float = 3.0  # of rotation, before that by the pictures is compared
     block_m: float = 0.25  # travel ahead over which an angle aside is formed: errors of pairs are alike
@@ -193,7 +196,7 @@ class MountingParameters:
         0.2  # travel of the rover over that of the point below the camera, in such a rotation
     )
     gyro_scale_sd: float = 0.02
-    centre_sd_m: float = 0.01  # of the point about which the rover rotates
+    centre_sd_m: float = 0.003  # of the camera's place over the vehicle's origin
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

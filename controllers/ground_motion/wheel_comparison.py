@@ -89,13 +89,18 @@ class WheelComparison:
         return self._mounting.direction_sd_rad
 
     @property
+    def unconfirmed(self) -> str:
+        """What the drive has not confirmed about the rig, and how it does; "" for nothing."""
+        return self._mounting.unconfirmed
+
+    @property
     def mounting(self) -> str:
         """What pictures and gyro show to be wrong about the rig; "" for nothing."""
         return self._mounting.text
 
     @property
     def fault(self) -> Fault | None:
-        """What contradicts the rig, and by how much the travel until now may be wrong by it."""
+        """What contradicts the rig, or does not confirm it, and by how much the travel may be wrong by it."""
         return self._rig_watch.fault
 
     def rotate(self, turn_rad: float) -> None:
@@ -107,10 +112,11 @@ class WheelComparison:
         self._mounting.compare_turn(turn_rad, motion.turn_rad, motion.turn_sd_rad)
         return self._mounting.text
 
-    def miss(self, wheel_m: Floats | None) -> str:
-        """Take a pair that shows no motion; return what to check where the ground was never followed."""
+    def miss(self, wheel_m: Floats | None, reason: str) -> str:
+        """Take a pair that shows no motion for a reason; return that, and what to check in addition."""
         self._rig_watch.miss(0.0 if wheel_m is None else float(np.hypot(*wheel_m)))
-        return self._rig_watch.unfollowed
+        unfollowed = self._rig_watch.unfollowed
+        return f"{reason}; {unfollowed}" if unfollowed else reason
 
     def begin_pair(self) -> None:
         """Take that the next frames are compared with the newest one."""
@@ -146,8 +152,9 @@ class WheelComparison:
         """Take a pair that is used; return what speaks against it, "" for nothing."""
         if pair.wheel_m is not None:
             self._order.use(*_along(pair.motion, pair.wheel_m))
-        self._update_rig(pair)
         self._update_mounting(pair)
+        if not self._mounting.text:
+            self._update_rig(pair)
         self._ambiguities.append(pair.motion.ambiguity)
         if doubt := self._rig_watch.text or self._mounting.text:
             return doubt
@@ -209,12 +216,15 @@ class WheelComparison:
             for each in (wheel_m, wheel_m + lever_m)
         )
         drift_m = complex((moved_m + swing_m).real, (moved_m - wheel_m).imag)
+        # Near and far ground of a camera that is upside down may seem to tilt, and not to move.
+        along_m, length_m = _along(motion, pair.wheel_m)
+        is_along = along_m > self._parameters.rig_watch.backwards * length_m
         if abs(wheel_m) < self._parameters.mounting.on_the_spot * abs(swing_m):
             self._mounting.spin(pair.turn_rad, swing_m, moved_m - wheel_m + swing_m)
         self._mounting.update(
             MountedMotion(
                 duration_s=pair.duration_s,
-                forward_m=motion.forward_m,
+                forward_m=motion.forward_m if is_along else float(pair.wheel_m[0]),
                 drift_m=drift_m if rolls_ahead and drift_m.real > 0.0 else None,
                 turn_rad=pair.turn_rad,
                 seen_turn_rad=motion.turn_rad,

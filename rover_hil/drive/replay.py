@@ -45,7 +45,7 @@ from rover_hil.terminal import Terminal
 
 ROWS_SHOWN = 25
 POSES_NAME = "poses_in_frame.csv"
-"""Poses in the frame of positions without yaw, where its direction is known."""
+"""Poses in the frame of the positions, where its direction is known."""
 TEXT_SHOWN = 40
 
 

@@ -1,4 +1,4 @@
-"""The frame of positions without yaw, estimated over a whole drive, and the poses of the drive in it."""
+"""The frame of positions, estimated over a whole drive, and the poses of the drive in it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from controllers.estimation.positions.alignment import PathAlignment
-from drivers.samples import UNKNOWN_YAW_STD_RAD, PoseFixSample
+from drivers.samples import PoseFixSample
 from rover_hil.drives.arrays import Array
 from rover_hil.drives.drive import Drive
 from rover_hil.recording.schema import EstimateRecord
@@ -23,31 +23,43 @@ class PositionFrame:
         count: Of them.
         turned_rad: Yaw of the local frame in that of the positions.
         turned_sd_rad: Its standard deviation by the noise of the positions.
+        origin_m: Where the origin of the local frame lies in that of the positions, x as real part.
         rms_m: What positions and estimate differ by, root mean square.
-        poses: `COLUMNS`, a row for each cycle.
+        poses: `COLUMNS`, a row for each new estimate, at the time that it is of.
     """
 
     device: str
     count: int
     turned_rad: float
     turned_sd_rad: float
+    origin_m: complex
     rms_m: float
     poses: Array
+
+    def place(self, poses: Array) -> Array:
+        """Return poses of the local frame in that of the positions: `COLUMNS`, times as they are."""
+        return _placed(poses, self.origin_m, self.turned_rad)
+
+
+def _placed(poses: Array, origin_m: complex, turned_rad: float) -> Array:
+    places_m = origin_m + (poses[:, 1] + 1j * poses[:, 2]) * np.exp(1j * turned_rad)
+    return np.column_stack((poses[:, 0], places_m.real, places_m.imag, poses[:, 3] + turned_rad))
 
 
 def position_frame(path: Path) -> PositionFrame | None:
     """Return the frame of the positions in a log with an estimate; None where none has a known direction.
 
-    Positions with a yaw have it themselves: their frame is not estimated here.
+    Positions with a yaw are used without it: their spread over a drive shows the direction as well.
 
     Raises:
         LogError: The log cannot be read or is damaged.
     """
     rows: list[tuple[float, float, float, float]] = []
 
-    def take(t_ns: int, record: EstimateRecord) -> None:
+    def take(_: int, record: EstimateRecord) -> None:
         pose = record["estimate"]
-        rows.append((t_ns, pose["x_m"], pose["y_m"], pose["yaw_rad"]))
+        if not rows or pose["t_ns"] > rows[-1][0]:
+            rows.append((pose["t_ns"], pose["x_m"], pose["y_m"], pose["yaw_rad"]))
 
     drive = Drive(path)
     if not drive.config.fix_sources:
@@ -67,8 +79,7 @@ def _frame(device: str, fixes: list[PoseFixSample], table: Array, start_ns: int)
     used = [
         fix
         for fix in fixes
-        if fix.yaw_std_rad >= UNKNOWN_YAW_STD_RAD
-        and t_ns[0] <= min(fix.t_capture_ns, fix.t_ns) <= t_ns[-1]
+        if t_ns[0] <= min(fix.t_capture_ns, fix.t_ns) <= t_ns[-1]
         and np.isfinite(fix.x_m + fix.y_m)
         and fix.position_std_m > 0.0
     ]
@@ -81,15 +92,16 @@ def _frame(device: str, fixes: list[PoseFixSample], table: Array, start_ns: int)
         alignment.take(complex(fix.x_m, fix.y_m), place + arm, fix.position_std_m)
     if not used or not alignment.is_known:
         return None
-    turn, origin_m = np.exp(1j * alignment.turned_rad), alignment.origin_m
-    errors = np.array([complex(fix.x_m, fix.y_m) for fix in used]) - (origin_m + np.array(then) * turn)
-    places = origin_m + (x_m + 1j * y_m) * turn
-    poses = ((t_ns - start_ns) / 1e9, places.real, places.imag, yaw_rad + alignment.turned_rad)
+    errors = np.array([complex(fix.x_m, fix.y_m) for fix in used]) - (
+        alignment.origin_m + np.array(then) * np.exp(1j * alignment.turned_rad)
+    )
+    local = np.column_stack(((t_ns - start_ns) / 1e9, x_m, y_m, yaw_rad))
     return PositionFrame(
         device=device,
         count=len(used),
         turned_rad=alignment.turned_rad,
         turned_sd_rad=alignment.turned_sd_rad,
+        origin_m=alignment.origin_m,
         rms_m=float(np.sqrt(np.mean(np.abs(errors) ** 2))),
-        poses=np.column_stack(poses),
+        poses=_placed(local, alignment.origin_m, alignment.turned_rad),
     )

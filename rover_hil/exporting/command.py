@@ -1,10 +1,10 @@
 """`rover-hil export`: the records of a log for other programs."""
 
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -14,10 +14,12 @@ from rover_hil.console.json_text import print_json
 from rover_hil.console.options import ForceOption, JsonOption, LogArgument, log_at, out_option
 from rover_hil.console.steps import show_progress
 from rover_hil.exporting.can import check_name, write_can
+from rover_hil.exporting.robot_localization import robot_localization_text
 from rover_hil.exporting.rosbag2 import write_rosbag2
 from rover_hil.exporting.tables import read_tables
+from rover_hil.exporting.tum import CONTENT, SUFFIX, tum_texts
 from rover_hil.exporting.write import write_tables
-from rover_hil.pages.atomic_write import check_file, refuse_overwrite, unfinished
+from rover_hil.pages.atomic_write import check_file, refuse_overwrite, unfinished, write_file, write_files
 from rover_hil.recording.data_files import restore_config
 from rover_hil.recording.reader import LogReader
 from rover_hil.terminal import Terminal
@@ -25,7 +27,11 @@ from rover_hil.terminal import Terminal
 TABLES = {"csv": ".csv", "parquet": ".parquet"}
 ROSBAG = "rosbag2"
 CAN = "can"
-UNITS = {ROSBAG: "messages", CAN: "frames"}
+EVO = "evo"
+ROBOT_LOCALIZATION = "robot_localization"
+FILES = {CAN: ".log", ROBOT_LOCALIZATION: f"_{ROBOT_LOCALIZATION}.yaml"}
+"""Formats of one file, and how its name ends, after that of the log."""
+UNITS = {ROSBAG: "messages", CAN: "frames", EVO: "poses", ROBOT_LOCALIZATION: "lines"}
 """What is counted, where it is not rows."""
 
 
@@ -38,13 +44,24 @@ def export_log(
     can: Annotated[
         bool, typer.Option("--can", help="Frames of its CAN buses; --out ends in .log, .asc, .blf or .trc.")
     ] = False,
+    program: Annotated[
+        Literal["evo", "robot_localization"] | None,
+        typer.Option(
+            "--for",
+            help="For a program: trajectories as TUM files for evo, or parameters of ekf_node of "
+            "robot_localization.",
+        ),
+    ] = None,
     out: Annotated[
-        Path | None, out_option("Folder to write [default: LOG_FORMAT]; a file with --can.")
+        Path | None,
+        out_option("Folder to write [default: LOG_FORMAT]; a file with --can and --for robot_localization."),
     ] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> int:
-    """Write a log for other programs: tables with units in the names of columns, a ROS 2 bag, CAN frames.
+    """Write a log for other programs: tables, a ROS 2 bag, CAN frames, trajectories, or filter parameters.
+
+    Tables have the units in the names of the columns. Parameters have source and interval in a comment.
 
     Example: `rover-hil export runs/first/run.mcap --csv`
 
@@ -53,60 +70,73 @@ def export_log(
     """
     wanted = {"csv": csv, "parquet": parquet, ROSBAG: rosbag2, CAN: can}
     formats = [name for name, is_wanted in wanted.items() if is_wanted]
+    formats += [] if program is None else [program]
     if len(formats) != 1:
-        raise ConfigError("choose one format: --csv, --parquet, --rosbag2 or --can")
+        raise ConfigError("choose one format: --csv, --parquet, --rosbag2, --can or --for")
     (name,) = formats
     path = log_at(log_path)
     log = LogReader(path)
-    if name == CAN:
-        folder = out or path.with_suffix(".log")
-        check_name(folder)
-        check_file(folder, force=force)
-    else:
-        folder = out or path.with_name(f"{path.stem}_{name}")
-        _check_folder(folder, name, force=force)
+    place = out or path.with_name(f"{path.stem}{FILES.get(name, f'_{name}')}")
+    _check_place(place, name, force=force)
     with show_progress() as progress:
         task = progress.add_task("reading", total=path.stat().st_size)
-
-        def show() -> None:
-            progress.update(task, completed=log.bytes_read)
-
-        if name == ROSBAG:
-            with unfinished(folder) as part, _named_failures(folder):
-                rows = dict(write_rosbag2(log, part, show))
-                _require_records(log, rows)
-        elif name == CAN:
-            with restore_config(log) as config, unfinished(folder) as part, _named_failures(folder):
-                rows = dict(write_can(log, config, part, show))
-                _require_records(log, rows)
-        else:
-            tables = read_tables(log, show)
-            rows = {table: len(content.rows) for table, content in tables.items()}
-            _require_records(log, rows)
-            progress.update(task, description="writing")
-            write_tables(tables, folder, TABLES[name], force=force)
+        rows = _write(log, name, place, lambda: progress.update(task, completed=log.bytes_read), force=force)
     console = Terminal(soft_wrap=True)
     if as_json:
-        place = "file" if name == CAN else "folder"
-        print_json({place: str(folder), "rows": rows, "log_is_complete": log.is_complete})
+        kind = "file" if name in FILES else "folder"
+        print_json({kind: str(place), "rows": rows, "log_is_complete": log.is_complete})
         return EXIT_OK
     what = UNITS.get(name, "rows")
     for table, count in rows.items():
         console.print(f"{table}: {count} {what}")
-    console.print(f"written: {folder}")
+    console.print(f"written: {place}")
     if not log.is_complete:
         console.print(f"{path} was cut off; everything up to the cut was written")
     return EXIT_OK
 
 
-def _check_folder(folder: Path, name: str, *, force: bool) -> None:
-    if name != ROSBAG:
-        refuse_overwrite(*sorted(folder.glob(f"*{TABLES[name]}"))[:1], force=force)
+def _write(
+    log: LogReader, name: str, place: Path, show: Callable[[], None], *, force: bool
+) -> Mapping[str, int]:
+    """Write a format; return what was counted in it."""
+    if name == ROSBAG:
+        with unfinished(place) as part, _named_failures(place):
+            rows = _required(log, write_rosbag2(log, part, show))
+    elif name == CAN:
+        with restore_config(log) as config, unfinished(place) as part, _named_failures(place):
+            rows = _required(log, write_can(log, config, part, show))
+    elif name == EVO:
+        texts, rows = tum_texts(log, show)
+        write_files(place, texts)
+        for left in {f"{each}{SUFFIX}" for each in CONTENT} - set(texts):  # of another log
+            (place / left).unlink(missing_ok=True)
+    elif name == ROBOT_LOCALIZATION:
+        with restore_config(log) as config:
+            text = robot_localization_text(log, config, show)
+        write_file(place, text)
+        rows = {name: text.count("\n")}
+    else:
+        tables = read_tables(log, show)
+        rows = _required(log, {table: len(content.rows) for table, content in tables.items()})
+        write_tables(tables, place, TABLES[name], force=force)
+    return rows
+
+
+def _check_place(place: Path, name: str, *, force: bool) -> None:
+    """Check that a format can be written to a place."""
+    if name == CAN:
+        check_name(place)
+    if name in FILES:
+        check_file(place, force=force)
         return
-    refuse_overwrite(folder, force=force)
+    if name != ROSBAG:
+        suffix = TABLES.get(name, SUFFIX)
+        refuse_overwrite(*sorted(place.glob(f"*{suffix}"))[:1], force=force)
+        return
+    refuse_overwrite(place, force=force)
     # The whole folder is replaced: it must be one that held a bag only.
-    if folder.exists() and not (folder / "metadata.yaml").is_file():
-        raise ConfigError(f"{folder} is not a bag: choose another --out")
+    if place.exists() and not (place / "metadata.yaml").is_file():
+        raise ConfigError(f"{place} is not a bag: choose another --out")
 
 
 @contextmanager
@@ -120,6 +150,7 @@ def _named_failures(path: Path) -> Iterator[None]:
         ) from error
 
 
-def _require_records(log: LogReader, rows: dict[str, int]) -> None:
+def _required(log: LogReader, rows: Mapping[str, int]) -> Mapping[str, int]:
     if not rows:
         raise LogError(f"log {log.path} holds no records: give the log of a run")
+    return rows

@@ -174,6 +174,7 @@ class GroundRecord(TypedDict):
     slip_sd: float | None
     drift_rad: float | None
     reason: str
+    unconfirmed: NotRequired[str]
 
 
 class DeadReckonedRecord(TypedDict):

@@ -20,6 +20,7 @@ class GroundSummary:
         slip_error_rms: Root mean square of measured minus true slip, both averaged over half a second.
         valid_share: Share of the cycles in which the motion was measured.
         invalid_share: Share of the cycles in which it was not, by reason.
+        unconfirmed: What the run has not confirmed about the camera, and how it does; empty for nothing.
     """
 
     slip: float | None
@@ -27,6 +28,7 @@ class GroundSummary:
     slip_error_rms: float | None
     valid_share: float
     invalid_share: dict[str, float]
+    unconfirmed: str = ""
 
 
 def summarise_ground(ground: GroundData | None, true_slip: Series | None) -> GroundSummary | None:
@@ -42,6 +44,7 @@ def summarise_ground(ground: GroundData | None, true_slip: Series | None) -> Gro
         slip_error_rms=None if true_slip is None else _error_rms(ground.slip, true_slip),
         valid_share=1.0 - sum(invalid.values()) / count,
         invalid_share={reason: cycles / count for reason, cycles in invalid.most_common()},
+        unconfirmed=ground.unconfirmed,
     )
 
 

@@ -81,6 +81,7 @@ class _Collector:
         self._computed: defaultdict[str, array[float]] = defaultdict(lambda: array("d"))
         self._slips: list[tuple[float, schema.SlipRecord]] = []
         self._ground_reasons: list[str] = []
+        self._unconfirmed = ""
         self._drift_reasons: list[str] = []
         self._drift_sources: list[str] = []
         self._uncompared: Counter[str] = Counter()
@@ -214,6 +215,7 @@ class _Collector:
         ground = output.get("ground")
         if ground is not None:
             self._ground_reasons.append(ground["reason"])
+            self._unconfirmed = ground.get("unconfirmed", "")
             self._rows["ground"].append((t_s, _or_nan(ground["slip"]), _or_nan(ground["slip_sd"])))
         for innovation in output["innovations"]:
             residual, variance = innovation["residual"], innovation["variance"]
@@ -350,7 +352,12 @@ class _Collector:
         if not self._rows["ground"]:
             return None
         t_s, slip, slip_sd = np.array(self._rows["ground"]).T
-        return GroundData(slip=Series(t_s, slip), slip_sd=slip_sd, reasons=self._ground_reasons)
+        return GroundData(
+            slip=Series(t_s, slip),
+            slip_sd=slip_sd,
+            reasons=self._ground_reasons,
+            unconfirmed=self._unconfirmed,
+        )
 
     def _crab(self, truth: Track | None) -> CrabData | None:
         if not self._rows["crab"]:

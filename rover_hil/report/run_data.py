@@ -112,11 +112,13 @@ class GroundData:
         slip: Slip ratio of the rover; NaN where there was none.
         slip_sd: Its standard deviation; NaN likewise.
         reasons: Why the motion was not measured; empty where it was.
+        unconfirmed: What the run has not confirmed about the camera by its end; empty for nothing.
     """
 
     slip: Series
     slip_sd: Array
     reasons: Sequence[str]
+    unconfirmed: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

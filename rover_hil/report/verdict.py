@@ -162,6 +162,8 @@ def _ground_facts(ground: GroundSummary) -> list[Fact]:
     detail = f"by the camera, in {percent(ground.valid_share)} of the cycles"
     if ground.invalid_share:
         detail += f"; else: {next(iter(ground.invalid_share))}"
+    if ground.unconfirmed:
+        detail += f"; {ground.unconfirmed}"
     if ground.slip is None or ground.slip_sd is None:
         return [Fact("measured slip", "none", detail)]
     return [Fact("measured slip", f"{percent(ground.slip)} ± {percent(ground.slip_sd)}", detail)]

@@ -5,8 +5,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from controllers.control_loop import ControlLoop, StepOutput
-from controllers.estimation.ground.travel import GroundMeter
-from controllers.ground_motion.settings import GroundMotionSettings
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.rover_geometry import RoverSettings
 from controllers.slip.scomp.trace_reader import TraceFinder
@@ -24,7 +22,7 @@ from sim_backends.world.loopback import LoopbackLink
 from sim_backends.world.world import World
 
 if TYPE_CHECKING:
-    from controllers.ground_motion.ground_view import GroundView
+    from controllers.ground_motion.live_ground_motion import LiveGroundMotion
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,26 +145,12 @@ def find_wheel_count_conflict(rover: RoverSettings, drive: str, drive_wheel_coun
     )
 
 
-def _shared_rig(config: Config) -> GroundMotionSettings | None:
-    """Return the settings of the ground motion where the trace has the same rig; None where it has not."""
-    scomp, ground = config.scomp, config.ground_motion
-    return ground if scomp is not None and ground is not None and scomp.rig == ground.rig else None
-
-
-def _shared_view(config: Config) -> "GroundView | None":
-    """Return the ground in the frames where the trace and the motion over the ground look at the same."""
-    shared = _shared_rig(config)
-    if shared is None:
-        return None
-    # Imported here because they bring OpenCV, which a rover without a camera must not wait for.
-    from controllers.ground_motion.ground_patch import GroundPatch
-    from controllers.ground_motion.ground_view import GroundView
-
-    return GroundView(GroundPatch(shared.rig.geometry()))
-
-
-def make_finder(config: Config, view: "GroundView | None" = None) -> TraceFinder | None:
+def make_finder(config: Config, meter: "LiveGroundMotion | None" = None) -> TraceFinder | None:
     """Return the trace estimator of a configuration; None without a rear camera.
+
+    Args:
+        config: The configuration.
+        meter: Measures the motion over the ground for it too, where it looks at the same ground.
 
     Raises:
         ConfigError: The camera does not see the ground behind the wheel, or its frames have another size.
@@ -180,19 +164,22 @@ def make_finder(config: Config, view: "GroundView | None" = None) -> TraceFinder
     conflict = config.scomp.rig.size_conflict(camera.width, camera.height)
     if conflict:
         raise ConfigError(conflict)
-    shared = _shared_rig(config)
-    tolerance = None if shared is None else shared.tolerance
-    return TraceEstimator(config.scomp.rig.geometry(), view=view, tolerance=tolerance)
+    ground = config.ground_motion
+    if ground is None or ground.rig != config.scomp.rig:
+        return TraceEstimator(config.scomp.rig.geometry())
+    # With a negative delay a frame counts for the ground motion as exposed after it does for the trace.
+    pairs = None if meter is None or ground.camera_delay_s < 0.0 else meter.pairs
+    return TraceEstimator(config.scomp.rig.geometry(), tolerance=ground.tolerance, pairs=pairs)
 
 
-def _make_meter(config: Config, view: "GroundView | None") -> GroundMeter | None:
+def _make_meter(config: Config) -> "LiveGroundMotion | None":
     camera = None if config.roles.camera is None else config.devices[config.roles.camera]
     if config.ground_motion is None or not isinstance(camera, CameraSettings):
         return None
     # Imported here because it brings OpenCV, which a rover without a camera must not wait for.
     from controllers.ground_motion.live_ground_motion import LiveGroundMotion
 
-    return LiveGroundMotion(config.ground_motion, camera, view)
+    return LiveGroundMotion(config.ground_motion, camera)
 
 
 def _assemble(config: Config, clock: Clock, drivers: dict[str, AnyDriver]) -> Rig:
@@ -203,6 +190,6 @@ def _assemble(config: Config, clock: Clock, drivers: dict[str, AnyDriver]) -> Ri
     if conflict:
         raise ConfigError(conflict)
     roles = replace(config.device_roles(), wheel_wraps_rad=drive.wheel_wraps_rad)
-    view = _shared_view(config)
-    loop = ControlLoop(config, roles, make_finder(config, view), _make_meter(config, view))
+    meter = _make_meter(config)
+    loop = ControlLoop(config, roles, make_finder(config, meter), meter)
     return Rig(clock, drivers, drive, loop, frozenset(config.roles.names()))

@@ -149,7 +149,7 @@ def test_a_wrong_rig_is_named_and_does_not_move_the_pose(camera: type[GroundCame
     report = drive.run(0.02)[-1].ground
     assert report is not None
     assert words in report.reason
-    assert error_m < 0.02
+    assert error_m < 0.04
     assert deviations < 3.0
 
 

@@ -2,16 +2,22 @@
 
 import json
 import math
+from collections import Counter
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from controllers.ground_motion.estimator import GroundMotionEstimator
+from controllers.ground_motion.live_ground_motion import LiveGroundMotion
+from controllers.ground_motion.motion import GroundMotion, WheelPrior
 from controllers.ground_motion.rig_tolerance import RigTolerance
 from controllers.ground_motion.settings import GroundMotionSettings
 from controllers.slip.scomp.trace_reader import TraceFinder
+from drivers.camera.settings import CameraSettings
 from drivers.errors import ConfigError
 from drivers.samples import FrameSample
 from rover_hil.config import Config, describe_validation_error, load_config
@@ -132,6 +138,36 @@ def test_the_angle_has_the_tolerance_of_the_configuration() -> None:
         reading = found.find(picture(1_000_000_000), 0.08, None)
         assert reading is not None
         assert reading.mounting_sd_rad == pytest.approx(math.radians(yaw_sd_deg))
+
+
+@pytest.mark.parametrize(("delay_s", "expected"), [(0.0, 3), (-0.05, 6)])
+def test_the_motion_over_the_ground_is_measured_once(
+    delay_s: float, expected: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a negative delay the trace comes first: it cannot wait for the other measurement."""
+    config = load_config("el-dorado")
+    assert config.scomp is not None
+    assert config.scomp.rig is not None
+    ground = GroundMotionSettings(rig=config.scomp.rig, camera_delay_s=delay_s)
+    camera = config.devices["camera"]
+    assert isinstance(camera, CameraSettings)
+    meter = LiveGroundMotion(ground, camera)
+    found = make_finder(config.model_copy(update={"ground_motion": ground}), meter)
+    assert found is not None
+    measured = Counter[str]()
+    step = GroundMotionEstimator.step_patch
+
+    def counted(*given: Any) -> GroundMotion | None:
+        measured["pairs"] += 1
+        return step(*given)
+
+    monkeypatch.setattr(GroundMotionEstimator, "step_patch", counted)
+    for number in range(3):
+        frame = picture(1_000_000_000 + number * 200_000_000)
+        meter.measure(frame, frame.t_capture_ns or 0, WheelPrior(0.016, 0.0, 0.0, (0.0, 0.0, 0.0)))
+        assert found.find(frame, 0.08, (0.0, 0.0, 0.0)) is not None
+
+    assert measured["pairs"] == expected
 
 
 def test_a_rig_of_another_camera_is_refused() -> None:

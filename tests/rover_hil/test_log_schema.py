@@ -105,6 +105,7 @@ OUTPUT = StepOutput(
         slip_sd=0.02,
         drift_rad=None,
         reason="",
+        unconfirmed="scale not confirmed",
     ),
     suspicion="rover: may be stuck",
     dead_reckoned=DeadReckoned(x_m=1.5, y_m=-0.25, yaw_rad=0.5, covariance=(1e-4, 0.0, 0.0, 1e-4, 0.0, 1e-6)),
@@ -125,7 +126,7 @@ RECORD = (
     b'"contradiction":{"scaled":1.5,"wheel":1,"rolling_m":[0.0,0.01],"side_m":[0.0,0.002]},'
     b'"steering_rad":[0.05,0.0],"crab":{"drift_rad":0.14,"source":"trace"},'
     b'"ground":{"t_ns":4,"velocity_x_m_s":0.1,"velocity_y_m_s":0.0,"slip":0.25,"slip_sd":0.02,'
-    b'"drift_rad":null,"reason":""},'
+    b'"drift_rad":null,"reason":"","unconfirmed":"scale not confirmed"},'
     b'"suspicion":"rover: may be stuck",'
     b'"dead_reckoned":{"x_m":1.5,"y_m":-0.25,"yaw_rad":0.5,"covariance":[0.0001,0.0,0.0,0.0001,0.0,1e-6]},"findings":null}'
 )

@@ -1,4 +1,4 @@
-"""The frame of positions without yaw is estimated over the whole drive, and poses are written in it."""
+"""The frame of positions is estimated over the whole drive, and poses are written in it."""
 
 import json
 from pathlib import Path

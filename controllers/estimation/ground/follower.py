@@ -62,10 +62,6 @@ class GroundFollower:
         pair, is_begin, rig_fault = self._travel.measure(
             sample, now.measured_ns, now.way_back, now.history.way_back
         )
-        if rig_fault is None:
-            self._budget.clear(Cause.RIG)
-        else:
-            self._budget.raise_to(Cause.RIG, rig_fault.bound)
         fault = None if pair is None else pair.fault
         if pair is not None and fault is not None:
             apart_m = fault.bound.position_m
@@ -80,6 +76,11 @@ class GroundFollower:
             corrects_yaw = self._turns.yaw_source is not YawSource.GYRO
             yield from self._frame.correct(self._camera, pair.motion, now.way_back, corrects_yaw=corrects_yaw)
             self.pairs += (pair,)
+        # Before, the pair would remove it, and after the frame is marked, the next one.
+        if rig_fault is None:
+            self._budget.clear(Cause.RIG)
+        else:
+            self._budget.raise_to(Cause.RIG, rig_fault.bound)
         if is_begin:
             self._frame.mark(now.way_back)
 

@@ -127,6 +127,8 @@ class GroundReport:
         slip_sd: Its standard deviation; None likewise.
         drift_rad: Angle from the course of rolling wheels to the true one, left positive; None likewise.
         reason: Why the motion is not valid; empty where it is.
+        unconfirmed: What the drive has not confirmed about the camera so far, and how it does; empty for
+            nothing.
     """
 
     t_ns: int
@@ -136,6 +138,7 @@ class GroundReport:
     slip_sd: float | None
     drift_rad: float | None
     reason: str
+    unconfirmed: str = ""
 
 
 class GroundTravel:
@@ -154,6 +157,7 @@ class GroundTravel:
         self._window: deque[GroundPair] = deque()
         self._valid: GroundPair | None = None
         self._reason = "no pair of frames so far"
+        self._unconfirmed = ""
         self._rates_rad_s: Rates | None = None
         self._recent: deque[GroundPair] = deque()
         self._turned: list[GroundPair] = []
@@ -199,7 +203,7 @@ class GroundTravel:
         return complex(*self._meter.point_m) * (1.0 - cmath.rect(1.0, -turn_rad))
 
     def _pair(self, motion: GroundMotion, now: WayBack, before: WayBack | None) -> GroundPair | None:
-        self._t_ns = motion.to_ns
+        self._t_ns, self._unconfirmed = motion.to_ns, motion.unconfirmed
         if not motion.is_valid or before is None:
             self._reason = motion.invalid_because or "pair older than the motion of the wheels"
             return None
@@ -277,6 +281,7 @@ class GroundTravel:
                 slip_sd=None,
                 drift_rad=None,
                 reason=self._reason or "no frame for too long",
+                unconfirmed=self._unconfirmed,
             )
         velocity_m_s = valid.ground_m / seconds(valid.motion.to_ns - valid.motion.from_ns)
         slip, slip_sd, drift_rad = self._slip()
@@ -288,6 +293,7 @@ class GroundTravel:
             slip_sd=slip_sd,
             drift_rad=drift_rad,
             reason="",
+            unconfirmed=self._unconfirmed,
         )
 
     def _slip(self) -> tuple[float | None, float | None, float | None]:

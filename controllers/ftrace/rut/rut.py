@@ -147,20 +147,19 @@ class RutFinder:
             numbers (curve).
         """
         answers, valid = self._answers(sections, edges_m)
-        within = (self._block[:, None] < np.array(reaches)).astype(np.float32)
+        within = (self._block < np.array(reaches)[:, None]).astype(np.float32)
         # One matrix product adds up blocks for every reach, many times faster than sums along an axis.
-        adds = np.kron(within, np.eye(answers.shape[-1], dtype=np.float32))
-        sums = answers.reshape(len(answers), -1) @ adds
-        counts = np.rint(valid @ within).astype(np.int_)
+        sums = (within @ answers.reshape(self.blocks, -1)).reshape(len(reaches), *answers.shape[1:])
+        counts = np.rint(within @ valid).astype(np.int_)
         return [
             (part / np.sqrt(np.maximum(count, 1))[:, None], count)
-            for part, count in zip(np.hsplit(sums, len(reaches)), counts.T, strict=True)
+            for part, count in zip(sums, counts, strict=True)
         ]
 
     def answers_on(self, sections: CrossSections, edges_m: Edges) -> tuple[Floats, Mask]:
         """Return the answers block by block along curves (curve, block, kernel), and the blocks in view."""
         answers, valid = self._answers(sections, edges_m)
-        return answers, np.asarray(valid.all(axis=0))
+        return answers.swapaxes(0, 1), np.asarray(valid.all(axis=1))
 
     def points(
         self, sections: CrossSections, curve_m: Floats, edges_m: Edges, signature: Floats
@@ -233,13 +232,13 @@ class RutFinder:
         return columns
 
     def _answers(self, sections: CrossSections, edges_m: Edges) -> tuple[Floats, Mask]:
-        """Return answers along edges (..., block, kernel), 0 out of view; and where they are valid."""
+        """Return answers along edges (block, curve, kernel), 0 out of view; and where they are valid."""
         sides = []
-        valid: Mask = np.ones(np.shape(edges_m[0]), np.bool_)
+        valid: Mask = np.ones(np.shape(edges_m[0])[::-1], np.bool_)
         for answers, edge_m in zip(sections.sides, edges_m, strict=True):
-            columns = self._column(edge_m)
+            columns = np.ascontiguousarray(self._column(edge_m).T)
             columns[(columns < 0) | (columns >= self._columns)] = 0
-            places = self._block * self._columns + columns
+            places = self._block[:, None] * self._columns + columns
             valid &= self._flat_valid[places]
             sides.append(answers[places])
         return np.concatenate(sides, axis=-1) * valid[..., None], valid

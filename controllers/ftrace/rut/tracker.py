@@ -16,11 +16,11 @@ from controllers.ftrace.rut.presence import Presence
 from controllers.ftrace.rut.rut import CrossSections, Edges, RutFinder, RutPoints, two_sided
 from controllers.ftrace.rut.strips import Stretch, TraceStrips
 from controllers.ftrace.static_shading import StaticShading
-from controllers.ground_motion.estimator import GroundMotionEstimator
 from controllers.ground_motion.flow import GroundFlow, PatchMotion
 from controllers.ground_motion.ground_patch import RESOLUTION_M, Floats, Mask, Patch
 from controllers.ground_motion.ground_view import GroundView
 from controllers.ground_motion.heading_drifts import HeadingDrifts
+from controllers.ground_motion.pair_sum import PairSum
 from controllers.ground_motion.prior import MotionPrior
 from controllers.ground_motion.reference_frames import rotated
 from controllers.ground_motion.rig_tolerance import RigTolerance
@@ -42,9 +42,17 @@ class RutTracker:
         view: The ground in the frames.
         parameters: Tuned numbers.
         tolerance: What is not known about the rig.
+        pairs: The motion over the ground that somebody else measures in the frames before they are tracked;
+            None to measure it here.
     """
 
-    def __init__(self, view: GroundView, parameters: FTraceParameters, tolerance: RigTolerance) -> None:
+    def __init__(
+        self,
+        view: GroundView,
+        parameters: FTraceParameters,
+        tolerance: RigTolerance,
+        pairs: PairSum | None = None,
+    ) -> None:
         ground = view.ground
         self._ground = ground
         self._numbers, self._search = parameters, parameters.search
@@ -53,7 +61,8 @@ class RutTracker:
         self._finder = RutFinder(ground, sections)
         self._structure = view.structure
         self._flow = GroundFlow(ground, parameters.ground_motion.flow)
-        self._ground_motion = GroundMotionEstimator(view, tolerance, parameters.ground_motion)
+        self._measures = pairs is None
+        self._pairs = pairs or PairSum(view, tolerance, parameters.ground_motion)
         self._yaw = HeadingDrifts(tolerance.yaw_sd_deg, parameters.ground_motion.mounting)
         self._match = GroundMatch(ground, parameters.matching)
         self._light = StaticShading(visible, ground.centre, shading.lit_share, shading)
@@ -65,13 +74,15 @@ class RutTracker:
         self._odometry = PathFilter(ground.rig.behind_m, parameters.path)
         hidden_m = float(np.argmax(ground.visible[:, ground.centre])) * RESOLUTION_M
         self._strips = TraceStrips(self._finder.s_m, self._front.exists, parameters.strips)
-        self._presence = Presence(hidden_m + parameters.presence.least_length_m, parameters.presence)
+        self._presence = Presence(
+            hidden_m + parameters.presence.least_length_m, fixed.known_m, parameters.presence
+        )
         self._previous: Image | None = None
         self._offset_m = 0.0
         self._backwards = 0.0
         self._confidence = 0.0
         self._noise_ratio, self._ratios = 1.0, 1
-        self._agrees, self._is_open = True, False
+        self._agrees = True
         self._apart_rad = 0.0
         self._aside_m: float | None = None
 
@@ -102,7 +113,7 @@ class RutTracker:
             confidence=self._confidence * within(RIGHT_WITHIN_RAD, sd_rad),
             path_m=np.stack([s, self._path.curve(s)], axis=1),
             mounting_sd_rad=self._yaw.sd_rad,
-            contradiction=self._ground_motion.mounting or self._yaw.text,
+            contradiction=self._pairs.estimator.mounting or self._yaw.text,
         )
 
     def _watch_yaw(self, frame: Frame, motion: PatchMotion | None) -> None:
@@ -185,26 +196,28 @@ class RutTracker:
 
     def _motion(self, frame: Frame, structure: Patch) -> PatchMotion | None:
         """Return the motion since the frame before, where the two share enough ground."""
-        rig, direction = self._ground.rig, self._path.slope
-        travel_m = rotated(np.array([frame.travel_m, -direction * frame.travel_m]), rig.steer_rad)
-        prior = MotionPrior(
+        if self._measures:
+            self._pairs.measure(frame.t_ns, frame.ground, self._prior(frame))
+        pair, previous = self._pairs.take(frame.ground), self._previous
+        self._previous = self._structure.picture(structure) if frame.usable else None
+        if abs(frame.travel_m) <= self._numbers.direction.reach_m:
+            return None if pair is None or self._is_across(pair) else pair
+        if previous is None or self._previous is None:
+            return None
+        return self._sparse_motion(frame, previous, self._previous)
+
+    def _prior(self, frame: Frame) -> MotionPrior:
+        """Return the motion since the frame before by wheel and gyro, in the direction of the path."""
+        travel_m = rotated(
+            np.array([frame.travel_m, -self._path.slope * frame.travel_m]), self._ground.rig.steer_rad
+        )
+        return MotionPrior(
             forward_m=float(travel_m[0]),
             left_m=float(travel_m[1]),
             turn_rad=frame.turn_rad,
             turn_sd_rad=frame.turn_sd_rad,
             has_gyro=frame.has_gyro,
         )
-        measured = self._ground_motion.step_patch(frame.t_ns, frame.ground.patch, structure, prior)
-        # The path has moved on by the wheels while a pair was open: the whole of it would count twice.
-        was_open, self._is_open = self._is_open, measured is not None and measured.is_open
-        previous = self._previous
-        self._previous = self._structure.picture(structure) if frame.usable else None
-        if abs(frame.travel_m) <= self._numbers.direction.reach_m:
-            pair = None if was_open and not self._is_open else self._ground_motion.pair
-            return None if pair is None or self._is_across(pair) else pair
-        if previous is None or self._previous is None:
-            return None
-        return self._sparse_motion(frame, previous, self._previous)
 
     def _sparse_motion(self, frame: Frame, before: Image, after: Image) -> PatchMotion | None:
         """Return the motion between frames that share too little ground to be followed everywhere."""

@@ -46,7 +46,9 @@ def _testers(config: Config) -> Iterator[tuple[str, bool]]:
     slip = for_real_rover(config)[0].slip
     if slip is not None and slip.use == YAW_PROBE:
         yield "yaw excitation", True
-    if config.roles.gyro is not None and not skids_in_rotations(config.rover):
+    if skids_in_rotations(config.rover):
+        return
+    if config.roles.gyro is not None:
         yield f"{config.roles.gyro} against the wheels in rotations", False
     kinematics = make_kinematics(config.rover)
     straight_rad = SteeringAngles(kinematics.steering_rates_rad_s).angles_rad

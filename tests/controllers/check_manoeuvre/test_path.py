@@ -2,11 +2,13 @@
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import pytest
 
 from controllers.check_manoeuvre.path import Compared, Pace, legs_of, points_of
 from controllers.check_manoeuvre.plan import plan, room_of
+from controllers.ground_motion.parameters import DEFAULTS
 from controllers.motion.kinematics import make_kinematics
 from controllers.roles import DeviceRoles
 from controllers.safety.settings import SafetySettings
@@ -82,3 +84,12 @@ def test_the_pace_is_slow_but_shows_a_stall(
     mission_m_s: float, stall_m_s: float, speed_m_s: float, rate_rad_s: float
 ) -> None:
     assert Pace.of(mission_m_s, stall_m_s, 0.125) == pytest.approx((speed_m_s, rate_rad_s))
+
+
+@pytest.mark.parametrize("compared", Compared)
+def test_the_manoeuvre_rotates_far_enough_to_confirm_the_scale_of_a_ground_camera(compared: Compared) -> None:
+    on_spot = (leg.yaw_rad for leg in legs_of(Wheels(), PACE, compared) if not leg.velocity_m_s)
+    yaws_rad = [0.0, *(yaw_rad for yaw_rad in on_spot if yaw_rad is not None)]
+    rotated_deg = math.degrees(sum(abs(after - before) for before, after in pairwise(yaws_rad)))
+
+    assert rotated_deg > 1.5 * DEFAULTS.mounting.confirming_deg

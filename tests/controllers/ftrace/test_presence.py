@@ -10,7 +10,7 @@ from controllers.ftrace.rut.presence import Presence
 from controllers.ftrace.rut.strips import KERNELS, Stretch
 
 NUMBERS = DEFAULTS.presence
-START_M, STEP_M = 0.3, 0.016
+START_M, KNOWN_M, STEP_M = 0.3, 0.06, 0.016
 CLEAR = Stretch(
     log_odds=20.0,
     length_m=0.4,
@@ -29,7 +29,7 @@ def odds(log_odds: float) -> Stretch:
 
 def under_way() -> Presence:
     """Return the presence of a trace on a rover that has left enough of it."""
-    presence = Presence(START_M, NUMBERS)
+    presence = Presence(START_M, KNOWN_M, NUMBERS)
     presence.update(NOTHING, START_M + 0.1)
     return presence
 
@@ -56,37 +56,55 @@ def test_a_trace_that_was_present_is_not_lost_for_a_part_of_it_at_the_wheel() ->
     assert not presence.update(end, STEP_M)
 
 
-def test_before_the_wheel_can_have_left_a_trace_only_one_that_fills_the_view_is_accepted() -> None:
+def test_before_the_wheel_can_have_left_a_trace_only_one_that_persists_and_fills_the_view_is_accepted() -> (
+    None
+):
     beginning = replace(CLEAR, fills_view=False)
     for shown, expected in ((beginning, False), (CLEAR, True)):
-        presence = Presence(START_M, NUMBERS)
-        found = [presence.update(shown, STEP_M) for _ in range(10)]
+        presence = Presence(START_M, KNOWN_M, NUMBERS)
+        found = [presence.update(shown, STEP_M) for _ in range(12)]
 
         assert found[-1] is expected
-        assert not any(found[:3])
+        assert not any(found[: int((KNOWN_M + NUMBERS.persists_m) / STEP_M)])
 
 
 def test_a_trace_begun_before_the_drive_is_accepted_once_its_ground_was_followed() -> None:
-    begun = replace(CLEAR, fills_view=False, is_followed=True)
-
-    assert Presence(START_M, NUMBERS).update(begun, STEP_M)
-    assert not Presence(START_M, NUMBERS).update(replace(begun, length_m=0.16), STEP_M)
-
-
-def test_a_trace_begun_before_the_drive_is_accepted_when_its_far_end_moves_with_the_ground() -> None:
-    for grows, expected in ((1.0, True), (0.0, False)):
-        presence = Presence(START_M, NUMBERS)
-        frames = [
-            replace(CLEAR, fills_view=False, length_m=0.2 + grows * STEP_M * frame) for frame in range(12)
-        ]
-        found = [presence.update(shown, STEP_M) for shown in frames]
+    for length_m, expected in ((0.2, True), (0.16, False)):
+        begun = replace(CLEAR, fills_view=False, is_followed=True, length_m=length_m)
+        presence = Presence(START_M, KNOWN_M, NUMBERS)
+        found = [presence.update(begun, STEP_M) for _ in range(12)]
 
         assert found[-1] is expected
-        assert not any(found[:6])
+
+
+def test_what_is_fixed_in_the_picture_shows_no_trace_before_it_is_known() -> None:
+    presence = Presence(START_M, KNOWN_M, NUMBERS)
+    for _ in range(int(KNOWN_M / STEP_M)):
+        presence.update(CLEAR, STEP_M)
+    faint = odds(NUMBERS.lock_odds - 1.0)
+
+    assert not any(presence.update(shown, STEP_M) for shown in (faint, faint, faint, faint, CLEAR, CLEAR))
+
+
+def test_evidence_that_has_ended_shows_no_trace() -> None:
+    presence = Presence(START_M, KNOWN_M, NUMBERS)
+    strong = [presence.update(CLEAR, STEP_M) for _ in range(int((KNOWN_M + NUMBERS.persists_m) / STEP_M))]
+
+    assert not any(strong)
+    assert not any(presence.update(odds(0.0), STEP_M) for _ in range(10))
+
+
+def test_what_was_seen_before_the_trace_was_present_bridges_nothing() -> None:
+    presence = Presence(START_M, KNOWN_M, NUMBERS)
+    for _ in range(12):
+        presence.update(replace(CLEAR, fills_view=False), STEP_M)
+    assert presence.update(odds(NUMBERS.bridged_odds), STEP_M)
+
+    assert not presence.update(odds((NUMBERS.bridge_odds + NUMBERS.keep_odds) / 2), STEP_M)
 
 
 def test_standing_still_no_trace_appears() -> None:
-    presence = Presence(START_M, NUMBERS)
+    presence = Presence(START_M, KNOWN_M, NUMBERS)
 
     assert not any(presence.update(CLEAR, 0.0) for _ in range(50))
 

@@ -91,7 +91,7 @@ def test_ground_is_measured_at_every_slip(slip: float, left_out: int) -> None:
     assert drive.travelled_m == pytest.approx(sum(ways_m), abs=0.0015)
 
 
-@pytest.mark.parametrize(("slip", "left_out"), [(1.0, 4), (1.3, 1), (2.0, 2)])
+@pytest.mark.parametrize(("slip", "left_out"), [(1.0, 9), (1.3, 1), (2.0, 2)])
 def test_a_rover_that_gets_stuck_or_rolls_back_is_measured_soon(slip: float, left_out: int) -> None:
     """A rover that begins with rolling back cannot be distinguished from a camera that is upside down."""
     drive, wide = Drive(), wide_ground()
@@ -167,10 +167,10 @@ def test_specks_alone_do_not_prove_that_the_ground_stands() -> None:
 
 def test_ground_that_stops_is_told_from_specks() -> None:
     drive, wide = Drive(), wide_ground()
-    for frame in range(20):
+    for frame in range(25):
         drive.show(specks(patch_at(wide, min(frame, 10) * 0.014)))
 
-    assert sum(not motion.is_valid for motion in drive.motions) <= 4
+    assert sum(not motion.is_valid for motion in drive.motions) <= 9
     assert drive.travelled_m == pytest.approx(0.14, abs=0.002)
     assert all(motion.is_valid and abs(motion.forward_m) < 0.0006 for motion in drive.motions[-5:])
 
@@ -262,13 +262,26 @@ def test_camera_turned_by_a_quarter_is_reported() -> None:
     assert "not turned" in drive.motions[-1].invalid_because
 
 
+def test_a_picture_that_is_sent_for_long_is_no_ground_that_stands() -> None:
+    """Coded again each time; the wheels roll on."""
+    drive, wide, rng = Drive(), wide_ground(), np.random.default_rng(7)
+    for frame in range(12):
+        drive.show(patch_at(wide, frame * WHEEL_M))
+    for _ in range(7):
+        coded = patch_at(wide, 11 * WHEEL_M) + rng.integers(0, 2, GROUND.shape)
+        drive.show(np.asarray(np.clip(coded, 0, 255), np.uint8))
+
+    assert all(motion.is_valid for motion in drive.motions[2:11])
+    assert not any(motion.is_valid for motion in drive.motions[11:])
+
+
 def test_rover_that_rolls_back_later_has_no_wrong_camera() -> None:
     drive, wide = Drive(), wide_ground()
-    ways_m = [0.9 * WHEEL_M] * 15 + [-0.5 * WHEEL_M] * 40
+    ways_m = [0.9 * WHEEL_M] * 65 + [-0.5 * WHEEL_M] * 40
     for place_m in np.cumsum([0.0, *ways_m]):
         drive.show(patch_at(wide, float(place_m)))
 
-    assert sum(not motion.is_valid for motion in drive.motions) <= 2
+    assert sum(not motion.is_valid for motion in drive.motions) <= 3
     assert drive.travelled_m == pytest.approx(sum(ways_m), abs=0.002)
 
 

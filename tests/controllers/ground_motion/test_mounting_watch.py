@@ -56,6 +56,15 @@ def test_a_wrong_pitch_is_reported_with_its_size(wrong_deg: float) -> None:
     assert float(found[1]) == pytest.approx(wrong_deg, abs=0.4)
 
 
+@pytest.mark.parametrize(("pitch_per_m", "is_reported"), [(1.1, True), (-1.1, True), (0.09, False)])
+def test_a_camera_that_is_upside_down_shows_it_after_a_decimetre(
+    pitch_per_m: float, is_reported: bool
+) -> None:
+    """Whichever way it is mounted the gyro does not measure that the ground tilts."""
+    assert not drive(watch(), 4, pitch_per_m=pitch_per_m)
+    assert ("not upside down" in drive(watch(), 8, pitch_per_m=pitch_per_m)) is is_reported
+
+
 def test_a_pitch_within_the_tolerance_is_not_reported() -> None:
     assert not drive(watch(), 200, pitch_per_m=EFFECTS.pitch_per_rad * math.radians(0.3))
 
@@ -95,6 +104,25 @@ def test_a_rover_that_stood_before_knows_the_bias_of_the_gyro() -> None:
         reported.append(watched.text)
     assert not reported[0]
     assert "about +3.1 deg wrong" in reported[1]
+
+
+@pytest.mark.parametrize(
+    ("scale", "expected"),
+    [(1.0, ""), (1.06, "scale not confirmed: in rotations on the spot the ground moves 1.06 times")],
+)
+def test_the_scale_is_confirmed_by_a_rotation_on_the_spot(scale: float, expected: str) -> None:
+    watched = watch()
+    drive(watched, 50)
+    assert watched.unconfirmed == "scale not confirmed: rotate by 45 deg on the spot"
+    for _ in range(math.ceil(math.radians(45.0) / 0.02)):
+        watched.spin(0.02, 0.02 * 0.4j, scale * 0.02 * 0.4j)
+
+    assert watched.unconfirmed.startswith(expected)
+    assert bool(watched.unconfirmed) == bool(expected)
+
+
+def test_a_calibrated_scale_needs_no_rotation() -> None:
+    assert not watch(is_calibrated=True).unconfirmed
 
 
 def rotate_and_drive(
@@ -159,6 +187,15 @@ def test_a_rotation_on_the_spot_shows_the_scale(scale: float, is_confirmed: bool
         drive(watched, 1, turn_rad=0.02)
     assert watched.scale_sd == (SCALE_SD if is_confirmed else DEFAULTS.mounting.unconfirmed_scale_sd)
     assert ("times as far as the gyro" in watched.text) is is_wrong
+
+
+@pytest.mark.parametrize(("aside", "is_reported"), [(0.0, True), (0.04, False)])
+def test_a_rover_that_rotates_about_another_point_shows_no_height(aside: float, is_reported: bool) -> None:
+    watched = watch()
+    for _ in range(50):
+        watched.spin(0.02, 0.02 * 0.4j, 0.02 * 0.4j * (1.09 + 1j * aside))
+        drive(watched, 1, turn_rad=0.02)
+    assert bool(watched.text) is is_reported
 
 
 def test_pictures_that_contradict_the_gyro_leave_its_scale_uncertain() -> None:

@@ -30,6 +30,14 @@ def test_ground_that_stands_is_not_repeated_for_long() -> None:
     assert [watch.is_repeated(1.2, may_wait=True) for _ in range(20)] == [True] * 4 + [False] * 16
 
 
+def test_frames_that_are_no_longer_awaited_are_undecided_before_they_are_of_ground_that_stands() -> None:
+    watch, undecided = watch_after([10.0] * 8), []
+    for _ in range(20):
+        watch.is_repeated(1.2, may_wait=True)
+        undecided.append(watch.is_undecided)
+    assert undecided == [False] * 4 + [True] * 5 + [False] * 11
+
+
 def test_a_pair_that_must_not_become_longer_is_not_left_open() -> None:
     watch = watch_after([10.0] * 8)
     assert not watch.is_repeated(0.3, may_wait=False)

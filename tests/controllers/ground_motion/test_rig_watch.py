@@ -30,12 +30,59 @@ def test_slip_and_sliding_contradict_no_rig(ratio: complex) -> None:
     [(-1.0, "upside down"), (-0.2, "upside down"), (1j, "not turned"), (1.5, "focal length")],
 )
 def test_a_wrong_rig_is_contradicted_from_the_first_centimetre(ratio: complex, words: str) -> None:
-    assert all(words in reason for reason in watch((0.5, ratio)))
+    assert all(words in reason for reason in watch((0.5, ratio))[1:])
 
 
 @pytest.mark.parametrize("ratio", [-1.0, -1.0 + 1j, 1j])
 def test_a_rover_that_slides_after_it_has_driven_on_contradicts_no_rig(ratio: complex) -> None:
-    assert not any(watch((0.12, 0.9), (1.0, ratio)))
+    assert not any(watch((1.01, 0.9), (2.0, ratio)))
+    assert any(watch((0.5, 0.9), (2.0, ratio)))
+
+
+def unfollowed(*stretches: tuple[float, complex | None]) -> RigWatch:
+    """Return the watch after stretches: travel of the wheels, and ground over it; None where not followed."""
+    rig_watch = RigWatch(0.015, DEFAULTS.rig_watch)
+    for wheels_m, ratio in stretches:
+        for _ in range(round(wheels_m / WHEEL_M)):
+            if ratio is None:
+                rig_watch.miss(WHEEL_M)
+            else:
+                rig_watch.update(WHEEL_M, ratio * WHEEL_M, SD_M)
+    return rig_watch
+
+
+@pytest.mark.parametrize(
+    ("stretches", "is_reported"),
+    [
+        ([(0.4, None)], False),
+        ([(0.6, None)], True),
+        ([(0.3, None), (0.1, 0.4), (0.4, None)], True),
+        ([(0.4, None), (0.3, 0.9), (0.3, None)], False),
+        ([(1.1, 0.9), (3.0, None)], False),
+    ],
+)
+def test_ground_that_is_hardly_ever_followed_contradicts_the_rig(
+    stretches: list[tuple[float, complex | None]], is_reported: bool
+) -> None:
+    assert ("not followed" in unfollowed(*stretches).text) is is_reported
+
+
+def test_pairs_of_a_camera_that_hardly_ever_follows_the_ground_are_not_used() -> None:
+    rig_watch = unfollowed((0.02, 0.4), (0.6, None), (0.02, 0.4))
+    assert "not followed" in rig_watch.text
+    assert rig_watch.fault is not None
+    # The estimate went on with the slip of the last pairs.
+    assert rig_watch.fault.bound.position_m == pytest.approx(0.6 * (0.02 + 0.6), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("travel_m", "ratio", "bound_m"), [(0.2, 0.9, None), (0.2, 0.1, 0.18), (0.2, 0.0, 0.2), (1.2, 0.1, None)]
+)
+def test_until_the_ground_moves_along_the_wheels_may_be_right(
+    travel_m: float, ratio: float, bound_m: float | None
+) -> None:
+    fault = unfollowed((travel_m, ratio)).fault
+    assert (None if fault is None else fault.bound.position_m) == (bound_m and pytest.approx(bound_m))
 
 
 def test_ground_that_outruns_the_wheels_is_told_at_any_time() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.nature.region_drives.grounds import Drag, Floor, Ground, Later, Shares, draw_patches
+from tests.nature.region_drives.grounds import Drag, Floor, Ground, Later, Shares, draw_patches, draw_smooth
 from tests.nature.region_drives.motion import Gyro
 from tests.nature.region_drives.plans import SHAPES
 from tests.nature.region_drives.rovers import DIFFERENTIAL, ROVERS, Rover
@@ -71,10 +71,13 @@ def draw_gyro(rng: np.random.Generator) -> Gyro:
 def draw_field(
     rng: np.random.Generator, number: int, lost_sd: float, sideways_sd: float, mean: float = 0.0
 ) -> tuple[Ground, dict[str, Any]]:
-    """Return patches, squares in every second drive."""
-    are_squares = number % 2 == 1
-    ground = draw_patches(rng, lost_sd, sideways_sd, mean=mean, size_m=PATCH_M, are_squares=are_squares)
-    kind = "squares" if are_squares else "cells between lines"
+    """Return a smooth field, squares and cells between lines in turn."""
+    kind = ("smooth", "squares", "cells")[number % 3]
+    if kind == "smooth":
+        ground: Ground = draw_smooth(rng, lost_sd, sideways_sd, mean=mean, size_m=PATCH_M)
+    else:
+        are_squares = kind == "squares"
+        ground = draw_patches(rng, lost_sd, sideways_sd, mean=mean, size_m=PATCH_M, are_squares=are_squares)
     return ground, {"ground": kind, "mean": mean, "lost_sd": lost_sd, "sideways_sd": sideways_sd}
 
 
@@ -90,8 +93,8 @@ def _drive(number: int, rng: np.random.Generator) -> dict[str, Any]:
 
 
 def unknown(number: int, rng: np.random.Generator) -> dict[str, Any]:
-    """Return a drive on patches of the prior of `unknown`."""
-    ground, about = draw_field(rng, number // 9, UNKNOWN_SD, UNKNOWN_SIDEWAYS_SD)
+    """Return a drive on a ground of the prior of `unknown`."""
+    ground, about = draw_field(rng, number // 3 + number // 9, UNKNOWN_SD, UNKNOWN_SIDEWAYS_SD)
     return _drive(number, rng) | {"ground": ground, "about": about, "setting": {"slip": "unknown"}}
 
 
@@ -104,8 +107,8 @@ def single(number: int, rng: np.random.Generator) -> dict[str, Any]:
 
 
 def firm(number: int, rng: np.random.Generator) -> dict[str, Any]:
-    """Return a drive on patches of the prior of `firm`."""
-    ground, about = draw_field(rng, number // 9, FIRM_SD, FIRM_SIDEWAYS_SD)
+    """Return a drive on a ground of the prior of `firm`."""
+    ground, about = draw_field(rng, number // 3 + number // 9, FIRM_SD, FIRM_SIDEWAYS_SD)
     return _drive(number, rng) | {"ground": ground, "about": about, "setting": {"slip": "firm"}}
 
 
@@ -148,7 +151,7 @@ def carpet(number: int, rng: np.random.Generator) -> dict[str, Any]:
 def learned(number: int, rng: np.random.Generator) -> dict[str, Any]:
     """Return a drive on a ground whose mean is stated in the configuration."""
     mean = float(rng.uniform(0.0, MOST_LEARNED))
-    ground, about = draw_field(rng, number // 9, LEARNED_SD, LEARNED_SD, mean)
+    ground, about = draw_field(rng, number // 3 + number // 9, LEARNED_SD, LEARNED_SD, mean)
     setting = {
         "slip": "learned",
         "slip_mean": mean,

@@ -2,6 +2,8 @@
 
 A share of the rim's velocity is lost along it, and a share is added across it. Patches have one pair of
 shares each: squares, or the cells between random lines, whose shares correlate with exp(-r / size) exactly.
+Errors of drives on patches are no normal numbers, as a loop inside one patch closes: a smooth normal field
+has the same correlation and makes normal errors.
 The physical floors are force balances of linear tyres: slip is force over slip stiffness. Where the ground
 changes, a tyre needs a way of about its radius until it feels that (relaxation length).
 """
@@ -113,6 +115,55 @@ class Patches:
                 lost = self.mean + self.lost_sd * rng.standard_normal()
             self.drawn[key] = (float(lost), float(self.sideways_sd * rng.standard_normal()))
         return self.drawn[key]
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """A normal field of shares that correlate with exp(-r / size): a sum of many waves.
+
+    Attributes:
+        waves: Wave vectors, rad/m, shape (n, 2).
+        phases: Of the waves of the lost and of the sideways share, shape (2, n).
+    """
+
+    mean: float
+    sds: tuple[float, float]
+    waves: Array
+    phases: Array
+
+    def velocities(self, contact: Contact) -> Array:
+        """Return the velocities of free contact points."""
+        lost, sideways = self.shares(contact.spots)
+        return Shares(lost, sideways).velocities(contact)
+
+    def shares(self, spots: Array) -> tuple[Array, Array]:
+        """Return the shares at places of shape (n, 2), two arrays of shape (n,)."""
+        angles = spots @ self.waves.T
+        scale = math.sqrt(2.0 / len(self.waves))
+        lost, sideways = (
+            sd * scale * np.cos(angles + phases).sum(axis=1)
+            for sd, phases in zip(self.sds, self.phases, strict=True)
+        )
+        return np.clip(self.mean + lost, -MOST_LOST, MOST_LOST), sideways
+
+
+def draw_smooth(
+    rng: np.random.Generator,
+    lost_sd: float,
+    sideways_sd: float,
+    *,
+    mean: float = 0.0,
+    size_m: float = 10.0,
+    count: int = 300,
+) -> Smooth:
+    """Return a smooth field.
+
+    The spectrum of exp(-r / size) in the plane has the share 1 - 1 / sqrt(1 + (k size)^2) below k.
+    """
+    sizes = np.sqrt(rng.uniform(0.0, 1.0, count) ** -2.0 - 1.0) / size_m
+    directions = rng.uniform(0.0, math.tau, count)
+    waves = sizes[:, None] * np.stack((np.cos(directions), np.sin(directions)), axis=1)
+    return Smooth(mean, (lost_sd, sideways_sd), waves, rng.uniform(0.0, math.tau, (2, count)))
 
 
 def draw_patches(

@@ -63,7 +63,7 @@ def drive(rover: Rover, ground: Ground, commanded: Array, *, follows_yaw: bool =
     """
     count = len(rover.angles)
     pose, angles, steering = np.zeros(3), np.zeros(count), np.zeros(count)
-    twist, planned_yaw, travel, speed_before = np.zeros(3), 0.0, 0.0, 0.0
+    twist, planned_yaw, travel, speed_before, rate = np.zeros(3), 0.0, 0.0, 0.0, 0.0
     inverse = rover.twist_of(rover.directions(steering))
     zeros = np.zeros(count if rover.resists_sideways else 0)
     rows: list[Array] = []
@@ -76,6 +76,7 @@ def drive(rover: Rover, ground: Ground, commanded: Array, *, follows_yaw: bool =
         twist = twist + STEP_S / LAG_S * (wanted + np.array((0.0, 0.0, limited)) - twist)
         if float(np.abs(twist).max()) < 1e-4:
             twist = np.zeros(3)
+        steering_before = steering
         rims, turned = rover.wheels_for(twist, steering)
         directions = rover.directions(turned)
         if not np.array_equal(turned, steering):
@@ -85,21 +86,23 @@ def drive(rover: Rover, ground: Ground, commanded: Array, *, follows_yaw: bool =
         gained, speed_before = (speed - speed_before) / STEP_S, speed
         true = inverse @ _demand(rover, ground, pose, rims, directions, nominal, gained, travel)
         if step % ROW_STEPS == 0:
-            rows.append(
-                np.concatenate(((step * STEP_S,), pose, (true[2],), angles, steering, nominal, (travel,)))
-            )
+            # Rate and steering are those of the steps before and after the row: readings at its time.
+            read = (0.5 * (rate + true[2]),)
+            steered = 0.5 * (steering_before + steering)
+            rows.append(np.concatenate(((step * STEP_S,), pose, read, angles, steered, nominal, (travel,))))
+        rate = float(true[2])
         angles = angles + STEP_S * rims / rover.radius_m
         travel += STEP_S * speed
         pose = moved(pose, true, STEP_S)
     table = np.array(rows)
     parts = np.split(table, np.cumsum((1, 3, 1, count, count, 3)), axis=1)
-    t_s, poses, rate, turns, steered, nominals, travels = parts
+    t_s, poses, rates, turns, steerings, nominals, travels = parts
     return Driven(
         t_s=t_s[:, 0],
         pose=poses,
-        rate=rate[:, 0],
+        rate=rates[:, 0],
         angles=turns,
-        steering=steered,
+        steering=steerings,
         nominal=nominals,
         travel_m=travels[:, 0],
     )

@@ -1,5 +1,7 @@
 """What the report says of the slip that a camera measured over the ground."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -32,6 +34,14 @@ def test_what_was_not_measured_counts_for_nothing_but_its_share() -> None:
     (fact,) = _ground_facts(summary)
     assert fact.value == "30.0 % ± 2.0 %"
     assert fact.detail == "by the camera, in 80.0 % of the cycles; else: too few points move alike"
+
+
+def test_a_scale_that_the_run_has_not_confirmed_is_named() -> None:
+    note = "scale not confirmed: rotate by 45 deg on the spot"
+    summary = summarise_ground(replace(measured(), unconfirmed=note), None)
+    assert summary is not None
+    (fact,) = _ground_facts(summary)
+    assert fact.detail.endswith(f"; {note}")
 
 
 def test_without_the_truth_no_error_is_told() -> None:
