@@ -12,6 +12,7 @@ from rover_hil.config import Config
 from rover_hil.diagnose.covariance import (
     Normalised,
     Settings,
+    by_kind,
     judged,
     learned_settings,
     normalised_errors,
@@ -406,6 +407,11 @@ def _of_estimate(diagnosis: Diagnosis) -> str:
     covariance = diagnosis.covariance
     if covariance is not None and (covariance.is_too_small or covariance.is_too_large):
         return f"No error of wheels or sensors is shown; standard deviation: {covariance.words('poses')}"
+    for kind, each in by_kind(diagnosis.normalised).items():
+        if each.is_too_small:
+            return (
+                f"No error of wheels or sensors is shown; standard deviation, {kind}: {each.words('poses')}"
+            )
     rules = [finding for each in diagnosis.drives for finding in each.findings]
     if rules:
         return f"Most harmful: {rules[0].text}"

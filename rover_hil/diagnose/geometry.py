@@ -45,8 +45,8 @@ class GeometryPart:
 
     @property
     def is_accepted(self) -> bool:
-        """Whether the numbers are better on validation drives of every kind of motion."""
-        return self.result is not None and not self.result.problem
+        """Whether the numbers are better on validation drives, and one is outside of its interval."""
+        return is_accepted(self.result)
 
     @property
     def worst(self) -> Estimate | None:
@@ -60,8 +60,19 @@ class GeometryPart:
         is_plausible = all(abs(each.value) <= each.number.plausible for each in self.result.shown)
         if is_plausible and self.result.errors and not self.is_accepted:
             return None
-        differing = [each for each in self.result.shown if abs(each.value) > each.half_width]
-        return max(differing, key=lambda each: self.harms.get(each.number.name, 0.0), default=None)
+        return max(
+            differing(self.result), key=lambda each: self.harms.get(each.number.name, 0.0), default=None
+        )
+
+
+def differing(result: GeometryResult) -> list[Estimate]:
+    """Return the shown numbers of the wheels whose intervals do not contain the description."""
+    return [each for each in result.shown if abs(each.value) > each.half_width]
+
+
+def is_accepted(result: GeometryResult | None) -> bool:
+    """Return whether numbers are better on validation drives, and one differs beyond its interval."""
+    return result is not None and not result.problem and bool(differing(result))
 
 
 def fit_geometry(drives: Sequence[ReplayedDrive]) -> GeometryPart:
@@ -83,7 +94,7 @@ def fit_geometry(drives: Sequence[ReplayedDrive]) -> GeometryPart:
     paths: list[Path] = [each.path for each in fitted]
     calibration = DrivesCalibration(fitted=paths, validation=())
     record = Recorded(fitted, ())
-    accepted = not result.problem
+    accepted = is_accepted(result)
     return GeometryPart(
         result=result,
         facts=calibration.facts(record, result),
@@ -121,7 +132,7 @@ def _harms(result: GeometryResult) -> dict[str, float]:
 def _odometry(
     recorded: Mapping[str, RecordedDrive], result: GeometryResult
 ) -> dict[str, tuple[np.ndarray, Trajectory]]:
-    values = result.fit.values if not result.problem else {}
+    values = result.fit.values if is_accepted(result) else {}
     numbers = [each.number for each in result.fit.estimates]
     moves = TrajectoryProblem(list(recorded.values()), result.geometry, numbers).moves(values)
     paths = [wheel_trajectory(each) for each in moves]

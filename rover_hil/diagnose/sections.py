@@ -86,24 +86,19 @@ def _pair(odometry: str, estimate: str) -> str:
 
 def _recorded(diagnosis: Diagnosis) -> Section:
     rows = [row for each in diagnosis.drives for row in recordings_of(each)]
-    table: list[Row] = [("drive", "quantity", "readings", "Hz", "longest gap s")]
-    table += [
-        (row.drive, row.quantity, str(row.count), f"{row.rate_hz:.3g}", f"{row.longest_gap_s:.2g}")
-        for row in rows
-    ]
     kinds = [each.kind for each in diagnosis.drives]
     lines = [f"kinds of motion: {', '.join(f'{kind} {kinds.count(kind)}' for kind in dict.fromkeys(kinds))}"]
     lines += [_rate_words(rows)]
     lines += [f"cannot be known: {each.words}" for each in diagnosis.not_shown]
-    return Section(title="What was recorded, and what it cannot show", lines=lines, table=table)
+    return Section(title="What was recorded, and what it cannot show", lines=lines)
 
 
 def _rate_words(rows: Sequence[Recording]) -> str:
     words = []
     for quantity in dict.fromkeys(row.quantity for row in rows):
         of = [row for row in rows if row.quantity == quantity]
-        slowest, gap_s = min(row.rate_hz for row in of), max(row.longest_gap_s for row in of)
-        words.append(f"{quantity} {slowest:.3g} Hz, longest gap {gap_s:.2g} s")
+        slowest, gap = min(row.rate_hz for row in of), max(of, key=lambda row: row.longest_gap_s)
+        words.append(f"{quantity} {slowest:.3g} Hz, longest gap {gap.longest_gap_s:.2g} s in {gap.drive}")
     return f"recorded: {'; '.join(words)}"
 
 
@@ -127,7 +122,9 @@ def _geometry(diagnosis: Diagnosis) -> Section:
     if part.result is None:
         return Section(title="Geometry and sensors", lines=[f"cannot be known: {part.reason}"])
     lines = [f"{name}: {value}" for name, value in part.facts if name != TO_PASTE]
-    pasted = [value for name, value in part.facts if name == TO_PASTE]
+    pasted = [value for name, value in part.facts if name == TO_PASTE and part.is_accepted]
+    if not part.result.problem and not part.is_accepted:
+        lines.append("the description stays: no number of the wheels differs from it beyond its interval")
     settings = paste_sections(diagnosis)
     pasted += [settings_text(settings)] if settings else []
     return Section(title="Geometry and sensors", lines=lines, text="\n\n".join(pasted))
