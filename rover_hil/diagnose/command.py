@@ -1,5 +1,6 @@
 """`rover-hil diagnose`: what recorded drives are worth, what is wrong, what to do."""
 
+import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Annotated
 import typer
 
 from drivers.errors import ConfigError
-from rover_hil.config import read_config_text, shipped_configs
+from rover_hil.config import Config, read_config_text, shipped_configs, validated
 from rover_hil.config.entry import with_entry
 from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.console.json_text import print_json
@@ -20,7 +21,7 @@ from rover_hil.diagnose.sections import entries_of, error_table, record_of, sect
 from rover_hil.drives.formats.described_rover import columns_at, is_log
 from rover_hil.drives.formats.files import WriteDrive, import_file
 from rover_hil.drives.formats.limits import LimitSettings
-from rover_hil.drives.formats.table.columns import read_columns, rover_of
+from rover_hil.drives.formats.table.columns import Columns, read_columns, rover_of
 from rover_hil.drives.formats.table.to_log import write_table_as_log
 from rover_hil.drives.presets import presets
 from rover_hil.pages.add_page import add_page
@@ -78,8 +79,9 @@ def diagnose_drives(
     logs = _logs(drives, columns_path, out, force=force)
     with _shown(logs) as report:
         diagnosis = diagnose(logs, report, leaves_out=not no_leave_out)
-    entries = entries_of(diagnosis, None if target is None else columns_at(target))
-    edited = "" if target is None or not enter else _edited(target, entries)
+    columns = None if target is None else columns_at(target)
+    entries = entries_of(diagnosis, columns)
+    edited = "" if target is None or not enter else _edited(target, entries, columns)
     record = record_of(diagnosis)
     write_files(out, {JSON_NAME: strict_json(record, indent=2).decode() + "\n"})
     if target is not None and entries and enter:
@@ -164,10 +166,17 @@ def _shown(logs: Sequence[Path]) -> Iterator[Report]:
         yield report
 
 
-def _edited(target: str, entries: Sequence[Entry]) -> str:
+def _edited(target: str, entries: Sequence[Entry], columns: Columns | None) -> str:
+    """Return the text of the file with the entries.
+
+    Raises:
+        ConfigError: It would not be valid: another section needs what is replaced.
+    """
     text = read_config_text(target)
     for section, key, value in entries:
         text = with_entry(text, section, key, value)
+    name = f"{target}, with the numbers of --enter"
+    validated(Config if columns is None else Columns, tomllib.loads(text), name)
     return text
 
 
