@@ -18,7 +18,7 @@ from rover_hil.console.steps import show_progress
 from rover_hil.diagnose.diagnosis import Diagnosis, Report, diagnose
 from rover_hil.diagnose.figures import drawings_of
 from rover_hil.diagnose.sections import entries_of, error_table, record_of, sections_of
-from rover_hil.drives.formats.described_rover import columns_at, is_log
+from rover_hil.drives.formats.described_rover import columns_at, is_log, load_rover
 from rover_hil.drives.formats.files import WriteDrive, import_file
 from rover_hil.drives.formats.limits import LimitSettings
 from rover_hil.drives.formats.table.columns import Columns, read_columns, rover_of
@@ -106,7 +106,7 @@ def _target(config_name: str | None, *, enters: bool) -> str | None:
         raise ConfigError("--enter: name with --config the TOML file that it writes into")
     if config_name in (*shipped_configs(), *presets()) or is_log(config_name):
         raise ConfigError(f"--enter: {config_name} cannot be edited: name a TOML file of yours")
-    read_config_text(config_name)
+    load_rover(config_name)  # to fail now rather than after the replays
     return config_name
 
 

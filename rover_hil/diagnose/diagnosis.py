@@ -407,11 +407,10 @@ def _of_estimate(diagnosis: Diagnosis) -> str:
     covariance = diagnosis.covariance
     if covariance is not None and (covariance.is_too_small or covariance.is_too_large):
         return f"No error of wheels or sensors is shown; standard deviation: {covariance.words('poses')}"
-    for kind, each in by_kind(diagnosis.normalised).items():
-        if each.is_too_small:
-            return (
-                f"No error of wheels or sensors is shown; standard deviation, {kind}: {each.words('poses')}"
-            )
+    for kind, found in by_kind(diagnosis.normalised).items():
+        if found.is_too_small:
+            words = found.words("poses")
+            return f"No error of wheels or sensors is shown; standard deviation, {kind}: {words}"
     rules = [finding for each in diagnosis.drives for finding in each.findings]
     if rules:
         return f"Most harmful: {rules[0].text}"
