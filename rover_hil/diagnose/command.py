@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from drivers.errors import ConfigError
-from rover_hil.config import Config, read_config_text, shipped_configs, validated
+from rover_hil.config import read_config_text, shipped_configs, validated
 from rover_hil.config.entry import with_entry
 from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.console.json_text import print_json
@@ -172,11 +172,19 @@ def _edited(target: str, entries: Sequence[Entry], columns: Columns | None) -> s
     Raises:
         ConfigError: It would not be valid: another section needs what is replaced.
     """
+    kinematics = next((each.value for each in entries if each[:2] == ("rover", "kinematics")), None)
+    if columns is None and kinematics is not None:
+        config = load_rover(target)
+        if config.slip is not None and kinematics != config.rover.kinematics:
+            raise ConfigError(
+                f"--enter: the radii of the wheels differ, which needs kinematics = '{kinematics}', but [slip] "
+                f"of {target} needs '{config.rover.kinematics}': leave --enter out, and copy the values"
+            )
     text = read_config_text(target)
     for section, key, value in entries:
         text = with_entry(text, section, key, value)
-    name = f"{target}, with the numbers of --enter"
-    validated(Config if columns is None else Columns, tomllib.loads(text), name)
+    if columns is not None:
+        validated(Columns, tomllib.loads(text), f"{target}, with the numbers of --enter")
     return text
 
 

@@ -327,7 +327,12 @@ def _cause(diagnosis: Diagnosis) -> str:
     if diagnosis.causes:
         finding, names = diagnosis.causes[0]
         return f"Most harmful in {len(names)} of {len(diagnosis.drives)} drives: {finding.text}."
-    found = _of_geometry(diagnosis.geometry) or _of_slip(diagnosis.slip) or _of_rotation(diagnosis.errors)
+    geometry, slip = _of_geometry(diagnosis.geometry), _of_slip(diagnosis.slip)
+    result = diagnosis.geometry.result
+    has_geometry = diagnosis.geometry.is_accepted or (result is not None and bool(result.differences))
+    # A number that is not accepted may be slip.
+    found = geometry if has_geometry else slip or geometry
+    found = found or slip or _of_rotation(diagnosis.errors)
     of_sensors = "; ".join([*_of_gyro(diagnosis.geometry), *_of_harmful(diagnosis.without)])
     if of_sensors:
         return f"{found}; {of_sensors}." if found else f"Most harmful: {of_sensors}."
