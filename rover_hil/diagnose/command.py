@@ -177,8 +177,8 @@ def _edited(target: str, entries: Sequence[Entry], columns: Columns | None) -> s
         config = load_rover(target)
         if config.slip is not None and kinematics != config.rover.kinematics:
             raise ConfigError(
-                f"--enter: the radii of the wheels differ, which needs kinematics = '{kinematics}', but [slip] "
-                f"of {target} needs '{config.rover.kinematics}': leave --enter out, and copy the values"
+                f"--enter: radii of the wheels differ, which needs kinematics = '{kinematics}', but [slip] "
+                f"of {target} needs '{config.rover.kinematics}': leave --enter out"
             )
     text = read_config_text(target)
     for section, key, value in entries:
