@@ -25,6 +25,7 @@ COMMANDS: Entries = {
     "simulate": Place("rover_hil.drive.simulate", "simulate"),
     "replay": Place("rover_hil.drive.replay", "replay_log"),
     "sample": Place("rover_hil.sample.command", "sample"),
+    "diagnose": Place("rover_hil.diagnose.command", "diagnose_drives"),
     "compare": Place("rover_hil.report.compare.command", "compare_logs"),
     "export": Place("rover_hil.exporting.command", "export_log"),
     "init": Place("rover_hil.ready.set_up.command", "init"),

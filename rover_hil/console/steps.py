@@ -70,7 +70,9 @@ def _progress_words(progress: Progress) -> str:
         if task.total is None:
             return task.description
         if task.total > MOST_COUNTED or not isinstance(task.total, int):
-            return f"{task.description}, {task.percentage:.0f} %"
+            left_s = task.time_remaining
+            left = "" if left_s is None or not task.completed else f", {left_s:.0f} s left"
+            return f"{task.description}, {task.percentage:.0f} %{left}"
         return f"{task.description}, {task.completed:g} of {task.total:g}"
     return ""
 

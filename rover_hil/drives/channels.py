@@ -54,6 +54,7 @@ class Channels:
 
     Attributes:
         unsigned_wheels: Wheels, from 1, whose currents are magnitudes.
+        import_findings: What the import found wrong with the data, and what it did about it.
         has_computed_wheels: The angles of the wheels are no measurement, but computed from a path.
         fixes: Pose measurements of each device in `roles.fixes`, in the order of the log.
     """
@@ -61,6 +62,7 @@ class Channels:
     def __init__(self, config: Config, *, with_traces: bool = False, with_devices: bool = False) -> None:
         self.unsigned_wheels: set[int] = set()
         self.has_computed_wheels = False
+        self.import_findings: list[schema.OddityRecord] = []
         self._roles = config.roles
         self._fix_sources = config.fix_sources
         self._with_traces, self._with_devices = with_traces, with_devices
@@ -110,6 +112,7 @@ class Channels:
                     self._add_wheels("set_steer{}_rad", message.t_ns, record.get("steering_rad") or ())
             case schema.IMPORT:
                 imported = log.parse(message, schema.IMPORT_SHAPE)
+                self.import_findings = imported["oddities"]
                 self.has_computed_wheels = imported.get("computed_wheels", False)
             case schema.ESTIMATE if self._with_traces:
                 self._take_angles(message.t_ns, log.parse(message, schema.TRACES_SHAPE))

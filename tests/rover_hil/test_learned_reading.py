@@ -163,6 +163,7 @@ def test_only_with_fixes_or_ground_motion_a_commissioning_learns(
 
     monkeypatch.setattr(procedure, "learn_reading", learn)
     monkeypatch.setattr(procedure, "find_worth", lambda _: None)
+    monkeypatch.setattr(procedure, "learn_ground", lambda _: None)
     config = load_config(shipped)
     commissioning = Commissioning("rover.toml", Plan(side_m=1.0, laps=1, tape_sd_m=0.005), ())
     commissioning.configure(

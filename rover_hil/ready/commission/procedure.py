@@ -14,7 +14,6 @@ import typer
 from controllers.control_loop import StepOutput
 from controllers.motion.settings import WaypointsMission
 from controllers.slip.effort.settings import YAW_PROBE
-from drivers.clock import date_of, wall_time_ns
 from drivers.errors import ConfigError, LogError
 from rover_hil.config import Config
 from rover_hil.console.ask import ask, ask_number
@@ -32,11 +31,12 @@ from rover_hil.console.options import (
 from rover_hil.drives.arrays import Array
 from rover_hil.drives.drive import read_drive
 from rover_hil.drives.marks import COLUMNS, Marks, marks_beside, marks_file, marks_text, read_marks
+from rover_hil.drives.quality.learned_ground import LEAST_LEGS, LearnedGround
 from rover_hil.pages.atomic_write import refuse_overwrite, write_file
 from rover_hil.pages.picture import Drawing
 from rover_hil.ready.commission.drive import Poses, read_poses
 from rover_hil.ready.commission.figures import draw_drives, draw_errors
-from rover_hil.ready.commission.ground import LEAST_LEGS, LearnedGround, learn_ground
+from rover_hil.ready.commission.ground import learn_ground
 from rover_hil.ready.commission.learning import LearnedReading, learn_reading
 from rover_hil.ready.commission.worth import LEAST_LEG_M, Worth, find_worth
 from rover_hil.ready.procedure import Drive, Entry, Facts, Procedure, Request, Results, run
@@ -287,7 +287,7 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
             facts.append(("gain and cost", _price_words(record, result)))
         facts += [
             ("slip", slip),
-            ("covariance", result.covariance_words),
+            ("covariance", result.covariance.words("marks")),
             ("slip estimator", _passed_words(result.doubts) if result.has_slip else "none"),
         ]
         if not result.has_slip:
@@ -311,8 +311,8 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
             "umbmark_systematic_m": result.systematic_m,
             "slip": result.odometry_slip,
             "estimated_slip": result.estimate_slip,
-            "marks_inside_95": result.inside,
-            "covariance_factor": result.growth,
+            "marks_inside_95": result.covariance.inside,
+            "covariance_factor": result.covariance.growth,
             "doubts": list(result.doubts),
             "ground": None if self._ground is None else self._ground._asdict(),
             "learned_bracket": None if learned is None else learned.model_dump(mode="json"),
@@ -345,14 +345,7 @@ class Commissioning(Procedure[Sequence[MeasuredDrive], Worth]):
         entries = [Entry("slip", "excite_real_rover", True)] if self._is_excited else []
         if self._ground is None:
             return entries
-        learned: dict[str, str | float] = {
-            "slip": "learned",
-            "slip_mean": round(self._ground.mean, 4),
-            "slip_sd": round(self._ground.sd, 4),
-            "cross_slip_sd": round(self._ground.cross_sd, 4),
-            "source": str(record[0][1].path.parent),
-            "learned_on": date_of(wall_time_ns()).isoformat(),
-        }
+        learned = self._ground.settings(str(record[0][1].path.parent))
         return [*entries, *(Entry("ground", key, value) for key, value in learned.items())]
 
 

@@ -9,21 +9,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from rover_hil.drives.arrays import Array, rms
 from rover_hil.drives.marks import Marks
+from rover_hil.drives.quality.consistency import LEAST_ERRORS, Consistency, consistency
 from rover_hil.ready.commission.drive import Poses
 
-CONFIDENCE = 0.95
-LEAST_SHARE_INSIDE = 0.8
-"""Of the marks within their 95 % region; fewer, and the covariance is too small."""
 LEAST_SLIP_SHARE = 0.5
 """Of the driven time with a valid slip."""
 GREATEST_SLIP_ERROR = 0.05
-MOST_TOO_LARGE = 100.0
-"""The greatest factor that is reported."""
-LEAST_MARKS = 6
 LEAST_LEG_M = 0.2
 
 
@@ -66,9 +60,7 @@ class Worth:
         distance_m: Measured length of all legs between marks.
         odometry_slip: Share of the wheels' distance that was slip.
         estimate_slip: The slip that the estimate removed.
-        inside: Share of the marks in the 95 % region of the estimate.
-        growth: Factor by which its standard deviations are too small; below 1, too large.
-        least_growth: The growth of a covariance that holds is larger, but for one set of drives in forty.
+        covariance: Errors at the marks over the covariance of the estimate.
         slip_share: Share of the driven time with a valid slip; NaN without a slip estimator.
     """
 
@@ -79,9 +71,7 @@ class Worth:
     distance_m: float
     odometry_slip: float
     estimate_slip: float
-    inside: float
-    growth: float
-    least_growth: float
+    covariance: Consistency
     slip_share: float
 
     @property
@@ -105,28 +95,14 @@ class Worth:
         return rms(np.array([np.hypot(*each.estimate_m) for each in self.marks]))
 
     @property
-    def covariance_words(self) -> str:
-        """Whether the covariance holds."""
-        if len(self.marks) < LEAST_MARKS:
-            return f"not decided: {len(self.marks)} marks, {LEAST_MARKS} are needed"
-        share = f"{100 * self.inside:.0f} % of the marks lie in their 95 % region"
-        if self.inside < LEAST_SHARE_INSIDE:
-            return f"too small by a factor of {self.growth:.1f}: {share}"
-        if self.growth < self.least_growth:
-            return (
-                f"too large by a factor of {min(MOST_TOO_LARGE, 1.0 / max(self.growth, 1e-9)):.1f}: {share}"
-            )
-        return f"holds: {share}"
-
-    @property
     def doubts(self) -> tuple[str, ...]:
         """Why the estimate did not pass on this ground; empty where it did.
 
         A rover without a slip estimator is not expected to know its slip.
         """
         sentences = []
-        if len(self.marks) < LEAST_MARKS:
-            sentences.append(f"{len(self.marks)} marks were measured, {LEAST_MARKS} are needed")
+        if len(self.marks) < LEAST_ERRORS:
+            sentences.append(f"{len(self.marks)} marks were measured, {LEAST_ERRORS} are needed")
         if self.has_slip and self.slip_share < LEAST_SLIP_SHARE:
             sentences.append(f"the slip was valid for {100 * self.slip_share:.0f} % of the driven time only")
         if self.has_slip and math.isnan(self.slip_error):
@@ -135,7 +111,7 @@ class Worth:
             sentences.append(f"the estimated slip is wrong by {100 * self.slip_error:+.1f} % of the distance")
         if self.estimate_rms_m > self.odometry_rms_m:
             sentences.append("the estimate is farther off than the wheels alone")
-        if len(self.marks) >= LEAST_MARKS and self.inside < LEAST_SHARE_INSIDE:
+        if self.covariance.is_too_small:
             sentences.append("the covariance is too small")
         return tuple(sentences)
 
@@ -153,8 +129,6 @@ def find_worth(drives: Sequence[tuple[str, Poses, Marks]]) -> Worth:
             `square-right` are those of UMBmark.
     """
     errors = [error for name, poses, marks in drives for error in _mark_errors(name, poses, marks)]
-    inside = [each.nees <= float(chi2.ppf(CONFIDENCE, each.dimensions)) for each in errors]
-    ratio = float(np.mean([each.nees / each.dimensions for each in errors])) if errors else math.nan
     lengths = np.array([_lengths(poses, marks) for _, poses, marks in drives]).reshape(-1, 3).sum(axis=0)
     true_m, wheels_m, estimate_m = lengths.tolist()
     shares = [poses.slip_share for _, poses, _ in drives]
@@ -181,20 +155,13 @@ def find_worth(drives: Sequence[tuple[str, Poses, Marks]]) -> Worth:
         distance_m=true_m,
         odometry_slip=1.0 - true_m / wheels_m if wheels_m > 0.0 else math.nan,
         estimate_slip=1.0 - estimate_m / wheels_m if wheels_m > 0.0 else math.nan,
-        inside=float(np.mean(inside)) if inside else math.nan,
-        growth=math.sqrt(ratio) if errors else math.nan,
-        least_growth=_least_growth(errors),
+        covariance=consistency(
+            [each.nees for each in errors],
+            [each.dimensions for each in errors],
+            len({each.drive for each in errors}),
+        ),
         slip_share=float(np.mean(shares)) if shares and np.isfinite(shares).all() else math.nan,
     )
-
-
-def _least_growth(errors: Sequence[MarkError]) -> float:
-    """Return the bound of a growth by chance.
-
-    The errors at the marks of one drive add up and count as one error of x, y and yaw.
-    """
-    freedom = 3 * len({error.drive for error in errors})
-    return math.sqrt(float(chi2.ppf(0.5 * (1.0 - CONFIDENCE), freedom)) / freedom) if errors else math.nan
 
 
 def _mark_errors(name: str, poses: Poses, marks: Marks) -> list[MarkError]:

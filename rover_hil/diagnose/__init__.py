@@ -1,0 +1,1 @@
+"""What recorded drives show of a rover: one page over what the other commands fit and judge."""

@@ -1,0 +1,286 @@
+"""The diagnosis in words and tables, in the order of the page, and as a record for programs."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+
+from rover_hil.diagnose.covariance import by_kind
+from rover_hil.diagnose.diagnosis import Diagnosis
+from rover_hil.diagnose.drive_errors import ESTIMATE, ODOMETRY, TrackErrors
+from rover_hil.diagnose.geometry import TO_PASTE, settings_text
+from rover_hil.diagnose.intervals import short
+from rover_hil.diagnose.recorded import Recording, recordings_of
+from rover_hil.drives.formats.table.columns import Columns
+from rover_hil.ready.procedure import Entry
+from rover_hil.recording.findings import finding_lines
+
+Row = Sequence[str]
+ERROR_COLUMNS = ("drive", "motion", "m", "rotations", "ATE m", "RPE m per m", "RPE deg")
+"""Errors: those of the odometry / those of the estimate; one number where both are alike."""
+TOGETHER = "together"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """A part of the page.
+
+    Attributes:
+        title: Its heading.
+        lines: Sentences.
+        table: Heading and rows; empty for none.
+        text: To paste; "" for none.
+    """
+
+    title: str
+    lines: Sequence[str] = ()
+    table: Sequence[Row] = ()
+    text: str = ""
+
+
+def sections_of(diagnosis: Diagnosis) -> list[Section]:
+    """Return the parts of the page, in order, without the answer."""
+    return [
+        _recorded(diagnosis),
+        _findings(diagnosis),
+        _geometry(diagnosis),
+        _errors(diagnosis),
+        _covariance(diagnosis),
+        _measurements(diagnosis),
+        _slip(diagnosis),
+    ]
+
+
+def error_table(diagnosis: Diagnosis) -> list[Row]:
+    """Return heading and rows of the errors, one row for each drive and one for all."""
+    rows: list[Row] = [ERROR_COLUMNS]
+    errors = diagnosis.errors
+    for each in diagnosis.drives:
+        of_drive = {} if errors is None else errors.of_drives.get(each.name, {})
+        rows.append((each.name, each.kind, *_driven(each.distance_m, each.rotations), *_cells(of_drive)))
+    if errors is not None and len(diagnosis.drives) > 1:
+        distance_m = sum(each.distance_m for each in diagnosis.drives)
+        rotations = sum(each.rotations for each in diagnosis.drives)
+        rows.append((TOGETHER, "", *_driven(distance_m, rotations), *_cells(errors.together)))
+    return rows
+
+
+def _driven(distance_m: float, rotations: float) -> tuple[str, str]:
+    return f"{distance_m:.1f}", f"{rotations:.1f}"
+
+
+def _cells(tracks: Mapping[str, TrackErrors]) -> tuple[str, ...]:
+    odometry, estimate = tracks.get(ODOMETRY), tracks.get(ESTIMATE)
+    if odometry is None or estimate is None:
+        return ("-",) * 3
+    pairs = (
+        (odometry.ate_m, estimate.ate_m),
+        (odometry.rpe_m, estimate.rpe_m),
+        (math.degrees(odometry.rpe_rad), math.degrees(estimate.rpe_rad)),
+    )
+    return tuple(_pair(short(one), short(other)) for one, other in pairs)
+
+
+def _pair(odometry: str, estimate: str) -> str:
+    return odometry if odometry == estimate else f"{odometry} / {estimate}"
+
+
+def _recorded(diagnosis: Diagnosis) -> Section:
+    rows = [row for each in diagnosis.drives for row in recordings_of(each)]
+    kinds = [each.kind for each in diagnosis.drives]
+    lines = [f"kinds of motion: {', '.join(f'{kind} {kinds.count(kind)}' for kind in dict.fromkeys(kinds))}"]
+    lines += [_rate_words(rows)]
+    lines += [f"cannot be known: {each.words}" for each in diagnosis.not_shown]
+    return Section(title="What was recorded, and what it cannot show", lines=lines)
+
+
+def _rate_words(rows: Sequence[Recording]) -> str:
+    words = []
+    for quantity in dict.fromkeys(row.quantity for row in rows):
+        of = [row for row in rows if row.quantity == quantity]
+        slowest, gap = min(row.rate_hz for row in of), max(of, key=lambda row: row.longest_gap_s)
+        words.append(f"{quantity} {slowest:.3g} Hz, longest gap {gap.longest_gap_s:.2g} s in {gap.drive}")
+    return f"recorded: {'; '.join(words)}"
+
+
+def _findings(diagnosis: Diagnosis) -> Section:
+    lines: list[str] = []
+    several = len(diagnosis.drives) > 1
+    for each in diagnosis.drives:
+        name = f"{each.name}: " if several else ""
+        lines += [f"{name}{line}" for finding in each.findings for line in finding_lines(finding)]
+        lines += [
+            f"{name}data: {odd['what']} ({odd['where']}, {odd['count']}): {odd['done']}"
+            for odd in each.drive.channels.import_findings
+            if odd["count"] is not None
+        ]
+    none = "none: no sensor contradicts another beyond what noise and slip explain"
+    return Section(title="Findings", lines=lines or [none])
+
+
+def _geometry(diagnosis: Diagnosis) -> Section:
+    part = diagnosis.geometry
+    if part.result is None:
+        return Section(title="Geometry and sensors", lines=[f"cannot be known: {part.reason}"])
+    lines = [f"{name}: {value}" for name, value in part.facts if name != TO_PASTE]
+    pasted = [value for name, value in part.facts if name == TO_PASTE and part.is_accepted]
+    if not part.result.problem and not part.is_accepted:
+        lines.append("the description stays: no number of the wheels differs from it beyond its interval")
+    settings = paste_sections(diagnosis)
+    pasted += [settings_text(settings)] if settings else []
+    return Section(title="Geometry and sensors", lines=lines, text="\n\n".join(pasted))
+
+
+def paste_sections(diagnosis: Diagnosis) -> dict[str, dict[str, object]]:
+    """Return the accepted settings of ground and filter, by section of a configuration."""
+    settings = diagnosis.settings
+    if settings is None or not settings.is_accepted:
+        return {}
+    sections: dict[str, dict[str, object]] = {}
+    if settings.yaw_noise:
+        sections["filter"] = dict(settings.yaw_noise)
+    if settings.ground is not None:
+        names = ", ".join(each.name for each in diagnosis.drives[:3])
+        more = len(diagnosis.drives) - 3
+        source = f"diagnose {names}{f' and {more} more' if more > 0 else ''}"
+        sections["ground"] = dict(settings.ground.settings(source))
+    return sections
+
+
+def entries_of(diagnosis: Diagnosis, columns: Columns | None) -> list[Entry]:
+    """Return what is accepted, for a configuration or a file of columns, which has [rover] only."""
+    entries = list(diagnosis.geometry.entries)
+    if columns is not None:
+        return entries
+    for section, keys in paste_sections(diagnosis).items():
+        entries += [Entry(section, key, value) for key, value in keys.items()]  # type: ignore[arg-type]
+    return entries
+
+
+def _errors(diagnosis: Diagnosis) -> Section:
+    errors = diagnosis.errors
+    title = "Odometry and estimate against the ground truth"
+    if errors is None:
+        return Section(title=title, lines=["cannot be known: no drive has ground truth or positions"])
+    sources = ", ".join(dict.fromkeys(each.source for each in diagnosis.drives if each.source))
+    degrees = math.degrees(errors.part_rad)
+    lines = [
+        f"compared with: {sources}",
+        f"odometry: {errors.per_100_m[ODOMETRY].words('m')} per 100 m, over parts of {errors.part_m:g} m",
+        f"estimate: {errors.per_100_m[ESTIMATE].words('m')} per 100 m",
+        f"odometry per rotation: {errors.per_rotation_rad[ODOMETRY].times(math.degrees(1.0)).words('deg')}, "
+        f"over parts of {degrees:.0f} deg; positive: it turns too far",
+        f"estimate per rotation: {errors.per_rotation_rad[ESTIMATE].times(math.degrees(1.0)).words('deg')}",
+        f"ATE after alignment without scale, RPE over consecutive parts of 1 m and {degrees:.0f} deg, root "
+        "mean square, as evo defines them: odometry / estimate",
+    ]
+    if any(each.truth is not None and each.truth.yaw_rad is None for each in diagnosis.drives):
+        lines.append("positions without yaw: RPE is that of the distance, errors of the yaw cannot be known")
+    if not all(each.is_independent for each in diagnosis.drives if each.truth is not None):
+        lines.append("the estimate has used the positions that it is compared with: its errors are too small")
+    return Section(title=title, lines=lines, table=error_table(diagnosis))
+
+
+def _covariance(diagnosis: Diagnosis) -> Section:
+    title = "Is the standard deviation honest?"
+    covariance, settings = diagnosis.covariance, diagnosis.settings
+    if covariance is None:
+        why = "it needs ground truth with yaw that the estimate has not used"
+        return Section(title=title, lines=[f"cannot be known: {why}"])
+    table: list[Row] = [("motion", "standard deviation", "too small by", "95 %")]
+    kinds = {**by_kind(diagnosis.normalised), TOGETHER: covariance}
+    table += [
+        (kind, each.words("poses"), short(each.growth), " to ".join(map(short, each.interval)))
+        for kind, each in kinds.items()
+    ]
+    lines = [f"standard deviation: {covariance.words('poses')}"]
+    if settings is None:
+        lines.append("settings that would be right cannot be known before the findings are corrected")
+        return Section(title=title, lines=lines, table=table)
+    if settings.ground is not None:
+        lines.append(f"the ground by the wheels: {settings.ground.words}")
+    if settings.yaw_noise:
+        values = ", ".join(f"{key} = {value:g}" for key, value in settings.yaw_noise.items())
+        lines.append(f"noise of the yaw by the wheels: [filter] {values}")
+    if settings.before is not None and settings.after is not None:
+        names = ", ".join(settings.validated_on)
+        taken = "accepted" if settings.is_accepted else "not accepted: no better there"
+        lines.append(
+            f"with these settings, on validation drives ({names}): {settings.after.words('poses')}, before "
+            f"{settings.before.words('poses')}; {taken}"
+        )
+    elif covariance.is_too_small or covariance.is_too_large:
+        lines.append("the settings are not validated: give two drives or more")
+    return Section(title=title, lines=lines, table=table)
+
+
+def _measurements(diagnosis: Diagnosis) -> Section:
+    lines = [f"{each.device}: {each.words}" for each in diagnosis.measurements]
+    errors = diagnosis.errors
+    if errors is not None:
+        lines += [
+            f"without {device}, in the longest drives: ATE {ate_m:.3g} m instead of {whole_m:.3g} m"
+            for device, (ate_m, whole_m) in diagnosis.without.items()
+        ]
+    return Section(
+        title="Measurements that correct the estimate",
+        lines=lines or ["none: no sensor but wheels and gyro is used"],
+    )
+
+
+def _slip(diagnosis: Diagnosis) -> Section:
+    lines = [
+        f"{kind}: {slip.times(100.0).words('%')} of the wheels' travel is lost"
+        for kind, slip in diagnosis.slip.items()
+    ]
+    if not lines:
+        lines = ["cannot be known: it needs ground truth with yaw"]
+    lines.append("which force or friction explains it: `rover-hil gap rover CONFIG LOGS`")
+    return Section(title="Slip by kind of motion", lines=lines)
+
+
+def record_of(diagnosis: Diagnosis) -> dict[str, object]:
+    """Return the diagnosis for a program."""
+    errors, settings = diagnosis.errors, diagnosis.settings
+    covariance = diagnosis.covariance
+    return {
+        "answer": asdict(diagnosis.answer),
+        "drives": [
+            {
+                "name": each.name,
+                "log": str(each.drive.log.path),
+                "motion": each.kind,
+                "distance_m": each.distance_m,
+                "rotations": each.rotations,
+                "compared_with": each.source or None,
+                "findings": [asdict(finding) for finding in each.findings],
+                "recorded": [asdict(row) for row in recordings_of(each)],
+            }
+            for each in diagnosis.drives
+        ],
+        "not_shown": [asdict(each) for each in diagnosis.not_shown],
+        "geometry": {
+            "is_accepted": diagnosis.geometry.is_accepted,
+            "reason": diagnosis.geometry.reason,
+            "harms": dict(diagnosis.geometry.harms),
+            **diagnosis.geometry.numbers,
+        },
+        "errors": None if errors is None else asdict(errors),
+        "covariance": None if covariance is None else asdict(covariance),
+        "covariance_by_motion": {kind: asdict(each) for kind, each in by_kind(diagnosis.normalised).items()},
+        "settings": None
+        if settings is None
+        else {
+            "is_accepted": settings.is_accepted,
+            "ground": None if settings.ground is None else settings.ground._asdict(),
+            "filter": dict(settings.yaw_noise),
+            "before": None if settings.before is None else asdict(settings.before),
+            "after": None if settings.after is None else asdict(settings.after),
+            "validated_on": list(settings.validated_on),
+        },
+        "measurements": [asdict(each) for each in diagnosis.measurements],
+        "ate_without_m": {
+            device: {"without": ate_m, "with": whole_m}
+            for device, (ate_m, whole_m) in diagnosis.without.items()
+        },
+        "slip": {kind: asdict(each) for kind, each in diagnosis.slip.items()},
+    }
