@@ -73,6 +73,7 @@ class StepOutput:
         findings: What begins to be wrong in this cycle with a drive that somebody else controls; None for
             nothing.
         waits_for_operator: Whether the rover stays stopped until an operator confirms that it may move.
+        is_ground_contradicted: Whether a sensor has contradicted what [ground] assumes: the slip is unknown.
         checks: Result of the check manoeuvre, in the cycle that ends it; else None.
     """
 
@@ -96,6 +97,7 @@ class StepOutput:
     dead_reckoned: DeadReckoned | None = None
     findings: tuple[Finding, ...] | None = None
     waits_for_operator: bool = False
+    is_ground_contradicted: bool = False
     checks: tuple[SourceCheck, ...] | None = None
 
 
@@ -276,10 +278,11 @@ class ControlLoop:
             ground=ground,
             suspicion=self._announcement
             or (self._supervisor.suspicion if self._check is None else self._check.unconfirmed)
-            or next((fault.text for fault in faults), ""),
+            or "; ".join(fault.text for fault in faults),
             dead_reckoned=self._estimator.dead_reckoned(),
             findings=None if self._check is None else self._check.findings or None,
             waits_for_operator=self._supervisor.waits_for_operator,
+            is_ground_contradicted=self._estimator.assumption.fault is not None,
             checks=self._manoeuvre.take_result(),
         )
 

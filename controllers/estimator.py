@@ -166,7 +166,7 @@ class Estimator:
             else None
         )
         self._velocity = BodyVelocity(
-            self.odometry, self.gyro, self._turns, self.pose_filter, slip, self.ground, self.assumption
+            self.odometry, self.gyro, self._turns, self.pose_filter, slip, self.ground, self._assumed
         )
         self._report = PoseReport(
             settings, roles, self.pose_filter, self.positions, self._turns, self._velocity, self._reach, slip

@@ -2,7 +2,7 @@
 
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.ground.follower import GroundFollower
-from controllers.estimation.ground_assumption.assumption import SlipAssumption
+from controllers.estimation.ground_assumption.follower import AssumptionFollower
 from controllers.estimation.gyro.integrator import GyroIntegrator
 from controllers.estimation.gyro.turn_source import TurnSource
 from controllers.estimation.pose_estimate import YawSource
@@ -21,7 +21,7 @@ class BodyVelocity:
         pose_filter: Bias of the gyro, and the slip that a camera measured.
         slip: Removes the slip where no camera measures it; None without.
         ground: Whether a camera measures the slip.
-        assumption: What is assumed about slip that nothing measures.
+        assumed: Slip that is assumed where nothing measures it.
     """
 
     def __init__(
@@ -32,9 +32,9 @@ class BodyVelocity:
         pose_filter: PoseFilter,
         slip: SlipCompensator | None,
         ground: GroundFollower,
-        assumption: SlipAssumption,
+        assumed: AssumptionFollower,
     ) -> None:
-        self._assumption = assumption
+        self._assumed = assumed
         self._odometry, self._gyro, self._turns = odometry, gyro, turns
         self._filter, self._slip, self._ground = pose_filter, slip, ground
 
@@ -51,7 +51,8 @@ class BodyVelocity:
         if self._ground.is_measured:
             velocity_m_s = complex(*rolled[:2]) * (1.0 + self._ground.measured_slip)
             return velocity_m_s.real, velocity_m_s.imag, rolled[2]
-        if self._slip is None:
-            kept = 1.0 - self._assumption.prior.mean
-            return kept * rolled[0], kept * rolled[1], rolled[2]
+        kept = self._assumed.kept
+        if kept is not None or self._slip is None:
+            share = kept or 1.0
+            return share * rolled[0], share * rolled[1], rolled[2]
         return self._slip.body_motion(self._odometry.wheel_speed_rad_s)

@@ -100,4 +100,13 @@ class GroundSettings(Settings):
             )
         if self.slip == "firm":
             return f"firm ground: up to {200 * prior.sd:.0f} % of the distance may be lost"
-        return f"slip unknown: up to {min(100.0, 200 * prior.sd):.0f} % of the distance may be lost"
+        return _unknown_words(prior)
+
+    @property
+    def contradicted_words(self) -> str:
+        """What counts after a sensor has contradicted the assumption, likewise."""
+        return f'{_unknown_words(self.unknown())}, since a sensor has contradicted slip = "{self.slip}"'
+
+
+def _unknown_words(prior: SlipPrior) -> str:
+    return f"slip unknown: up to {min(100.0, 200 * prior.sd):.0f} % of the distance may be lost"

@@ -267,7 +267,7 @@ def _run(
         clock,
         _frame_choice(order.config),
         yaw_unwatched=str(unwatched or ""),
-        assumed=order.config.ground.words,
+        ground=order.config.ground,
         watches=watches,
     )
     try:

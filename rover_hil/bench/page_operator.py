@@ -7,6 +7,7 @@ from multiprocessing.connection import Connection
 from typing import Protocol
 
 from controllers.control_loop import StepOutput
+from controllers.estimation.ground_settings import GroundSettings
 from controllers.motion.body_motion import BodyMotion
 from controllers.operator import OperatorInput, merge
 from controllers.safety import Mode
@@ -45,7 +46,7 @@ class PageOperator:
         clock: The clock of a simulated run, or None.
         frames: Chooses the frames to be shown, or None.
         yaw_unwatched: That nothing in the run would notice a wrong yaw; empty where something does.
-        assumed: What is assumed about slip that nothing measures.
+        ground: What is assumed about slip that nothing measures; None for the default.
         watches: Without these heartbeats the rover stops; when they are back it waits for a confirmation.
         real_clock: Their clock.
     """
@@ -58,7 +59,7 @@ class PageOperator:
         clock: PacedClock | None,
         frames: FrameChoice | None = None,
         yaw_unwatched: str = "",
-        assumed: str = "",
+        ground: GroundSettings | None = None,
         watches: Sequence[LifeWatch] = (),
         real_clock: Clock | None = None,
     ) -> None:
@@ -66,7 +67,7 @@ class PageOperator:
         self._notices = notices
         self._clock = clock
         self._frames = frames
-        self._yaw_unwatched, self._assumed = yaw_unwatched, assumed
+        self._yaw_unwatched, self._ground = yaw_unwatched, ground or GroundSettings()
         self._latch = LossLatch(watches)
         self._real_clock = real_clock or SystemClock()
         self._stop_reason = ""
@@ -209,7 +210,9 @@ class PageOperator:
             "slip": slip,
             "slip_names": slip_names,
             "slip_reason": slip_reason,
-            "assumed": self._assumed,
+            "assumed": (
+                self._ground.contradicted_words if output.is_ground_contradicted else self._ground.words
+            ),
             "suspicion": "; ".join(filter(None, (output.suspicion, self._yaw_unwatched))),
             "current_a": list(self._current_a),
             "set_rad_s": view.sent.speed_rad_s,

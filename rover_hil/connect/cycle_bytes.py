@@ -87,10 +87,11 @@ class CyclePacker:
         numbers, reasons = _parts(output)
         samples = self._samples(view.samples)
         words = b""
-        told = (output.mode, output.reason, output.suspicion, pose.yaw_source, reasons, view.healths, extra)
+        texts = (output.mode, output.reason, output.suspicion, pose.yaw_source, reasons)
+        told = (*texts, output.is_ground_contradicted, view.healths, extra)
         if told != self._told:
             self._told = told
-            words = to_json((*told[:5], list(map(health_record, view.healths)), extra), inf_nan_mode="null")
+            words = to_json((*told[:6], list(map(health_record, view.healths)), extra), inf_nan_mode="null")
         layout = _layout(len(numbers), len(samples) // _SAMPLE_VALUES)
         packed = layout.pack(
             len(words),
@@ -162,12 +163,13 @@ class CycleUnpacker:
         ]
         if text_bytes:
             self._told = json.loads(data[text_begin:])
-        mode, reason, suspicion, yaw_source, reasons, healths, extra = self._told
+        mode, reason, suspicion, yaw_source, reasons, is_contradicted, healths, extra = self._told
         cycle = {
             "t_ns": t_ns,
             "mode": mode,
             "reason": reason,
             "suspicion": suspicion,
+            "is_ground_contradicted": is_contradicted,
             "estimate": {
                 "t_ns": pose_ns,
                 **_pose(known[:3]),

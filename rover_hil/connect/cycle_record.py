@@ -51,7 +51,7 @@ class CycleRecorder:
         self._steered = steered_wheels(config.rover)
         self._force_m_s2: Triple | None = None
         self._offset = offset
-        self._ground = config.ground.words
+        self._ground = config.ground
         self._yaw_unwatched = str(find_unwatched_yaw(config, config.device_roles()) or "")
         self._told: object = None
         self._due_ns = 0
@@ -125,6 +125,7 @@ class CycleRecorder:
             return None
         self._told, self._due_ns = told, now_ns + STATUS_PERIOD_NS
         slip, _, slip_reason = slip_of(cycle)
+        ground = self._ground
         step = f"stepped by {self._offset.step_s:+.3f} s" if self._offset.step_s else ""
         values = {
             "mode": mode,
@@ -133,7 +134,7 @@ class CycleRecorder:
             "slip": "" if slip is None else f"{slip:.4f}",
             "slip not valid": slip_reason,
             "yaw": self._yaw_unwatched or "watched",
-            "ground": self._ground,
+            "ground": ground.contradicted_words if cycle.get("is_ground_contradicted") else ground.words,
             "estimate": "" if is_finite(cycle["estimate"]) else "not finite: no odometry is sent",
             "wall clock": step,
             **extra,

@@ -5,6 +5,7 @@ import math
 from controllers.estimation.ground_settings import GroundSettings
 from controllers.estimation.pose_estimate import YawSource
 from controllers.estimation.settings import FilterSettings
+from controllers.estimation.slip_prior import SlipPrior
 from rover_hil.connect.records import OdometryRecord
 from rover_hil.recording.schema import EstimateRecord, PoseEstimateRecord, PoseRecord
 
@@ -23,11 +24,11 @@ class OdometryRecorder:
     The variance of the velocity follows from the noise of the filter. Over a step of the wheels of length s
     in time t the position has the variance q^2 s of rolling and (d s)^2 of slip, where q is
     `filter.position_noise_m_sqrt_m` and d the standard deviation of the slip now. So the velocity has the
-    variance q^2 s / t^2 + (d s / t)^2, along the travel and across it alike. Without valid slip d is
-    that of [ground]. The yaw rate has the variance of one gyro reading, and that of a reading which is
-    late: E[a^2] (D^2 + t^2 / 3), with the yaw acceleration a over the last `MEMORY_S`, the delay
-    D = `filter.gyro_delay_sd_s` and an age between 0 and t. By the wheels it has the variance of their turn,
-    in the same way as the position.
+    variance q^2 s / t^2 + (d s / t)^2, along the travel and across it alike. Without valid slip d is that of
+    [ground], of the ground and of its places together; that of unknown slip after a contradiction. The yaw
+    rate has the variance of one gyro reading, and that of a reading which is late: E[a^2] (D^2 + t^2 / 3),
+    with the yaw acceleration a over the last `MEMORY_S`, the delay D = `filter.gyro_delay_sd_s` and an age
+    between 0 and t. By the wheels it has the variance of their turn, in the same way as the position.
 
     Args:
         settings: Noise of the filter.
@@ -35,7 +36,7 @@ class OdometryRecorder:
     """
 
     def __init__(self, settings: FilterSettings, ground: GroundSettings) -> None:
-        self._settings, self._prior = settings, ground.prior()
+        self._settings, self._ground = settings, ground
         self._before: tuple[int, PoseRecord] | None = None
         self._step = (0.0, 0.0, 1.0)
         self._rate_rad_s = self._yaw_acceleration_rad2_s4 = 0.0
@@ -65,7 +66,12 @@ class OdometryRecorder:
             "velocity_x_m_s": pose["velocity_x_m_s"],
             "velocity_y_m_s": pose["velocity_y_m_s"],
             "yaw_rate_rad_s": pose["yaw_rate_rad_s"],
-            "velocity_variance": self._variance(slip_sd, is_sure=not slip_reason, by=pose["yaw_source"]),
+            "velocity_variance": self._variance(
+                slip_sd,
+                self._ground.unknown() if cycle.get("is_ground_contradicted") else self._ground.prior(),
+                is_sure=not slip_reason,
+                by=pose["yaw_source"],
+            ),
             "slip": slip,
             "slip_sd": slip_sd,
             "slip_reason": slip_reason,
@@ -97,11 +103,15 @@ class OdometryRecorder:
         )
         self._rate_rad_s = rate_rad_s
 
-    def _variance(self, slip_sd: float | None, *, is_sure: bool, by: str) -> tuple[float, float, float]:
+    def _variance(
+        self, slip_sd: float | None, prior: SlipPrior, *, is_sure: bool, by: str
+    ) -> tuple[float, float, float]:
         settings = self._settings
         length_m, turn_rad, step_s = self._step
         noise = settings.position_noise_m_sqrt_m if is_sure else settings.unsure_position_noise_m_sqrt_m
-        unknown = math.hypot(settings.slip_sd, slip_sd or 0.0) if is_sure else self._prior.sd
+        unknown = math.hypot(*((settings.slip_sd, slip_sd or 0.0) if is_sure else (prior.sd, prior.local_sd)))
+        if not is_sure and prior.noise_m_sqrt_m is not None:
+            noise = prior.noise_m_sqrt_m
         along_m2_s2 = (noise**2 * length_m + (unknown * length_m) ** 2) / step_s**2 + REST_M_S**2
         if by == YawSource.GYRO:
             late_s2 = settings.gyro_delay_sd_s**2 + step_s**2 / 3.0

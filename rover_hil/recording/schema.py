@@ -230,6 +230,7 @@ class EstimateRecord(TypedDict):
     dead_reckoned: NotRequired[DeadReckonedRecord | None]
     findings: NotRequired[tuple[FindingRecord, ...] | None]
     waits_for_operator: NotRequired[bool]
+    is_ground_contradicted: NotRequired[bool]
     checks: NotRequired[Annotated[tuple[SourceCheckRecord, ...], FailFast()]]
     exact: NotRequired[str]
 

@@ -39,7 +39,7 @@ VARIANCES = frozenset({"covariance", "variance", "nis"})
 """Numbers far below 1, of which the relative size counts."""
 ATTRIBUTES = {"drift": "scomp"}
 """Attribute of the controller behind a key, where the two have different names."""
-ONLY_WRITTEN = frozenset({"checks", "exact", "is_new", "waits_for_operator"})
+ONLY_WRITTEN = frozenset({"checks", "exact", "is_ground_contradicted", "is_new", "waits_for_operator"})
 """Keys that the source of a record has no attribute for, or that are written only where they are known."""
 EXACT = struct.Struct("<16d")
 
@@ -71,8 +71,9 @@ def estimate_text(output: StepOutput) -> bytes:
         )
     )
     waits = ',"waits_for_operator":true' if output.waits_for_operator else ""
+    contradicted = ',"is_ground_contradicted":true' if output.is_ground_contradicted else ""
     checks = "" if output.checks is None else f',"checks":[{",".join(map(_source_check, output.checks))}]'
-    return _finite(f'{_estimate(output)[:-1]}{waits}{checks},"exact":"{exact:08x}"}}')
+    return _finite(f'{_estimate(output)[:-1]}{waits}{contradicted}{checks},"exact":"{exact:08x}"}}')
 
 
 def truth_text(truth: object) -> bytes:

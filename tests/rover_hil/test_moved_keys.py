@@ -42,3 +42,15 @@ def test_there_are_three_states_and_no_sentence_without_a_configuration() -> Non
     assert len({path.name[:10] for path in CONFIGS.iterdir()}) == 3
     text = "".join(path.read_text("utf-8") for path in CONFIGS.iterdir())
     assert all(key[-1] in text for key in (*REMOVED, *RENAMED_VALUES))
+
+
+def test_slip_of_an_earlier_configuration_keeps_its_meaning(capsys: pytest.CaptureFixture[str]) -> None:
+    config = load_config(str(CONFIGS / "2026-11-27-robotino.toml"))
+    name, *numbers, noise = config.ground.prior()
+    assert (name, noise) == ("unknown", None)
+    assert numbers == pytest.approx([0.0, 0.36, 0.3 * 0.36, 0.5, 0.0])
+    assert config.tune is not None
+    assert config.tune.logs is not None
+    assert "ground.slip_sd" in config.tune.logs.parameters
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "filter.unsure_slip_sd is now slip_sd in [ground]" in line

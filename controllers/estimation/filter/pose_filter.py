@@ -142,7 +142,8 @@ class PoseFilter:
     def assume(self, prior: SlipPrior, path_m: complex) -> None:
         """Assume another slip of wheels whose slip nothing measures, from now on and on a part of the path.
 
-        The slip is taken to be the same on both: what later measures it also corrects the position.
+        The slip is taken to be the same on both: what later measures it also corrects the position. That of
+        a place begins anew: its state counts in standard deviations of the prior before.
 
         Args:
             prior: What is assumed now; its mean is that of the prior before.
@@ -152,7 +153,7 @@ class PoseFilter:
         state, size = self.kalman.state, self.layout.size
         transition, noise = np.eye(size), np.zeros((size, size))
         for index, effect_m in enumerate(
-            (prior.sd * path_m, prior.cross_sd * 1j * path_m), self.layout.assumed_slip
+            (0j, 0j, prior.sd * path_m, prior.cross_sd * 1j * path_m), self.layout.first_slip
         ):
             state[index] = transition[index, index] = 0.0
             column = np.zeros(size)

@@ -33,6 +33,10 @@ class AssumptionFollower:
         ground: Motion over the ground by a camera.
         positions: Measured positions.
         contradiction: Compares the wheels with each other.
+
+    Attributes:
+        kept: Share of the wheels' travel that the rover moves, as it was last assumed; None where a
+            compensator gives the motion.
     """
 
     def __init__(
@@ -52,6 +56,7 @@ class AssumptionFollower:
         self._slip, self._turns, self._ground = slip, turns, ground
         self._positions, self._contradiction = positions, contradiction
         self._tested_m = self._rate_rad_s = 0.0
+        self.kept: float | None = None if slip is not None else 1.0 - assumption.prior.mean
 
     def apply(self, rolled: BodyIncrement, increment: BodyIncrement) -> BodyIncrement:
         """Return the increment of the body.
@@ -61,9 +66,11 @@ class AssumptionFollower:
             increment: Of the compensator; the same without one.
         """
         prior = self._assumption.prior
-        if not (prior.is_informative or prior.mean) or not self._is_better(increment):
-            return increment
+        is_assumed = self._is_better(increment) and (prior.is_informative or prior.mean != 0.0)
         kept = 1.0 - prior.mean
+        self.kept = kept if is_assumed or self._slip is None else None
+        if not is_assumed:
+            return increment
         return replace(
             rolled,
             x_m=kept * rolled.x_m,
