@@ -66,7 +66,7 @@ def diagnose_drives(
 ) -> int:
     """Say what recorded drives are worth, what is wrong with them, and what to do.
 
-    Exit code 1: measurements of a drive contradict each other; the finding says why.
+    Exit code 1: measurements of a drive contradict each other; the finding states why.
 
     Example: `rover-hil diagnose runs/first runs/second`
 
