@@ -427,7 +427,7 @@ def _of_estimate(diagnosis: Diagnosis) -> str:
 def _next_step(diagnosis: Diagnosis) -> str:
     """Return what to do next, in one sentence."""
     if diagnosis.causes:
-        return "Correct this first, as the finding states, and diagnose again: all other numbers depend on it."
+        return "Correct this first, as the finding states, and diagnose again: all other numbers rest on it."
     if diagnosis.geometry.is_accepted:
         others = next((each.shown_by for each in diagnosis.not_shown if each.what == OTHER_KINDS), "")
         more = f", and record {others}, which would show whether they hold there" if others else ""
