@@ -50,10 +50,10 @@ def diagnose_drives(
     out: Annotated[Path, out_option("Folder for diagnosis.json, the page, and the logs of tables.")] = Path(
         "diagnosis"
     ),
-    no_leave_out: Annotated[
+    quick: Annotated[
         bool,
         typer.Option(
-            "--no-leave-out", help="Do not replay the longest drives again without each sensor in turn."
+            "--quick", help="Do not replay drives again without each sensor, and do not ask `gap rover`."
         ),
     ] = False,
     config_name: Annotated[
@@ -78,7 +78,7 @@ def diagnose_drives(
     refuse_overwrite(out / JSON_NAME, out / PAGE_NAME, force=force)
     logs = _logs(drives, columns_path, out, force=force)
     with _shown(logs) as report:
-        diagnosis = diagnose(logs, report, leaves_out=not no_leave_out)
+        diagnosis = diagnose(logs, report, is_quick=quick)
     columns = None if target is None else columns_at(target)
     entries = entries_of(diagnosis, columns)
     edited = "" if target is None or not enter else _edited(target, entries, columns)

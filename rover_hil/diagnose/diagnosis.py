@@ -27,6 +27,7 @@ from rover_hil.diagnose.drive_errors import (
     leg_m,
     travel_shares,
 )
+from rover_hil.diagnose.gap_answer import gap_answer
 from rover_hil.diagnose.geometry import GeometryPart, fit_geometry, number_words
 from rover_hil.diagnose.intervals import Interval, mean_of, short
 from rover_hil.diagnose.recorded import OTHER_KINDS, Measurements, NotShown, measurements_of, not_shown
@@ -82,6 +83,7 @@ class Diagnosis:
         without: ATE without a device and with it, m, by its name, of the `MOST_LEFT_OUT` longest drives;
             empty where it was not asked for.
         slip: Share of the wheels' travel that was lost, by kind of motion; where the ground truth has a yaw.
+        gap: Answer of `gap rover`, or why it was not asked.
         not_shown: What the drives cannot show.
     """
 
@@ -94,6 +96,7 @@ class Diagnosis:
     measurements: Sequence[Measurements]
     without: Mapping[str, tuple[float, float]]
     slip: Mapping[str, Interval]
+    gap: str
     not_shown: Sequence[NotShown]
 
     @property
@@ -116,13 +119,13 @@ class Diagnosis:
         return sorted(found.values(), key=lambda item: -len(item[1]))
 
 
-def diagnose(paths: Sequence[Path], report: Report, *, leaves_out: bool) -> Diagnosis:
+def diagnose(paths: Sequence[Path], report: Report, *, is_quick: bool) -> Diagnosis:
     """Return what the drives in logs show.
 
     Args:
         paths: The logs, of one rover.
         report: Gets the progress.
-        leaves_out: Replay the longest drives again without each sensor in turn.
+        is_quick: Do not replay the longest drives without each sensor, and do not ask `gap rover`.
 
     Raises:
         LogError: A log cannot be read or is damaged, or the logs are of different rovers.
@@ -145,8 +148,9 @@ def diagnose(paths: Sequence[Path], report: Report, *, leaves_out: bool) -> Diag
         normalised=normalised,
         settings=_settings(drives, corrected, normalised, geometry, report),
         measurements=measurements_of(drives),
-        without=_without_each(drives, compared, geometry, report) if leaves_out else {},
+        without={} if is_quick else _without_each(drives, compared, geometry, report),
         slip=_slip(drives, corrected),
+        gap="not asked: --quick" if is_quick else _gap(drives, compared, geometry, report),
         not_shown=not_shown(drives, geometry),
     )
 
@@ -290,6 +294,25 @@ def _slip(drives: Sequence[ReplayedDrive], compared: Mapping[str, Compared]) -> 
     return found
 
 
+def _gap(
+    drives: Sequence[ReplayedDrive],
+    compared: Mapping[str, Compared],
+    geometry: GeometryPart,
+    report: Report,
+) -> str:
+    """Return the answer of `gap rover`; a fault of a sensor would be taken for one of the model."""
+    if any(_of_whole_drives(each) for each in drives):
+        return "not asked before the findings are corrected"
+    longest = sorted((each for each in drives if each.name in compared), key=lambda each: -each.distance_m)
+    config = _corrected(drives[0].drive.config, geometry)
+    answer = gap_answer(
+        [each.drive.log.path for each in longest],
+        config,
+        lambda step: report(f"gap rover: {step}", Path(), 0),
+    )
+    return answer if config is drives[0].drive.config else f"with the corrected wheels, {answer}"
+
+
 def _worth(diagnosis: Diagnosis) -> str:
     """Return what the odometry is worth, in one sentence."""
     drives, errors = diagnosis.drives, diagnosis.errors
@@ -305,7 +328,7 @@ def _worth(diagnosis: Diagnosis) -> str:
         )
     per = "per 100 m" if errors.per_rotation_rad[ODOMETRY].count else "of length per 100 m"
     distance, turn = errors.per_100_m[ODOMETRY], errors.per_rotation_rad[ODOMETRY]
-    rotation = "the error per rotation is not known, because no known place has a yaw"
+    rotation = "the error per rotation is not known, because no known place has a yaw of its own"
     if turn.count:
         rotation = f"turns {_degrees(turn).words('deg')} too far per rotation"
         if turn.value < 0.0:

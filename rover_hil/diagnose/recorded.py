@@ -149,6 +149,8 @@ def not_shown(drives: Sequence[ReplayedDrive], geometry: GeometryPart) -> list[N
         found["the error of odometry and estimate"] = (
             "a drive with ground truth or positions: GNSS, an overhead camera, or marks measured by hand"
         )
+    if any(each.has_copied_yaw for each in drives):
+        lacking["the error of rotations"] = "the yaw of the ground truth is that by which the wheels turn"
     result = geometry.result
     if result is not None:
         found |= {each.number.name: each.number.shown_by for each in result.not_shown}

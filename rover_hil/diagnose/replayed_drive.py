@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from rover_hil.drives.marks import marks_beside, read_marks
 from rover_hil.drives.quality.drive_paths import POSITIONS, DrivePath, places_of
 from rover_hil.drives.quality.judge import findings_of, with_causes
 from rover_hil.drives.quality.position_use import PositionUse
+from rover_hil.drives.quality.references import LEAST_TURN_RAD
 from rover_hil.ready.wheels.motion_kinds import BY_HAND, kind_of
 from rover_hil.ready.wheels.trajectory import LEAST_STEPS, STEP_S
 from rover_hil.recording.data_files import restore_config
@@ -30,6 +31,8 @@ from rover_hil.run.replay import estimate_again
 MARKS = "marks measured by hand"
 TRIANGLE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 LEAST_CYCLES = 10
+SAME_YAW = 1e-6
+"""Two sensors of yaw differ by more than this share of what they turned: no gyro's scale is as exact."""
 
 
 @dataclass(slots=True)
@@ -84,6 +87,7 @@ class ReplayedDrive:
         replay: With everything that was measured.
         truth: Known places; None without ground truth and positions.
         source: What measured them; "" without.
+        has_copied_yaw: The ground truth had a yaw, but the one by which the wheels turned; it is left out.
         findings: Of the whole drive and of the rules, causes first, and what remains suspected.
         kind: Of its motion, by its wheels.
     """
@@ -92,6 +96,7 @@ class ReplayedDrive:
     replay: Replay
     truth: DrivePath | None
     source: str
+    has_copied_yaw: bool
     findings: list[FoundFinding]
     kind: str
 
@@ -130,6 +135,9 @@ def replay_drive(path: Path, on_cycle: Callable[[int], None]) -> ReplayedDrive:
     drive = Drive(path, with_devices=True).read()
     replay = replay_of(path, on_cycle)
     source, truth = _truth_of(drive)
+    has_copied_yaw = truth is not None and _is_copied(truth, replay)
+    if truth is not None and has_copied_yaw:
+        truth = replace(truth, yaw_rad=None)
     findings, suspected = with_causes(
         findings_of(drive.channels, drive.config), replay.findings, replay.suspected
     )
@@ -138,6 +146,7 @@ def replay_drive(path: Path, on_cycle: Callable[[int], None]) -> ReplayedDrive:
         replay=replay,
         truth=truth,
         source=source,
+        has_copied_yaw=has_copied_yaw,
         findings=[*findings, *suspected],
         kind=_kind_of(replay, wheels_reach_m(drive.config.rover)),
     )
@@ -224,6 +233,18 @@ def _truth_of(drive: Drive) -> tuple[str, DrivePath | None]:
     marks = read_marks(file)
     yaw_rad = np.unwrap(np.radians(marks.yaw_deg)) if np.isfinite(marks.yaw_deg).all() else None
     return MARKS, DrivePath(marks.t_s, marks.x_m, marks.y_m, yaw_rad, float(marks.sigma_m.max()))
+
+
+def _is_copied(truth: DrivePath, replay: Replay) -> bool:
+    """Return whether the yaw of known places is the yaw by the wheels, so that it cannot show its error."""
+    inside = (truth.t_s >= replay.t_s[0]) & (truth.t_s <= replay.t_s[-1])
+    if truth.yaw_rad is None or not inside.any():
+        return False
+    by_wheels_rad = replay.at(truth.t_s[inside], replay.odometry).yaw_rad
+    assert by_wheels_rad is not None  # noqa: S101 the wheels have one
+    turned_rad = float(np.abs(np.diff(by_wheels_rad)).sum())
+    difference_rad = np.unwrap(truth.yaw_rad[inside]) - by_wheels_rad
+    return turned_rad > LEAST_TURN_RAD and float(np.ptp(difference_rad)) < SAME_YAW * turned_rad
 
 
 def _kind_of(replay: Replay, size_m: float) -> str:

@@ -234,7 +234,7 @@ def _slip(diagnosis: Diagnosis) -> Section:
     ]
     if not lines:
         lines = ["cannot be known: it needs ground truth with yaw"]
-    lines.append("which force or friction explains it: `rover-hil gap rover CONFIG LOGS`")
+    lines.append(f"missing effect, by `rover-hil gap rover`: {diagnosis.gap}")
     return Section(title="Slip by kind of motion", lines=lines)
 
 
@@ -283,4 +283,5 @@ def record_of(diagnosis: Diagnosis) -> dict[str, object]:
             for device, (ate_m, whole_m) in diagnosis.without.items()
         },
         "slip": {kind: asdict(each) for kind, each in diagnosis.slip.items()},
+        "gap": diagnosis.gap,
     }

@@ -49,7 +49,8 @@ sigma_m = 0.02
 """
 NAMES = ("t", "l", "r", "x", "y", "yaw")
 ALL_KINDS = ("circle", "circle", "straight", "straight", "on the spot", "on the spot")
-OPTIONS = ("--columns", "columns.toml", "--out", "found")
+WHOLE = ("--columns", "columns.toml", "--out", "found")
+OPTIONS = (*WHOLE, "--quick")
 
 
 def tables(
@@ -155,7 +156,7 @@ def test_what_cannot_be_known_is_stated(command: Command) -> None:
 
 def test_positions_alone_compare_lengths(command: Command) -> None:
     paths = tables(("by hand", "circle"), columns=COLUMNS + POSITIONS)
-    assert command("diagnose", *paths, *OPTIONS) == 0, command.error
+    assert command("diagnose", *paths, *WHOLE) == 0, command.error
     assert "no known place has a yaw" in command.out.splitlines()[0]
     assert "the estimate has used the positions" in command.out
     assert "without /pose_fix, in the longest drives: ATE" in command.out
@@ -198,3 +199,23 @@ def test_wrong_calls_are_one_sentence_and_write_nothing(command: Command) -> Non
         assert command("diagnose", *arguments.split(), "--out", "found") == 2, arguments
         assert_one_sentence(command.error, words)
         assert not Path("found").exists(), arguments
+
+
+def test_a_yaw_that_the_wheels_gave_shows_no_error_of_rotations(command: Command) -> None:
+    paths = tables(("circle",), rotation_slip=0.05)
+    for path in paths:
+        t, left, right, x, y, _ = np.loadtxt(path, delimiter=",", skiprows=1).T
+        yaw = 0.042 * (right - left) / 0.2
+        write(Path(path), dict(zip(NAMES, (t, left, right, x, y, yaw), strict=True)))
+    assert command("diagnose", *paths, *OPTIONS) in (0, 1), command.error
+    assert "the error per rotation is not known" in command.out
+    record = found()
+    assert record["errors"]["per_rotation_rad"]["odometry"]["count"] == 0
+    assert "the yaw of the ground truth is that by which the wheels turn" in command.out
+
+
+def test_the_answer_of_gap_is_in_the_diagnosis(command: Command) -> None:
+    paths = tables(("circle", "straight", "circle", "straight"))
+    assert command("diagnose", *paths, *WHOLE) == 0, command.error
+    assert found()["gap"].startswith("NO_GAP: "), found()["gap"]
+    assert "missing effect, by `rover-hil gap rover`: " in command.out
