@@ -90,7 +90,8 @@ class CheckManoeuvre:
             return Guidance(waits=True)
         self._follow(odometry)
         self._tracks.take_wheels(odometry_ns, odometry)
-        self._tracks.take_ground(pairs)
+        if self._is_travelling:
+            self._tracks.take_ground(pairs)
         if self._rested_s < REST_S or self._number == len(self._legs):
             self._rested_s += elapsed_s
             if self._number == len(self._legs) and self._rested_s >= REST_S:
@@ -148,6 +149,16 @@ class CheckManoeuvre:
         self._travel_m += step.real * math.cos(middle_rad) + step.imag * math.sin(middle_rad)
         self._yaw_rad += math.remainder(odometry.yaw_rad - before.yaw_rad, math.tau)
         self._from = odometry
+
+    @property
+    def _is_travelling(self) -> bool:
+        """Whether the ground moves by travel.
+
+        In a rotation on the spot it is what the swing of the camera leaves, which a wrong rig gives any
+        direction.
+        """
+        is_moving = self._number < len(self._legs) and self._rested_s >= REST_S
+        return is_moving and self._legs[self._number].velocity_m_s != 0.0
 
     def _is_done(self, leg: Leg) -> bool:
         if leg.yaw_rad is not None:

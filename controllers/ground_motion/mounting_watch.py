@@ -7,9 +7,6 @@ from controllers.ground_motion.heading_drifts import HeadingDrifts
 from controllers.ground_motion.parameters import MountingParameters
 from controllers.ground_motion.slope import Slope, SlopeWithBias
 
-CONFIRMS_SD = 2.0
-"""A rotation on the spot confirms a scale that is within so many standard deviations."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountingEffects:
@@ -97,16 +94,17 @@ class MountingWatch:
 
     @property
     def scale_sd(self) -> float:
-        """Standard deviation of the travel's factor."""
-        unconfirmed_sd = 0.0 if self._is_confirmed else self._numbers.unconfirmed_scale_sd
-        return max(self._scale_sd, unconfirmed_sd)
+        """Standard deviation of the travel's factor; as large as a rotation has shown it to be wrong."""
+        if not self._is_confirmed:
+            return max(self._scale_sd, self._numbers.unconfirmed_scale_sd)
+        return max(self._scale_sd, abs(self._swing.slope - 1.0) if self._has_rotated else 0.0)
 
     @property
     def unconfirmed(self) -> str:
         """What the drive has not confirmed, and how it does; "" for nothing."""
         if self._is_confirmed:
             return ""
-        if math.degrees(self._spun_rad) < self._numbers.confirming_deg:
+        if not self._has_rotated:
             return f"scale not confirmed: rotate by {self._numbers.confirming_deg:.0f} deg on the spot"
         return f"scale not confirmed: {self._spun}"
 
@@ -131,8 +129,8 @@ class MountingWatch:
         along_m = moved_m * swing_m.conjugate() / abs(swing_m)
         self._swing.add(abs(swing_m), along_m.real)
         self._aside.add(abs(swing_m), along_m.imag)
-        if math.degrees(self._spun_rad) >= self._numbers.confirming_deg:
-            self._is_confirmed |= abs(self._swing.slope - 1.0) <= CONFIRMS_SD * self._scale_sd
+        if self._has_rotated:
+            self._is_confirmed |= not self._rotated()
 
     def update(self, motion: MountedMotion) -> None:
         """Take a pair."""
@@ -150,7 +148,7 @@ class MountingWatch:
         """Take a rotation by the gyro, and by the pictures with its standard deviation."""
         self._turn.add(turn_rad, seen_turn_rad)
         self._seen_rad2 += (turn_rad * seen_turn_sd_rad) ** 2
-        self.text = self._mirrored() or self._near_and_far() or self._drifts.text or self._scale()
+        self.text = self._mirrored() or self._near_and_far() or self._drifts.text or self._rotated()
 
     def _mirrored(self) -> str:
         numbers = self._numbers
@@ -190,13 +188,36 @@ class MountingWatch:
             "measures"
         )
 
-    def _scale(self) -> str:
-        if math.degrees(self._spun_rad) < self._numbers.confirming_deg:
+    @property
+    def _has_rotated(self) -> bool:
+        return math.degrees(self._spun_rad) >= self._numbers.confirming_deg
+
+    def _rotated(self) -> str:
+        """Return what a rotation on the spot shows to be wrong: the direction, else the scale."""
+        if not self._has_rotated:
             return ""
+        return self._turned_aside() or self._scale()
+
+    @property
+    def _centre_sd(self) -> float:
+        """Standard deviation of the place about which the rover rotates, over the arm of the camera."""
+        return self._numbers.centre_sd_m * self._spun_rad / self._swing.length
+
+    def _turned_aside(self) -> str:
+        """Return that the ground moves aside of the swing: the centre of the rotation is off by as much."""
+        aside_rad = math.atan2(self._aside.slope, self._swing.slope)
+        limit_rad = self._numbers.deviations * math.hypot(self._aside.sd, self._centre_sd)
+        if abs(aside_rad) <= max(limit_rad, math.radians(self._numbers.least_yaw_deg)):
+            return ""
+        return (
+            f"in rotations on the spot the ground moves {math.degrees(aside_rad):+.1f} deg aside: check the "
+            "yaw of the camera's mounting, t_vehicle_camera of the rig, and where the rover rotates about"
+        )
+
+    def _scale(self) -> str:
         numbers, scale = self._numbers, self._swing.slope
         # The rover rotates about a point that is off along the arm as far as it is across, which shows.
-        by_centre = abs(self._aside.slope) + self._aside.sd
-        by_centre = math.hypot(by_centre, numbers.centre_sd_m * self._spun_rad / self._swing.length)
+        by_centre = math.hypot(abs(self._aside.slope) + self._aside.sd, self._centre_sd)
         # Pictures that rotate as the gyro says show its scale.
         by_gyro, turn_sd = numbers.gyro_scale_sd, self._turn.sd
         if turn_sd < by_gyro:

@@ -178,7 +178,7 @@ class MountingParameters:
     """Contradictions of near and far ground, of headings, and of the gyro that a wrong mounting causes."""
 
     deviations: float = 4.0  # of noise and tolerance
-    scale_deviations: float = 3.0  # of the scale in rotations: one comparison in a drive, not one a pair
+    scale_deviations: float = 2.0  # of the scale in rotations: one comparison in a drive, not one a pair
     memory_m: float = 5.0  # travel over which sums fade
     least_travel_m: float = 0.4  # over which slopes are formed
     gyro_bias_rad_s: float = 0.002  # standard deviation about the pitch axis: 0.1 deg/s

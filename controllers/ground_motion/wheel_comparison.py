@@ -187,8 +187,13 @@ class WheelComparison:
         return ""
 
     def _update_rig(self, pair: ComparedPair) -> None:
+        """Compare the travel with that of the wheels.
+
+        In a rotation on the spot it is what the swing of the camera leaves, so that a wrong rig gives it any
+        direction; the mounting is compared instead.
+        """
         wheel_m, motion = pair.wheel_m, pair.motion
-        if wheel_m is None or not (length_m := float(np.hypot(*wheel_m))):
+        if wheel_m is None or not (length_m := float(np.hypot(*wheel_m))) or self._is_on_the_spot(pair):
             return
         axes = np.array([[wheel_m[0], -wheel_m[1]], [wheel_m[1], wheel_m[0]]])
         moved_m = np.array([motion.forward_m, motion.left_m])
@@ -196,19 +201,28 @@ class WheelComparison:
         sd_m = float(np.hypot(motion.forward_sd_m, motion.left_sd_m))
         self._rig_watch.update(length_m, complex(along_m, across_m), sd_m)
 
+    def _levers(self, pair: ComparedPair) -> tuple[complex, complex]:
+        """Return the motion of the measured point, and of the point below the camera, by the rotation."""
+        point, foot = (
+            complex(*rotated(np.array(each, np.float64), -self._rig.steer_rad))
+            for each in (self._rig.point_m, tuple(self._rig.position_m[:2].tolist()))
+        )
+        return 1j * pair.turn_rad * point, 1j * pair.turn_rad * foot
+
+    def _is_on_the_spot(self, pair: ComparedPair) -> bool:
+        if pair.wheel_m is None or not pair.has_gyro:
+            return False
+        lever_m, swing_m = self._levers(pair)
+        return abs(complex(*pair.wheel_m) - lever_m) < self._parameters.mounting.on_the_spot * abs(swing_m)
+
     def _update_mounting(self, pair: ComparedPair) -> None:
         """Compare the motion of the rover's origin, and in rotations that of the point below the camera."""
         if pair.wheel_m is None or not pair.has_gyro:
             return
-        motion, rig = pair.motion, self._rig
-        point, foot = (
-            complex(*rotated(np.array(each, np.float64), -rig.steer_rad))
-            for each in (rig.point_m, tuple(rig.position_m[:2].tolist()))
-        )
-        lever_m = 1j * pair.turn_rad * point
+        motion = pair.motion
+        lever_m, swing_m = self._levers(pair)
         moved_m = self.factor * complex(motion.forward_m, motion.left_m) - lever_m
         wheel_m = complex(*pair.wheel_m) - lever_m
-        swing_m = 1j * pair.turn_rad * foot
         # A rover that steers rolls ahead at its origin, or at the measured wheel. Below the camera the angle
         # by a wrong yaw is the same in rotations.
         rolls_ahead = any(
@@ -219,7 +233,7 @@ class WheelComparison:
         # Near and far ground of a camera that is upside down may seem to tilt, and not to move.
         along_m, length_m = _along(motion, pair.wheel_m)
         is_along = along_m > self._parameters.rig_watch.backwards * length_m
-        if abs(wheel_m) < self._parameters.mounting.on_the_spot * abs(swing_m):
+        if self._is_on_the_spot(pair):
             self._mounting.spin(pair.turn_rad, swing_m, moved_m - wheel_m + swing_m)
         self._mounting.update(
             MountedMotion(

@@ -239,7 +239,9 @@ class _Judge:
             return text
         distance, turn, aside_rad = plain.distance_scale, plain.turn_scale, 0.0
         if isinstance(reference, PoseReference):
-            reference = reference.at_origin(self._moves)
+            origin = reference.at_origin(self._moves)
+            sd *= 1.0 if origin is reference else reference.arm_growth(self._moves)
+            reference = origin
             aside_rad = reference.aside_rad(self._moves) if reference.goes else 0.0
             distance, turn = distance if reference.goes else 1.0, turn if reference.turns else distance
             # A common factor is that of the radius.

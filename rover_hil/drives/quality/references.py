@@ -122,6 +122,18 @@ class PoseReference:
         other = replace(self, step_m=self.step_m - arm_m * across)
         return other if other.fit_there(moves).residual < CLEARLY * self.fit_there(moves).residual else self
 
+    def arm_growth(self, moves: Array) -> float:
+        """Return by how much an unknown arm makes the factor of distances less certain.
+
+        On a circle the arm of a marker and a factor of the distance do the same: the root of the variance
+        inflation factor of both.
+        """
+        steps = (moves[:, 0] + 1j * moves[:, 1])[self.is_used]
+        across = 2j * np.sin(0.5 * self.turn_rad[self.is_used])
+        sizes = float(np.linalg.norm(steps) * np.linalg.norm(across))
+        alike = abs(complex(np.vdot(steps, across))) / max(sizes, 1e-30)
+        return float(max(1.0 - alike**2, 1e-12) ** -0.5)
+
     def fit(self, moves: Array) -> Fit:
         """See `Reference`. One factor is common to rotations and distances."""
         return self.at_origin(moves).fit_there(moves)

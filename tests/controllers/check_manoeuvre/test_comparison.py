@@ -21,7 +21,7 @@ FLOOR_RAD = 2.0
 """Yaw of the local frame on the floor of the camera."""
 
 
-def pair(rolled_m: float, ground_m: float) -> GroundPair:
+def ground_pair(rolled_m: float, ground_m: float) -> GroundPair:
     motion = GroundMotion(
         from_ns=0,
         to_ns=0,
@@ -155,6 +155,6 @@ def test_wheels_that_skid_may_turn_further(skids: bool, verdict: Verdict) -> Non
 def test_the_travel_by_a_camera_is_compared_with_the_wheels(share: float, verdict: Verdict) -> None:
     tracks = tracked(ALL)
     for sign in (1.0, -1.0):
-        tracks.take_ground(tuple(pair(sign * 0.01, share * sign * 0.01) for _ in range(30)))
+        tracks.take_ground(tuple(ground_pair(sign * 0.01, share * sign * 0.01) for _ in range(30)))
     checks = compare(tracks, ALL, skids=False)
     assert verdicts(checks)["rear", "travel"] is verdict

@@ -1,5 +1,7 @@
 """The manoeuvre alone: its limits of time."""
 
+from dataclasses import replace
+
 import pytest
 
 from controllers.check_manoeuvre.manoeuvre import LONGEST_STOP_S, CheckManoeuvre
@@ -7,6 +9,7 @@ from controllers.check_manoeuvre.path import Compared, Pace, legs_of
 from controllers.estimation.settings import FilterSettings
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.planar import Pose
+from tests.controllers.check_manoeuvre.test_comparison import ground_pair
 from tests.controllers.simulated import OMNI, PERIOD_NS, ROLES
 
 LEGS = legs_of(make_kinematics(OMNI), Pace(0.1, 0.2), Compared.NOTHING)
@@ -55,3 +58,19 @@ def test_without_legs_it_is_over() -> None:
     manoeuvre = CheckManoeuvre((), ROLES, FilterSettings())
     assert manoeuvre.is_over
     assert manoeuvre.take_result() is None
+
+
+def test_what_a_rotation_leaves_of_the_swing_of_the_camera_is_no_travel() -> None:
+    legs = legs_of(make_kinematics(OMNI), Pace(0.1, 0.2), Compared.TRAVEL)
+    manoeuvre = CheckManoeuvre(legs, replace(ROLES, camera="camera"), FilterSettings())
+    x_m = yaw_rad = 0.0
+    for t_ns in range(0, 60 * 10**9, PERIOD_NS):
+        guidance = manoeuvre.guide(t_ns, Pose(x_m=x_m, yaw_rad=yaw_rad), t_ns, ())
+        step_m = guidance.velocity_x_m_s * PERIOD_NS / 1e9
+        turn_rad = guidance.yaw_rate_rad_s * PERIOD_NS / 1e9
+        x_m, yaw_rad = x_m + step_m, yaw_rad + turn_rad
+        if turn_rad:
+            pair = ground_pair(0.01 * turn_rad, -0.03 * turn_rad)
+            manoeuvre.guide(t_ns, Pose(x_m=x_m, yaw_rad=yaw_rad), t_ns, (pair,))
+    assert manoeuvre.is_over
+    assert all(check.quantity != "travel" for check in manoeuvre.result)
