@@ -7,7 +7,18 @@ import pytest
 
 from tests.nature.hidden_machines import forces, signals
 from tests.nature.hidden_machines.drives import DriveCase, draw_drives, drive
-from tests.nature.hidden_machines.kinds import boat, conveyor, crane, heater, ladder, pump, table
+from tests.nature.hidden_machines.excitation import excite
+from tests.nature.hidden_machines.kinds import (
+    boat,
+    conveyor,
+    crane,
+    cylinder,
+    heater,
+    ladder,
+    pump,
+    table,
+    valve,
+)
 from tests.nature.hidden_machines.machine import Array, Machine, Sensor, Values
 from tests.nature.hidden_machines.noise import read
 from tests.nature.hidden_machines.rover_motion import ROVERS
@@ -177,3 +188,24 @@ def test_steered_wheels_roll_where_they_point(rover: int) -> None:
         body = ahead + rate * wheel.y_m
         assert np.sqrt(np.mean((left - rate * wheel.x_m) ** 2)) < 0.01
         assert np.sqrt(np.mean((body - (velocities[0][0] + rate * case.rover.wheels[0].y_m)) ** 2)) < 0.015
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("machine", "strength"), [(valve.MACHINE, 25.0), (cylinder.MACHINE, 100.0), (table.MACHINE, 5.0)]
+)
+def test_finer_steps_change_sticking_by_less_than_the_noise(machine: Machine, strength: float) -> None:
+    effect = next(effect for effect in machine.catalogue if effect.name.endswith("coulomb_friction"))
+    rng = np.random.default_rng(6)
+    numbers = {number.name: np.full(2, number.nominal) for number in machine.numbers}
+    inputs = {
+        command.name: np.stack([excite(command, machine.samples, rng) for _ in range(2)])
+        for command in machine.inputs
+    }
+    coarse, fine = (
+        simulate(replace(machine, substeps=count), numbers, {}, inputs, [(effect, strength)])
+        for count in (machine.substeps, 4 * machine.substeps)
+    )
+    for sensor in machine.sensors:
+        difference = coarse[sensor.name] - fine[sensor.name]
+        assert np.sqrt(np.mean(difference**2)) < 0.2 * sensor.noise

@@ -22,7 +22,7 @@ def main() -> None:
     lines = []
     for key in keys(chosen.kind, chosen.first):
         if chosen.out:
-            entry = write(chosen.seed, key, chosen.out / CASES, chosen.variants)
+            entry = write(chosen.seed, key, chosen.out / CASES, range(chosen.variants))
         else:
             entry = answer_of(chosen.seed, key)
         lines.append(answer_line(entry))

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from tests.nature.hidden_machines.draw import CLASSES, draw
@@ -33,17 +33,26 @@ def is_drive(key: Key) -> bool:
     return key[0] != "order" and key[1] % EVERY == AT
 
 
-def write(seed: int, key: Key, folder: Path, variants: int = 1) -> dict[str, object]:
-    """Write the variants of a case below a folder, one each, and return the answer."""
-    paths = [folder / f"{key[0]}-{seed}-{key[1]}-{variant}" for variant in range(variants)]
+def case_of(seed: int, key: Key) -> str:
+    """Return the name of a case."""
+    return f"{key[0]}-{seed}-{key[1]}"
+
+
+def name_of(seed: int, key: Key, variant: int) -> str:
+    """Return the name of the folder of a variant."""
+    return f"{case_of(seed, key)}-{variant}"
+
+
+def write(seed: int, key: Key, folder: Path, variants: Iterable[int] = (0,)) -> dict[str, object]:
+    """Write variants of a case below a folder, one each, and return the answer."""
     if is_drive(key):
         drives = draw_drives(seed, *key)
-        for variant, path in enumerate(paths):
-            write_drives(drives, path, variant)
+        for variant in variants:
+            write_drives(drives, folder / name_of(seed, key, variant), variant)
         return answer_drives(drives)
     case = draw(seed, *key)
-    for variant, path in enumerate(paths):
-        write_case(case, path, variant)
+    for variant in variants:
+        write_case(case, folder / name_of(seed, key, variant), variant)
     return answer(case)
 
 

@@ -10,6 +10,9 @@ Values = dict[str, Array]
 SHARP = 0.3
 """Nature's friction changes its sign within this share of the user's `slow`, on a law of another form."""
 
+MOST = 30.0
+"""Greatest strength over the usual one: beyond it a machine only stands still."""
+
 
 def _sense(velocity: Array, slow: float) -> Array:
     return np.asarray(velocity / np.sqrt(velocity**2 + (SHARP * slow) ** 2))
@@ -24,7 +27,7 @@ def _force(
 
     full = f"{port}_{name}"
     line = f'effects.{name}("{port}", {call}, size={{size}}, name="{full}")'
-    return Effect(full, "port", port, act, typical, np.inf, line, parameter, is_signed=is_signed)
+    return Effect(full, "port", port, act, typical, MOST * typical, line, parameter, is_signed=is_signed)
 
 
 def dry(port: str, velocity: str, typical: float, slow: float) -> Effect:
@@ -97,7 +100,7 @@ def term(
         return signal - size * shape(x)
 
     terms = tuple(Term(port, sources, (form,)) for sources, form in right)
-    return Effect(f"{port}_{name}", "port", port, act, typical, terms=terms)
+    return Effect(f"{port}_{name}", "port", port, act, typical, MOST * typical, terms=terms)
 
 
 def root_friction(port: str, velocity: str, typical: float) -> Effect:

@@ -23,7 +23,7 @@ MACHINE = Machine(
     name="valve",
     step_s=0.05,
     samples=180,
-    substeps=40,
+    substeps=80,
     states={"pressure": "bar", "stem": "mm", "speed": "mm/s"},
     inputs=(Input("signal", "mA", -8.0, 8.0),),
     numbers=(
@@ -46,7 +46,7 @@ MACHINE = Machine(
 """,
     output='{"lift": x.stem, "manometer": x.pressure}',
     catalogue=(
-        forces.dry("stem_force", "speed", 8.0, 0.4),
+        forces.dry("stem_force", "speed", 8.0, 1.0),
         signals.play("signal", 0.2),
         signals.dead_zone("signal", 0.15),
         signals.delay("input", "signal", 0.06, 0.5),
