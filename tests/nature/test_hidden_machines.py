@@ -1,6 +1,7 @@
 """The hidden machines: models that run and agree with nature, and answers that repeat."""
 
 import re
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,6 +19,8 @@ from tests.nature.hidden_machines.simulate import simulate
 from tests.nature.hidden_machines.write import readings
 
 SEED = 90
+DIGESTS = Path(cases.__file__).with_name("digests.txt")
+"""A line each: SHA-256 of answers, class, how many, seed."""
 NAMES = [machine.name for machine in MACHINES]
 
 
@@ -160,3 +163,23 @@ def test_hidden_effects_of_drives_belong_to_their_rover() -> None:
         assert case.hidden is not None
         assert case.rover.least_turn_m or not case.hidden.needs_steering
         assert case.hidden.name != "steering_offset" or case.rover.wheels[case.wheel].steers
+
+
+def answers_digest(line: str) -> str:
+    """Return the digest of the answers that a line of `digests.txt` states."""
+    kind, first, seed = line.split()[1:]
+    answers = [cases.answer_of(int(seed), key) for key in cases.keys(kind, int(first))]
+    return cases.digest([cases.answer_line(answer) for answer in answers])
+
+
+@pytest.mark.slow
+def test_the_answers_are_those_that_were_committed() -> None:
+    line = DIGESTS.read_text("utf-8").splitlines()[1]
+    assert answers_digest(line) == line.split()[0]
+
+
+@pytest.mark.nightly
+@pytest.mark.timeout(3600)
+def test_all_answers_are_those_that_were_committed() -> None:
+    line = DIGESTS.read_text("utf-8").splitlines()[0]
+    assert answers_digest(line) == line.split()[0]

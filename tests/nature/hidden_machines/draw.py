@@ -13,6 +13,8 @@ from tests.nature.hidden_machines.visible import Sight
 CLASSES = ("catalogue", "order", "outside", "none")
 RATIOS, PAIR_RATIOS = (0.5, 10.0), (1.5, 8.0)
 FEW_SHARE, FEW_RUNS = 0.15, (3, 4, 4, 5, 5)
+TOO_SURE = (5.0, 12.0)
+"""Error of a wrong parameter, in prior standard deviations of its user."""
 SAME = 16.0
 """Chi-square below which the runs do not separate two explanations."""
 
@@ -62,14 +64,22 @@ def draw(seed: int, kind: str, number: int) -> Case:
         for command in machine.inputs
     }
     correlation = float(rng.uniform(0.3, 0.8)) if rng.uniform() < 0.35 else 0.0
+    chosen = _chosen(machine, kind, rng)
+    numbers |= {
+        effect.place: np.full(runs, number.nominal)
+        for effect, _, _ in chosen
+        for number in machine.numbers
+        if effect.where == "parameter" and number.name == effect.place
+    }
     sight = Sight(machine, numbers, starts, inputs)
-    hidden = _hidden(machine, kind, sight, rng)
+    hidden = tuple((effect, sight.strength(effect, ratio, sign)) for effect, ratio, sign in chosen)
     listed = _listed(machine, hidden, rng)
     names = {effect.name for effect, _ in hidden}
     others = [effect for effect in listed if effect.name not in names]
     rests = {other.name: sight.rest(hidden, other) for other in others} if hidden else {}
     alike = tuple(name for name, (chi_square, _) in rests.items() if chi_square < SAME)
     ratio = sight.ratio(hidden) if hidden else 0.0
+    machine = _too_sure(machine, hidden, rng)
     best_other = min((left for _, left in rests.values()), default=0.0)
     return Case(
         seed, kind, number, machine, numbers, starts, inputs, hidden, listed,
@@ -102,35 +112,37 @@ def _numbers(machine: Machine, runs: int, rng: np.random.Generator) -> Values:
     return values
 
 
-def _hidden(
-    machine: Machine, kind: str, sight: Sight, rng: np.random.Generator
-) -> tuple[tuple[Effect, float], ...]:
+def _chosen(machine: Machine, kind: str, rng: np.random.Generator) -> list[tuple[Effect, float, float]]:
+    """Return the effects that are hidden, how much each shows, and its sign."""
     if kind == "none":
-        return ()
+        return []
     low, high = np.log(PAIR_RATIOS if kind == "order" else RATIOS)
     if kind == "order":
         pair = list(machine.pairs[int(rng.integers(len(machine.pairs)))])
         rng.shuffle(pair)
-        chosen = [machine.effect(name) for name in pair]
+        effects = [machine.effect(name) for name in pair]
     else:
         pool = machine.catalogue if kind == "catalogue" else machine.outside
-        chosen = [pool[int(rng.integers(len(pool)))]]
+        effects = [pool[int(rng.integers(len(pool)))]]
     result = []
-    for effect in chosen:
-        share = float(rng.uniform())
-        if effect.where == "parameter":
-            strength = _wrong(machine, effect, share)
-        else:
-            strength = sight.strength(effect, float(np.exp(low + share * (high - low))))
-        sign = rng.choice([-1.0, 1.0]) if effect.is_signed else 1.0
-        result.append((effect, float(sign * strength)))
-    return tuple(result)
+    for effect in effects:
+        ratio = float(np.exp(rng.uniform(low, high)))
+        result.append((effect, ratio, float(rng.choice([-1.0, 1.0])) if effect.is_signed else 1.0))
+    return result
 
 
-def _wrong(machine: Machine, effect: Effect, share: float) -> float:
-    """Return the error of a parameter: 5 to 12 prior standard deviations, at most half of its value."""
-    number = next(number for number in machine.numbers if number.name == effect.place)
-    return number.nominal * min((5.0 + 7.0 * share) * number.share_sd, 0.5)
+def _too_sure(
+    machine: Machine, hidden: tuple[tuple[Effect, float], ...], rng: np.random.Generator
+) -> Machine:
+    """Return a machine whose user is surer of a wrong parameter than its error allows."""
+    errors = {effect.place: abs(error) for effect, error in hidden if effect.where == "parameter"}
+
+    def stated(number: Number) -> Number:
+        if number.name not in errors:
+            return number
+        return replace(number, share_sd=errors[number.name] / number.nominal / rng.uniform(*TOO_SURE))
+
+    return replace(machine, numbers=tuple(stated(number) for number in machine.numbers))
 
 
 def _listed(

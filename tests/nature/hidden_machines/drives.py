@@ -53,7 +53,7 @@ CATALOGUE = (
 OUTSIDE = (
     Hidden("growing_tyres", "share_per_m_s", 0.08, 0.25, 0.1 * _SPEED, is_signed=False),
     Hidden("lost_ticks", "share_above_half_speed", 0.02, 0.08, 0.5 * _SPEED, is_signed=False),
-    Hidden("side_slip_in_curves", "m_s_per_m_rad_s2", 0.3, 1.0, 0.02 / SPEED_NOISE),
+    Hidden("side_slip_in_curves", "m_s_per_m_rad_s2", 0.08, 0.45, 0.02 / SPEED_NOISE),
     Hidden("gyro_square", "s_per_rad", 0.15, 0.5, 0.03 / RATE_NOISE),
 )
 

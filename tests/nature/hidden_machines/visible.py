@@ -48,11 +48,11 @@ class Sight:
         left = rest - (share if other.is_signed else max(share, 0.0)) * rival
         return float(np.sum(left**2)), self._greatest(left)
 
-    def strength(self, effect: Effect, ratio: float) -> float:
-        """Return the strength at which the effect shows by `ratio`, or the greatest that makes sense."""
+    def strength(self, effect: Effect, ratio: float, sign: float) -> float:
+        """Return the strength, of a sign, that shows by `ratio`, or the greatest that makes sense."""
         strength, low, high = min(effect.typical, effect.most), 0.0, effect.most
         for _ in range(10):
-            shown = self.ratio([(effect, strength)])
+            shown = self.ratio([(effect, sign * strength)])
             if np.isfinite(shown) and abs(np.log(max(shown, 1e-9) / ratio)) < CLOSE:
                 break
             if np.isfinite(shown) and shown < ratio:
@@ -64,7 +64,7 @@ class Sight:
             strength = guess if low < guess < high else min(0.5 * (low + high), effect.most)
             if not np.isfinite(strength):
                 strength = 10.0 * low
-        return strength
+        return sign * strength
 
     def _whitened(self, channels: Values) -> Array:
         return np.stack([channels[sensor.name] / sensor.noise for sensor in self._machine.sensors])

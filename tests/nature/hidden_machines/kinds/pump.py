@@ -1,4 +1,4 @@
-"""A pump that drives water to and fro through a pipe into a standpipe."""
+"""A pump that drives water through a pipe into a standpipe and back."""
 
 import numpy as np
 
