@@ -88,7 +88,7 @@ def outcome_of(
         hidden=[effect["name"] for effect in hidden],
         verdict=verdict.get("verdict", "BAD_DATA" if code == 1 else "CRASH"),
         named=named_of(verdict),
-        sets=[list(member) for member in verdict.get("confidence_set", [])],
+        sets=[as_listed(member, verdict) for member in verdict.get("confidence_set", [])],
         sizes=[entry for effect in hidden for entry in size_of(effect, verdict)],
         draft_place=draft_place(answer["terms"], codes) if answer["terms"] else -1,
         probabilities=probabilities_of(verdict),
@@ -102,8 +102,14 @@ def outcome_of(
 def named_of(verdict: Mapping[str, Any]) -> list[str]:
     """Return the named effects; a base parameter that is proven wrong counts as `wrong_NAME`."""
     effects = [effect["name"] for effect in verdict.get("effects", [])]
-    wrong = [f"wrong_{number['name']}" for number in verdict.get("base_parameters", []) if number["is_named"]]
-    return effects + [name for name in wrong if name not in effects]
+    wrong = [number["name"] for number in verdict.get("base_parameters", []) if number["is_named"]]
+    return list(dict.fromkeys(as_listed([*effects, *wrong], verdict)))
+
+
+def as_listed(names: list[str], verdict: Mapping[str, Any]) -> list[str]:
+    """Return names as the user's list has them: the output names a wrong base parameter by itself."""
+    numbers = {number["name"] for number in verdict.get("base_parameters", [])}
+    return [f"wrong_{name}" if name in numbers else name for name in names]
 
 
 def size_of(effect: Mapping[str, Any], verdict: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -154,7 +160,7 @@ def probabilities_of(verdict: Mapping[str, Any]) -> list[tuple[list[str], float]
     planned = verdict.get("next_runs") or [{}]
     explanations = planned[0].get("explanations", [])
     return [
-        (re.split(r"\s*(?:\+|,| and )\s*", str(entry["name"])), float(entry["weight"]))
+        (as_listed(re.split(r"\s*(?:\+|,| and )\s*", entry["name"]), verdict), float(entry["weight"]))
         for entry in explanations
         if entry["name"] != "something else"
     ]

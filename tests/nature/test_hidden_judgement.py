@@ -74,9 +74,10 @@ def test_every_name_is_wrong_where_nothing_of_the_list_is_hidden(kind: str) -> N
 def test_a_base_parameter_that_is_proven_wrong_is_a_name() -> None:
     effect = {"name": "wrong_mass", "parameter": "error", "size": 0.5, "is_listed": True}
     number = {"name": "mass", "nominal": 2.0, "value": 2.45, "ci95": [2.4, 2.6], "is_named": True}
-    given = {**verdict("x"), "effects": [], "base_parameters": [number]}
+    given = {**verdict("x"), "effects": [], "base_parameters": [number], "confidence_set": [["mass"]]}
     outcome = judged(given, {**ANSWER, "effects": [effect]})
     assert outcome.is_named_right
+    assert outcome.sets == [["wrong_mass"]]
     assert outcome.sizes[0]["low"] == pytest.approx(0.4)
 
 

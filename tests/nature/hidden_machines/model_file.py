@@ -99,6 +99,7 @@ def _effects(case: Case) -> list[str]:
     lines = []
     for effect in case.listed:
         guess = sizes.get(effect.name, effect.typical) * GUESS ** rng.uniform(-1.0, 1.0)
+        guess = min(guess, effect.most)
         limits = tuple(rounded(share * _greatest(case, effect), 3) for share in LIMITS)
         lines.append(effect.line.format(size=rounded(max(guess, 1e-9), 2), limits=limits))
     return lines
