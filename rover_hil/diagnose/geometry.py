@@ -31,7 +31,8 @@ class GeometryPart:
         entries: Where a configuration takes the numbers; empty where they are not accepted.
         harms: Share of the squared error by the wheels that each shown number explains, by name.
         marker: Numbers of the marker and the delay of the known places.
-        wheels: Odometry of each drive with the accepted numbers, else as described, and its times, by name.
+        wheels: Odometry of each drive with the accepted numbers, fitted without that drive, else as
+            described, and its times, by name.
     """
 
     result: GeometryResult | None = None
@@ -132,14 +133,14 @@ def _harms(result: GeometryResult) -> dict[str, float]:
 def _odometry(
     recorded: Mapping[str, RecordedDrive], result: GeometryResult
 ) -> dict[str, tuple[np.ndarray, Trajectory]]:
-    values = result.fit.values if is_accepted(result) else {}
     numbers = [each.number for each in result.fit.estimates]
-    moves = TrajectoryProblem(list(recorded.values()), result.geometry, numbers).moves(values)
-    paths = [wheel_trajectory(each) for each in moves]
-    return {
-        name: (drive.t_s, Trajectory(path.place_m, path.yaw_rad))
-        for (name, drive), path in zip(recorded.items(), paths, strict=True)
-    }
+    found = {}
+    for (name, drive), values in zip(recorded.items(), result.fit.without, strict=True):
+        problem = TrajectoryProblem([drive], result.geometry, numbers)
+        (moves,) = problem.moves(values if is_accepted(result) else {})
+        path = wheel_trajectory(moves)
+        found[name] = (drive.t_s, Trajectory(path.place_m, path.yaw_rad))
+    return found
 
 
 def number_words(estimate: Estimate) -> str:
