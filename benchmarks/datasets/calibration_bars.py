@@ -319,7 +319,7 @@ def judge(
         known: Standard deviations of a true place and a true yaw.
     """
     reader, entered = LogReader(log), load_config(str(config))
-    times, poses, covariances, way_m = list[float](), list[Array](), list[Array](), [0.0]
+    times, poses, covariances = list[float](), list[Array](), list[Array]()
     with restore_config(reader) as logged:
         for output in estimate_again(reader, with_controller_of(logged, entered)):
             own, wheels = output.estimate, output.odometry
@@ -393,13 +393,13 @@ def _points_of(seed: int, count: int) -> list[Point]:
     return points
 
 
-def compare_halves(folder: Path) -> None:
+def compare_halves(folder: Path, robots: Sequence[str]) -> None:
     """Print the same for each half of the recordings of each OptiOdom robot, with what the other half shows.
 
     The ground truth is not exact: its noise at both ends is added to the region.
     """
     points: list[Point] = []
-    for name in COLUMNS:
+    for name in robots:
         parts = halves(folder / name)
         for fitted, judged in (parts, parts[::-1]):
             with TemporaryDirectory() as place:
@@ -471,6 +471,7 @@ def main() -> None:
     )
     parser.add_argument("what", choices=("reference", "kinds", "covariance", "halves"))
     parser.add_argument("folder", type=Path, nargs="?", help="of the OptiOdom recordings")
+    parser.add_argument("--robot", choices=COLUMNS, action="append", help="of `halves`; all without it")
     parser.add_argument("--seed", type=int, default=1, help="of the first simulated robot")
     parser.add_argument("--robots", type=int, default=20, help="of each part")
     parser.add_argument("--drives", type=int, default=10, help="validation drives of each robot")
@@ -481,7 +482,7 @@ def main() -> None:
     elif options.what == "kinds":
         compare_kinds(options.seed, options.robots)
     elif options.what == "halves":
-        compare_halves(options.folder)
+        compare_halves(options.folder, options.robot or list(COLUMNS))
     else:
         compare_covariance(options.seed, options.robots, options.drives, options.record)
 

@@ -33,7 +33,7 @@ def driven(rate: float, speed: float, rng: np.random.Generator, noise: float = 1
     seen = rng.standard_normal((3, STEPS + 1))
     assert true.yaw_rad is not None
     known = Trajectory(true.place_m + TRUE_M * (seen[0] + 1j * seen[1]), true.yaw_rad + TRUE_RAD * seen[2])
-    t_s = 0.05 * np.arange(STEPS + 1)
+    t_s = np.linspace(0.0, 0.05 * STEPS, STEPS + 1)
     return Compared(t_s=t_s, true=known, tracks={ODOMETRY: wheels, ESTIMATE: wheels})
 
 
