@@ -12,6 +12,11 @@ TITLES: Final[dict[str, tuple[str, str]]] = {
         "Missions on grounds that nothing was tuned on: NEES is the squared error over the reported "
         "covariance, over its dimension.",
     ),
+    "calibration": (
+        "Calibration from drives, and the covariance after diagnose",
+        "Measured recordings of three robots, where the peer is a fit by somebody who had not seen the "
+        "program; and the same robots in an independent simulator.",
+    ),
     "field_tests": (
         "The two field tests of the sComp paper, simulated",
         "Medians over seeds that were not used for development; test 1 is the fit, test 2 the transfer.",

@@ -24,6 +24,9 @@ class GroundSettings(Settings):
         slip_distance_m: The correlation of the slip falls to 37 % over this distance.
         local_slip_sd: Standard deviation of the slip that changes over `filter.slip_distance_m`, in addition;
             as large as `slip_sd` where it is left out.
+        noise_m_sqrt_m: Standard deviation of the position after one metre by what changes from wheel turn to
+            wheel turn; only with `learned`, that of `firm` where it is left out.
+        noise_m_sqrt_rad: The same after rotating by one radian; 0 where it is left out.
         source: The drives that `learned` comes from.
         learned_on: Day, as 2026-01-31.
     """
@@ -34,6 +37,8 @@ class GroundSettings(Settings):
     cross_slip_sd: Share | None = None
     slip_distance_m: Annotated[float, Field(ge=0.01, le=1000.0)] | None = None
     local_slip_sd: Share | None = None
+    noise_m_sqrt_m: Share | None = None
+    noise_m_sqrt_rad: Share | None = None
     source: str = ""
     learned_on: str = ""
 
@@ -45,6 +50,8 @@ class GroundSettings(Settings):
             "cross_slip_sd": self.cross_slip_sd,
             "slip_distance_m": self.slip_distance_m,
             "local_slip_sd": self.local_slip_sd,
+            "noise_m_sqrt_m": self.noise_m_sqrt_m,
+            "noise_m_sqrt_rad": self.noise_m_sqrt_rad,
         }
         given = [key for key, value in numbers.items() if value is not None]
         if self.slip == "learned" and (self.slip_sd is None or not self.source):
@@ -57,8 +64,9 @@ class GroundSettings(Settings):
                 f'{", ".join(given)}: slip = "firm" has its own numbers; remove this, or set slip to '
                 '"learned" with the source of the numbers'
             )
-        if self.slip == "unknown" and self.slip_mean is not None:
-            raise ValueError('slip_mean: slip = "unknown" has no mean; remove it, or set slip to "learned"')
+        for key in ("slip_mean", "noise_m_sqrt_m", "noise_m_sqrt_rad"):
+            if self.slip == "unknown" and numbers[key] is not None:
+                raise ValueError(f'{key}: slip = "unknown" has none; remove it, or set slip to "learned"')
         return self
 
     def prior(self) -> SlipPrior:
@@ -74,7 +82,8 @@ class GroundSettings(Settings):
             sd=self.slip_sd,
             cross_sd=self.slip_sd if self.cross_slip_sd is None else self.cross_slip_sd,
             local_sd=self.slip_sd if self.local_slip_sd is None else self.local_slip_sd,
-            noise_m_sqrt_m=FIRM.noise_m_sqrt_m,
+            noise_m_sqrt_m=FIRM.noise_m_sqrt_m if self.noise_m_sqrt_m is None else self.noise_m_sqrt_m,
+            noise_m_sqrt_rad=self.noise_m_sqrt_rad or 0.0,
         )
 
     def unknown(self) -> SlipPrior:

@@ -19,6 +19,7 @@ class SlipPrior(NamedTuple):
             it is smaller as `cross_sd` is.
         noise_m_sqrt_m: Standard deviation of the position after one metre by what changes from wheel turn to
             wheel turn; None for that of [filter].
+        noise_m_sqrt_rad: The same after rotating by one radian.
     """
 
     name: str
@@ -28,6 +29,7 @@ class SlipPrior(NamedTuple):
     distance_m: float
     local_sd: float
     noise_m_sqrt_m: float | None = None
+    noise_m_sqrt_rad: float = 0.0
 
     @property
     def local_cross_sd(self) -> float:

@@ -52,6 +52,7 @@ UNITS = {
     "rad_sqrt_s": "rad/sqrt(s)",
     "rad_s_sqrt_s": "rad/s/sqrt(s)",
     "m_sqrt_m": "m/sqrt(m)",
+    "m_sqrt_rad": "m/sqrt(rad)",
     "rad_s_nm": "rad/s per N m",
     "v_s_per_rad": "V s/rad",
     "nm_per_a": "N m/A",

@@ -36,6 +36,7 @@ from rover_hil.diagnose.trajectory_errors import Trajectory, absolute_errors
 from rover_hil.drives.arrays import Array, rms
 from rover_hil.drives.quality.consistency import Consistency
 from rover_hil.ready.wheels.drives_procedure import UNITS
+from rover_hil.ready.wheels.geometry import BASES
 from rover_hil.recording.findings import FoundFinding
 
 HELD_OUT_EVERY = 3
@@ -200,17 +201,19 @@ def _settings(
 ) -> Settings | None:
     """Return the settings that would be right, tried on drives that they are not from.
 
-    None where the covariance is not judged, or a finding has to be corrected first.
+    None where the covariance is not judged, or a finding has to be corrected first: one that slip in
+    rotations does not explain.
     """
-    if not normalised or any(_of_whole_drives(each) for each in drives):
+    differences = () if geometry.result is None else geometry.result.differences
+    slips = any(each.number.name in BASES for each in differences)
+    if not normalised or (not slips and any(_of_whole_drives(each) for each in drives)):
         return None
-    is_right = not (judged(normalised).is_too_small or judged(normalised).is_too_large)
     judged_drives = [each for each in drives if any(each.name == other.drive for other in normalised)]
     every = min(HELD_OUT_EVERY, len(judged_drives))
     held = [each for place, each in enumerate(judged_drives, start=1) if place % every == 0]
-    held = held[:MOST_VALIDATED] if len(judged_drives) > 1 and not is_right else []
+    held = held[:MOST_VALIDATED] if len(judged_drives) > 1 else []
 
-    def validate(settings: Settings) -> tuple[Consistency, Consistency] | None:
+    def validate(settings: Settings) -> tuple[Sequence[Normalised], Sequence[Normalised]]:
         before, after = [], []
         for each in held:
             path = each.drive.log.path
@@ -225,15 +228,17 @@ def _settings(
             if found is not None:
                 after.append(found)
                 before += [other for other in normalised if other.drive == each.name]
-        return (judged(before), judged(after)) if after else None
+        return before, after
 
     return learned_settings(compared, drives[0].drive.config, validate, [each.name for each in held])
 
 
 def _corrected(config: Config, geometry: GeometryPart) -> Config:
     result = geometry.result
-    if result is None or not geometry.is_accepted or type(result.corrected) is not type(config.rover):
+    if result is None or not geometry.is_accepted:
         return config
+    if config.slip is not None and type(result.corrected) is not type(config.rover):
+        return config  # the slip needs wheels of one radius
     return config.model_copy(update={"rover": result.corrected})
 
 

@@ -14,7 +14,7 @@ from rover_hil.ready.procedure import Entry, Facts
 from rover_hil.ready.wheels.drives_procedure import UNITS, DrivesCalibration, Recorded
 from rover_hil.ready.wheels.from_drives import GeometryResult, geometry_from_drives
 from rover_hil.ready.wheels.trajectory import RecordedDrive, recorded_of, wheel_trajectory
-from rover_hil.ready.wheels.trajectory_fit import Estimate, TrajectoryProblem
+from rover_hil.ready.wheels.trajectory_fit import LEAST_DRIVES, Estimate, TrajectoryProblem
 
 TO_PASTE = "to paste"
 
@@ -31,7 +31,8 @@ class GeometryPart:
         entries: Where a configuration takes the numbers; empty where they are not accepted.
         harms: Share of the squared error by the wheels that each shown number explains, by name.
         marker: Numbers of the marker and the delay of the known places.
-        wheels: Odometry of each drive with the accepted numbers, else as described, and its times, by name.
+        wheels: Odometry of each drive, with numbers half-way between the accepted ones and those that are
+            fitted without it, else as described, and its times, by name.
     """
 
     result: GeometryResult | None = None
@@ -132,14 +133,18 @@ def _harms(result: GeometryResult) -> dict[str, float]:
 def _odometry(
     recorded: Mapping[str, RecordedDrive], result: GeometryResult
 ) -> dict[str, tuple[np.ndarray, Trajectory]]:
-    values = result.fit.values if is_accepted(result) else {}
     numbers = [each.number for each in result.fit.estimates]
-    moves = TrajectoryProblem(list(recorded.values()), result.geometry, numbers).moves(values)
-    paths = [wheel_trajectory(each) for each in moves]
-    return {
-        name: (drive.t_s, Trajectory(path.place_m, path.yaw_rad))
-        for (name, drive), path in zip(recorded.items(), paths, strict=True)
-    }
+    found = {}
+    fitted = result.fit.values if is_accepted(result) else {}
+    for (name, drive), without in zip(recorded.items(), result.fit.without, strict=True):
+        problem = TrajectoryProblem([drive], result.geometry, numbers)
+        # With a drive its errors are too small, without it too large. Few drives do not stand for each other.
+        share = 0.5 if len(recorded) >= LEAST_DRIVES else 0.0
+        values = {key: value + share * (without[key] - value) for key, value in fitted.items()}
+        (moves,) = problem.moves(values)
+        path = wheel_trajectory(moves)
+        found[name] = (drive.t_s, Trajectory(path.place_m, path.yaw_rad))
+    return found
 
 
 def number_words(estimate: Estimate) -> str:

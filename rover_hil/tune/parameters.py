@@ -40,6 +40,7 @@ UNITS = {
     "rad_sqrt_m": "",
     "rad_sqrt_rad": "",
     "m_sqrt_m": "",
+    "m_sqrt_rad": "",
     "rad_s_sqrt_s": "",
 }
 """Unit by the end of a key; empty where people write it in many ways."""

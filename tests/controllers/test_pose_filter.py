@@ -16,6 +16,7 @@ from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.reader import Situation
 from controllers.estimation.filter.state_layout import YAW
 from controllers.estimation.filter.transition import Turn
+from controllers.estimation.ground_settings import GroundSettings
 from controllers.estimation.gyro.standstill_reading import GyroAtStandstill
 from controllers.estimation.headings.heading import HeadingReader
 from controllers.estimation.pose_estimate import PoseEstimate, YawSource
@@ -354,3 +355,14 @@ def test_a_heading_that_is_right_again_corrects_after_a_few() -> None:
 def test_headings_that_were_never_rejected_correct_at_once() -> None:
     _, read = read_headings([0.0, 0.1])
     assert read[1][1] > 0.0
+
+
+def test_rotation_on_the_spot_moves_the_place_where_the_ground_says_so() -> None:
+    ground = GroundSettings(
+        slip="learned", slip_sd=0.001, source="drives", noise_m_sqrt_m=0.003, noise_m_sqrt_rad=0.002
+    )
+    pose_filter = PoseFilter(SETTINGS, (), prior=ground.prior())
+    for _ in range(100):
+        pose_filter.predict(STANDING, Turn(angle_rad=0.09, source=YawSource.WHEELS))
+    xx, _, _, yy, *_ = pose_filter.covariance
+    assert [math.sqrt(xx), math.sqrt(yy)] == pytest.approx([0.002 * 3.0] * 2, rel=0.01)

@@ -243,6 +243,8 @@ class MotionTransition:
         elif self.prior.noise_m_sqrt_m is not None and self._acts_by_prior(increment):
             noise_m_sqrt_m = self.prior.noise_m_sqrt_m
         position_m2 = noise_m_sqrt_m**2 * distance_m
+        if self._acts_by_prior(increment):
+            position_m2 += self.prior.noise_m_sqrt_rad**2 * abs(turn.angle_rad)
         yaw_rad2 = 0.0
         by_wheels_rad: float | None = turn.angle_rad
         if turn.source is YawSource.GYRO:

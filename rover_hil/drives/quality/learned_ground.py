@@ -20,12 +20,15 @@ class LearnedGround(NamedTuple):
         mean: Mean share of the wheels' travel that was lost.
         sd: Standard deviation of the share of a leg to come.
         cross_sd: The same of the motion across the travel, as a share of it.
+        noise_m: Standard deviation of the position after one metre and after one radian by what changes from
+            place to place; empty where it is part of the slip.
     """
 
     legs: int
     mean: float
     sd: float
     cross_sd: float
+    noise_m: tuple[float, ...] = ()
 
     @property
     def words(self) -> str:
@@ -37,11 +40,17 @@ class LearnedGround(NamedTuple):
 
     def settings(self, source: str) -> dict[str, str | float]:
         """Return the keys of [ground] in a configuration; `source` names the drives."""
+        noise = {}
+        if self.noise_m:
+            keys = ("noise_m_sqrt_m", "noise_m_sqrt_rad")
+            noise = {key: float(f"{value:.3g}") for key, value in zip(keys, self.noise_m, strict=True)}
+            noise["local_slip_sd"] = 0.0
         return {
             "slip": "learned",
             "slip_mean": round(self.mean, 4),
             "slip_sd": round(self.sd, 4),
             "cross_slip_sd": round(self.cross_sd, 4),
+            **noise,
             "source": source,
             "learned_on": date_of(wall_time_ns()).isoformat(),
         }

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
 
+import numpy as np
 from scipy.stats import t as student
 
 from controllers.motion.rover_geometry import RoverSettings, wheels_reach_m
@@ -16,6 +17,7 @@ from rover_hil.ready.wheels.geometry import (
     BASES,
     RADIUS,
     RADIUS_OF,
+    STEERING_RATIO,
     TRACK,
     Geometry,
     Number,
@@ -31,12 +33,12 @@ from rover_hil.ready.wheels.trajectory_fit import (
     Solution,
     TrajectoryFit,
     TrajectoryProblem,
+    covariance_of_unknown,
     deviation,
     fit_trajectories,
     freedom,
     moved_without,
     named,
-    variance_of_unknown,
 )
 from rover_hil.ready.wheels.validation import DriveError, KindErrors, by_kind, drive_error
 
@@ -76,11 +78,11 @@ class KindDifference:
         name = self.number.name
         rotating = [kind for kind in self.values if kind in (ON_THE_SPOT, SQUARE)]
         others = [kind for kind in self.values if kind not in (ON_THE_SPOT, SQUARE)]
+        if name in BASES and rotating and others:
+            more = max(self.values[kind][0] for kind in rotating)
+            if more > max(self.values[kind][0] for kind in others):
+                return "slip in rotations: the wheels roll farther than the rotation needs"
         if name in (TRACK, BASE):
-            if rotating and others:
-                more = max(self.values[kind][0] for kind in rotating)
-                if more > max(self.values[kind][0] for kind in others):
-                    return "slip in rotations: the wheels roll farther than the rotation needs"
             return "slip that depends on how the rover rotates"
         if name == RADIUS:
             return "slip along the path, or a load of the tyres that differs"
@@ -126,11 +128,7 @@ class GeometryResult:
     @property
     def not_shown(self) -> list[Estimate]:
         """The numbers of the wheels that stay as described, because the drives do not show them."""
-        return [
-            each
-            for each in self.fit.estimates
-            if each.number.is_geometry and not each.half_width <= SHOWN * each.number.plausible
-        ]
+        return [each for each in self.fit.estimates if each.number.is_geometry and _is_unknown(each)]
 
     @property
     def corrected(self) -> RoverSettings:
@@ -140,7 +138,7 @@ class GeometryResult:
     @property
     def problem(self) -> str:
         """Why the numbers must not be used; empty where they may."""
-        if not self.shown:
+        if not self.shown and not self.differences:
             wanted = dict.fromkeys(each.number.shown_by for each in self.not_shown)
             return f"these drives show no number of the wheels: drive {'; '.join(wanted)}"
         for each in self.shown:
@@ -216,6 +214,11 @@ def geometry_from_drives(
     )
 
 
+def _is_unknown(estimate: Estimate) -> bool:
+    """Return whether the drives do not show a number."""
+    return not estimate.half_width <= SHOWN * estimate.number.plausible
+
+
 def _errors(
     drives: Sequence[RecordedDrive],
     validation: Sequence[RecordedDrive],
@@ -251,8 +254,16 @@ def _differences(
     """
     of_segments = [kinds[each.drive] for each in common.segments]
     compared = [kind for kind in dict.fromkeys(kinds) if of_segments.count(kind) >= LEAST_SEGMENTS]
-    names = [each.number.name for each in fit.estimates if each.is_shown]
-    candidates = [each.number for each in fit.estimates if each.is_shown and each.number.is_geometry]
+    # Numbers that are not shown, too: it may be because they differ, and they may be what seems to differ.
+    # But a ratio of the steering explains slip in bends as well.
+    unsure = [
+        each.number.name
+        for each in fit.estimates
+        if each.number.is_geometry and _is_unknown(each) and each.number.name != STEERING_RATIO
+    ]
+    free = [each.number for each in fit.estimates if each.is_shown or each.number.name in unsure]
+    names = [each.name for each in free]
+    candidates = [each for each in free if each.is_geometry]
     if len(compared) < 2 or not candidates:
         return []
     solution = common.solve(names, fit.values)
@@ -262,14 +273,14 @@ def _differences(
     found = []
     for number in candidates:
         own = {kind: named(number.name, kind) for kind in dict.fromkeys(kinds)}
-        free = [name for name in names if name != number.name] + list(own.values())
+        of_kind = [name for name in names if name != number.name] + list(own.values())
         problem = TrajectoryProblem(common.drives, common.geometry, numbers, (number.name, kinds), COMPARED_S)
         start = {**values, **dict.fromkeys(own.values(), values[number.name])}
-        of_kinds = problem.solve(free, start, solution.sd)
+        of_kinds = problem.solve(of_kind, start, solution.sd)
         still_left = _left(of_kinds.residuals, of_segments, compared)
         gains = [1.0 - after / before for before, after in zip(left, still_left, strict=True)]
         samples = _samples(number, of_kinds, own, compared)
-        if max(gains) >= LEAST_GAIN and _differ(samples, DIFFERS / pairs):
+        if max(gains) >= LEAST_GAIN and _differ(samples, of_kinds, DIFFERS / pairs):
             found.append(
                 KindDifference(
                     number=number,
@@ -298,18 +309,26 @@ class _Sample(NamedTuple):
     Attributes:
         kind: Of the motion.
         value: The number.
-        sd: Its standard deviation.
+        column: Its place in the solution.
+        own_sd: Its standard deviation by what differs between segments.
+        sd: The same, with what the data do not show.
         freedom: Degrees of freedom of the standard deviation.
     """
 
     kind: str
     value: float
+    column: int
+    own_sd: float
     sd: float
     freedom: float
 
     def half_width(self, probability: float) -> float:
         """Return half of the interval that the number is outside of with a probability."""
-        return float(student.ppf(1.0 - 0.5 * probability, self.freedom)) * self.sd
+        return _half_width(self.sd, self.freedom, probability)
+
+
+def _half_width(sd: float, degrees: float, probability: float) -> float:
+    return float(student.ppf(1.0 - 0.5 * probability, degrees)) * sd
 
 
 def _samples(
@@ -325,23 +344,31 @@ def _samples(
     """
     units = [[place] for place in range(len(solution.residuals))]
     own_sd, freedoms = deviation(moved_without(solution, units)), freedom(solution, units)
-    unknown = variance_of_unknown(solution, {})
+    unknown = covariance_of_unknown(solution, {})
     columns = list(solution.values)
     samples = []
     for kind in compared:
         name = names[kind]
         column = columns.index(name)
-        sd = math.hypot(float(own_sd[column]), math.sqrt(unknown[name]))
-        sample = _Sample(kind, solution.values[name], sd, float(freedoms[column]))
+        sd = math.hypot(float(own_sd[column]), math.sqrt(unknown[column, column]))
+        own, degrees = float(own_sd[column]), float(freedoms[column])
+        sample = _Sample(kind, solution.values[name], column, own, sd, degrees)
         if sample.half_width(0.05) <= SHOWN * number.plausible:
             samples.append(sample)
     return samples
 
 
-def _differ(samples: Sequence[_Sample], probability: float) -> bool:
-    """Return whether the numbers of two kinds differ beyond their intervals."""
+def _differ(samples: Sequence[_Sample], solution: Solution, probability: float) -> bool:
+    """Return whether the numbers of two kinds differ beyond their intervals.
+
+    What the data do not show moves both alike, for the most part.
+    """
+    unknown = covariance_of_unknown(solution, {})
     for one, other in combinations(samples, 2):
-        both = _Sample("", 0.0, math.hypot(one.sd, other.sd), min(one.freedom, other.freedom))
-        if abs(one.value - other.value) > max(both.half_width(probability), LEAST_DIFFERENCE):
+        places = [one.column, other.column]
+        (first, both), (_, second) = unknown[np.ix_(places, places)].tolist()
+        sd = math.sqrt(one.own_sd**2 + other.own_sd**2 + max(first + second - 2.0 * both, 0.0))
+        least = _half_width(sd, min(one.freedom, other.freedom), probability)
+        if abs(one.value - other.value) > max(least, LEAST_DIFFERENCE):
             return True
     return False

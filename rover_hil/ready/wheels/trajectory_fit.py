@@ -3,13 +3,14 @@
 A drive is cut into segments. In each the trajectory by the wheels is moved and turned so that it fits the
 ground truth best; what is left depends on the numbers alone. Each segment counts as one observation: errors
 within it (slip, calibration of the ground truth) last long. Intervals come from leaving out one unit after
-the other, a drive or where there are few drives a segment, and from what the data do not show: each number
-is known before to its plausible range, and a number that the data do not show adds that range to those that
-are confounded with it.
+the other, a drive or where there are few drives a segment, from how far the numbers differ from those of
+whole drives, and from what the data do not show: each number is known before to its plausible range, and a
+number that the data do not show adds that range to those that are confounded with it.
 """
 
 import math
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -158,6 +159,12 @@ class TrajectoryProblem:
         self._paths: dict[tuple[int, tuple[float, ...]], Trajectory] = {}
         self._nodes = _SteeringNodes(drives)
         self._effects: dict[tuple[float, ...], Array] = {}
+
+    def of_whole_drives(self) -> "TrajectoryProblem":
+        """Return the same problem, each drive of which is one segment."""
+        whole = copy(self)
+        whole.segments = [Segment(place, 0, len(drive.truth.t_s)) for place, drive in enumerate(self.drives)]
+        return whole
 
     def values_of(self, drive: int, values: Mapping[str, float]) -> Mapping[str, float]:
         """Return the numbers of a drive, those of its kind of motion under their plain name."""
@@ -372,6 +379,7 @@ def fit_trajectories(problem: TrajectoryProblem, fixed: Sequence[str] = ()) -> T
         unshown_sd |= {each.name: half[each.name] / NORMAL for each in shown if each not in needed}
         solution = problem.solve([each.name for each in needed], start)
         half |= half_widths(solution, units, variance_of_unknown(everything, unshown_sd))
+    half = _with_whole_drives(problem, solution, half)
     estimates = [
         Estimate(
             number=number,
@@ -387,6 +395,25 @@ def fit_trajectories(problem: TrajectoryProblem, fixed: Sequence[str] = ()) -> T
         for row in moved_without(solution, _drives_of(problem))
     ]
     return TrajectoryFit(estimates=estimates, sd=solution.sd, units=len(units[0]), without=without)
+
+
+def _with_whole_drives(
+    problem: TrajectoryProblem, solution: Solution, half: Mapping[str, float]
+) -> dict[str, float]:
+    """Return half widths of intervals that reach to the end of those of whole drives.
+
+    What depends on how the drives are cut is no noise: it adds to what differs between them.
+    """
+    whole_drives = problem.of_whole_drives()
+    whole = whole_drives.solve(list(solution.values), solution.values)
+    drives = len(problem.drives)
+    pulls = moved_without(whole, [[place] for place in range(drives)], is_left_out=False)
+    sd = drives / max(drives - 1, 1) * deviation(pulls)
+    wider = {
+        name: max(half[name], NORMAL * own) + abs(whole.values[name] - value)
+        for (name, value), own in zip(solution.values.items(), sd.tolist(), strict=True)
+    }
+    return {**half, **wider}
 
 
 def moved_without(solution: Solution, units: Sequence[Sequence[int]], *, is_left_out: bool = True) -> Array:
@@ -438,6 +465,13 @@ def variance_of_unknown(everything: Solution, fixed_sd: Mapping[str, float]) -> 
         everything: With all numbers free.
         fixed_sd: Standard deviations of numbers that stay as described, by name.
     """
+    free = [name for name in everything.values if name not in fixed_sd]
+    variance = np.diag(covariance_of_unknown(everything, fixed_sd))
+    return dict(zip(free, variance.tolist(), strict=True))
+
+
+def covariance_of_unknown(everything: Solution, fixed_sd: Mapping[str, float]) -> Array:
+    """Return the covariance of those numbers that are not fixed; see `variance_of_unknown`."""
     curvature = sum((each.T @ each for each in everything.slopes), np.zeros((len(everything.scale),) * 2))
     names = list(everything.values)
     fixed = [names.index(name) for name in fixed_sd]
@@ -445,8 +479,8 @@ def variance_of_unknown(everything: Solution, fixed_sd: Mapping[str, float]) -> 
     inverse = np.linalg.inv(curvature[np.ix_(free, free)] + np.eye(len(free)))
     pull = curvature[np.ix_(free, fixed)] * (np.array(list(fixed_sd.values())) / everything.scale[fixed])
     covariance = inverse @ (np.eye(len(free)) + pull @ pull.T) @ inverse
-    variance = everything.scale[free] ** 2 * np.diag(covariance)
-    return dict(zip([names[place] for place in free], variance.tolist(), strict=True))
+    scale = everything.scale[free]
+    return np.asarray(scale[:, np.newaxis] * covariance * scale, np.float64)
 
 
 def half_widths(

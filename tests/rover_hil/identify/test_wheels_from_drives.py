@@ -30,6 +30,7 @@ from rover_hil.ready.wheels.geometry import (
 )
 from rover_hil.ready.wheels.motion_kinds import BY_HAND, CIRCLE, ON_THE_SPOT, SQUARE, STRAIGHT
 from rover_hil.ready.wheels.trajectory import STEP_S, RecordedDrive
+from rover_hil.ready.wheels.trajectory_fit import TrajectoryProblem
 from tests.nature import calibration_drives as nature
 from tests.nature.calibration_drives import DIFF, OMNI, TRICYCLE, Sensors, Wheel
 from tests.rover_hil.command import Command, assert_one_sentence
@@ -186,6 +187,46 @@ def test_slip_in_rotations_is_no_geometry(rover: str) -> None:
         assert values[ON_THE_SPOT][0] - values[CIRCLE][0] > 0.05
     else:
         assert values[SQUARE][0] - values[CIRCLE][0] > 0.004
+
+
+def test_single_radii_that_are_not_shown_are_no_slip() -> None:
+    """One drive of each kind does not show single radii; they must not look like slip in rotations."""
+    wheels = [
+        replace(wheel, radius_m=factor * 0.051)
+        for wheel, factor in zip(OMNI, (1.006, 1.014, 1.0), strict=True)
+    ]
+    rng = np.random.default_rng(1)
+    drives = [
+        recorded(nature.drive(wheels, kind, rng, along_slip=0.002, sensors=SENSORS), OMNI_ROVER, kind)
+        for kind in (STRAIGHT, CIRCLE, ON_THE_SPOT, SQUARE)
+    ]
+    assert not geometry_from_drives(drives).differences
+
+
+def test_slip_that_hides_the_track_is_found() -> None:
+    """Kinds of motion contradict each other so much that no track is shown."""
+    kinds = (STRAIGHT, CIRCLE, ON_THE_SPOT, SQUARE)
+    result = geometry_from_drives(drives_of("differential", kinds, 2, slip=0.3))
+    assert result.differences[0].number.name == TRACK
+    assert "slip in rotations" in result.problem
+
+
+def test_intervals_contain_the_numbers_of_whole_drives() -> None:
+    """With slip that wanders, numbers depend on how the drives are cut."""
+    wheels, described, _ = planted("differential")
+    rng = np.random.default_rng(8)
+    drives = [
+        recorded(nature.drive(wheels, CIRCLE, rng, along_slip=0.05, sensors=SENSORS), described, str(number))
+        for number in range(8)
+    ]
+    result = geometry_from_drives(drives)
+    numbers = [each.number for each in result.fit.estimates]
+    problem = TrajectoryProblem(drives, result.geometry, numbers).of_whole_drives()
+    whole = problem.solve(list(result.fit.values), result.fit.values)
+    apart = {name: abs(value - whole.values[name]) for name, value in result.fit.values.items()}
+    assert max(apart.values()) > 0.0
+    for each in result.fit.estimates:
+        assert each.half_width >= apart.get(each.number.name, 0.0)
 
 
 def test_circles_alone_do_not_show_what_they_cannot() -> None:
