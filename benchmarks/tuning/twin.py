@@ -1,6 +1,6 @@
 """Whether gains that are tuned on the twin of a rover are better on this rover than those of shipped values.
 
-    python -m benchmarks.tuning.twin [--rovers 20] [--first 100] [--trials 8] [--train 5] [--unseen 10]
+    python -m benchmarks.tuning.twin [--rovers 20] [--first 100] [--trials 8] [--train 4] [--unseen 8]
         [--out FILE]
 
 Each rover is drawn by `tests.nature.drawn_rover`, which knows nothing of the program, and described by the
@@ -107,11 +107,11 @@ def on_rover(rover: DrawnRover, seed: int) -> Iterator[None]:
 def described(folder: Path) -> Path:
     """Write the configuration of a rover as its user would; return its path."""
     document = tomlkit.parse(EXAMPLE.read_text("utf-8"))
-    document["devices"]["wheels"]["mapping"] = str(EXAMPLE.parent.resolve() / "can" / "differential.toml")  # type: ignore[index]
-    document["loop"]["rate_hz"] = RATE_HZ  # type: ignore[index]
-    document["loop"]["time_limit_s"] = LONGEST_S  # type: ignore[index]
-    document["safety"]["settle_s"] = 0.5  # type: ignore[index]
-    document["simulation"]["devices"] = {"wheels": WHEELS}  # type: ignore[index]
+    document["devices"]["wheels"]["mapping"] = str(EXAMPLE.parent.resolve() / "can" / "differential.toml")
+    document["loop"]["rate_hz"] = RATE_HZ
+    document["loop"]["time_limit_s"] = LONGEST_S
+    document["safety"]["settle_s"] = 0.5
+    document["simulation"]["devices"] = {"wheels": WHEELS}
     document["mission"] = {"type": "waypoints", "points": PATH_M, **ALONG}
     path = folder / "rover.toml"
     path.write_text(document.as_string(), "utf-8")
@@ -137,7 +137,7 @@ def record(config: Path, rover: DrawnRover, folder: Path, seed: int) -> list[Pat
     for number, mission in enumerate(missions()):
         document = tomlkit.parse(config.read_text("utf-8"))
         document["mission"] = mission
-        document["simulation"]["devices"] = {"wheels": WHEELS, "imu": ideal_gyro()}  # type: ignore[index]
+        document["simulation"]["devices"] = {"wheels": WHEELS, "imu": ideal_gyro()}
         path = folder / "drive.toml"
         path.write_text(document.as_string(), "utf-8")
         logs.append(folder / f"drive{number}.mcap")
@@ -260,8 +260,8 @@ def main() -> int:
     parser.add_argument("--rovers", type=int, default=20)
     parser.add_argument("--first", type=int, default=100)
     parser.add_argument("--trials", type=int, default=8)
-    parser.add_argument("--train", type=int, default=5)
-    parser.add_argument("--unseen", type=int, default=10)
+    parser.add_argument("--train", type=int, default=4)
+    parser.add_argument("--unseen", type=int, default=8)
     parser.add_argument("--out", type=Path)
     arguments = parser.parse_args()
     started_ns = stopwatch_ns()

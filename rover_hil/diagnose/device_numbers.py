@@ -26,7 +26,8 @@ def set_point_delays_s(drives: Sequence[ReplayedDrive]) -> list[list[float]]:
     """Return by how much each driven wheel is behind its setpoints, of each drive that shows it.
 
     The angle of a wheel is that of its setpoints some time before. Least squares over the delay, the share of
-    the setpoints that the wheel reaches, and the angle at the start; the delay by Newton's steps.
+    the setpoints that the wheel reaches, the speed that friction takes, and the angle at the start; the delay
+    by Newton's steps.
     """
     return [_delays_of(each) for each in drives]
 
@@ -49,19 +50,24 @@ def delay_behind_s(angle: Readings, setpoint: Readings) -> float:
     """Return the delay of one wheel; NaN where these readings do not show it."""
     start_ns = setpoint.t_ns[0]
     set_s, first = np.unique((setpoint.t_ns - start_ns) / 1e9, return_index=True)
-    speed = setpoint.value[first]
-    turned = np.concatenate(([0.0], np.cumsum(speed[:-1] * np.diff(set_s))))
+    speed, steps_s = setpoint.value[first], np.diff(set_s)
+    turned, taken = (
+        np.concatenate(([0.0], np.cumsum(each[:-1] * steps_s))) for each in (speed, np.sign(speed))
+    )
     t_s = (angle.t_ns - start_ns) / 1e9
     inside = (t_s > LONGEST_S) & (t_s < set_s[-1])
     t_s, measured = t_s[inside], angle.value[inside]
+    if len(t_s) < LEAST_READINGS:
+        return math.nan
     delay_s = 0.0
     for _ in range(ROUNDS):
         late_s = t_s - delay_s
         held = speed[np.clip(np.searchsorted(set_s, late_s, side="right") - 1, 0, None)]
-        columns = np.column_stack((np.interp(late_s, set_s, turned), held, np.ones(len(t_s))))
-        if len(t_s) < LEAST_READINGS or np.linalg.matrix_rank(columns) < 3:
+        others = [np.interp(late_s, set_s, each) for each in (turned, taken)] + [np.ones(len(t_s))]
+        columns = np.column_stack((*others, held))
+        if np.linalg.matrix_rank(columns) == np.linalg.matrix_rank(columns[:, :-1]):
             return math.nan
-        share, behind, _ = np.linalg.lstsq(columns, measured, rcond=None)[0].tolist()
+        share, _, _, behind = np.linalg.lstsq(columns, measured, rcond=None)[0].tolist()
         if share < 0.5:  # the wheel does not follow
             return math.nan
         step_s = -behind / share
@@ -77,7 +83,7 @@ def gyro_noises_rad_s(drives: Sequence[ReplayedDrive], rate_hz: float) -> list[l
     Third differences leave the noise and little of the motion, and their median none of its edges.
     White noise of fewer readings is smaller, as a sensor takes means.
     """
-    noises = []
+    noises: list[list[float]] = []
     for each in drives:
         rate = each.drive.channels["gyro_z_rad_s"]
         if len(rate) < LEAST_READINGS:

@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 from pydantic import ValidationError
 
 from controllers.motion.rover_geometry import OmniRoverSettings, SkidSteerRoverSettings
@@ -151,7 +150,8 @@ def twin_of(diagnosis: Diagnosis, config: Config) -> Twin | None:
 def _checked(number: TwinNumber, simulation: SimulationSettings) -> TwinNumber | Unknown:
     """Return a number that [simulation] can state, with both ends of its interval."""
     interval = number.interval
-    for value in (interval.value, interval.low, interval.high):
+    middle = _rounded(interval.value)
+    for value in (middle, _rounded(interval.low), _rounded(interval.high)):
         table = simulation.model_dump(exclude={"found"})
         for key, of_key in number.sets.items():
             place: Any = table
@@ -160,7 +160,7 @@ def _checked(number: TwinNumber, simulation: SimulationSettings) -> TwinNumber |
                 place = place[part] if isinstance(part, int) else place.setdefault(part, {})
             place[last] = of_key
         for key, share in number.moves.items():
-            move(table, key, share * (value - interval.value))
+            move(table, key, share * (value - middle))
         try:
             SimulationSettings.model_validate(table)
         except ValidationError:
@@ -393,8 +393,8 @@ def pull_of(plant: WheelsPlantSettings, drag: float) -> float:
     """Return the resistance of the whole rover over the load of the wheels that are driven."""
     from sim_backends.plants.wheels.plant import make_rover  # numba takes a second to load
 
-    load_n, count = make_rover(plant).load_n, len(plant.wheels)
-    is_driven = np.array([wheel.driven for wheel in plant.wheels])
-    resistance_n = drag * float(load_n[:count].sum())
-    resistance_n += sum(each.drag * load for each, load in zip(plant.castors, load_n[count:], strict=True))
-    return resistance_n / float(load_n[:count][is_driven].sum())
+    load_n: list[float] = make_rover(plant).load_n.tolist()
+    on_wheels, on_castors = load_n[: len(plant.wheels)], load_n[len(plant.wheels) :]
+    resistance_n = drag * sum(on_wheels)
+    resistance_n += sum(each.drag * load for each, load in zip(plant.castors, on_castors, strict=True))
+    return resistance_n / sum(load for each, load in zip(plant.wheels, on_wheels, strict=True) if each.driven)
