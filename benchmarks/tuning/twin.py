@@ -1,6 +1,6 @@
 """Whether gains that are tuned on the twin of a rover are better on this rover than those of shipped values.
 
-    python -m benchmarks.tuning.twin [--rovers 20] [--first 100] [--trials 8] [--train 4] [--unseen 8]
+    python -m benchmarks.tuning.twin [--rovers 20] [--first 120] [--trials 16] [--train 3] [--unseen 12]
         [--out FILE]
 
 Each rover is drawn by `tests.nature.drawn_rover`, which knows nothing of the program, and described by the
@@ -8,7 +8,7 @@ numbers of a drawing. It is driven six times, `diagnose --enter` enters what the
 configuration, and its gains are tuned twice with the same budget and seed: in the simulation that was
 entered, and in that of the description with shipped values. Both are then driven on the rover itself on days
 that decided nothing, with the entered [rover], [filter] and [ground], and judged by the cost that `tune`
-minimises. The gain is how much less the gains of the twin cost. Rovers below 100 are for development.
+minimises. The gain is how much less the gains of the twin cost. Rovers up to 100 are for development.
 """
 
 import argparse
@@ -192,9 +192,11 @@ def driven(config: Config, rover: DrawnRover, values: dict[str, float], seeds: S
 
 
 def quantile_cost(config: Config, costs: Sequence[float]) -> float:
-    """Return the quantile that the objective takes, of costs of which some may be infinite."""
+    """Return the quantile of the costs that `tune` takes; infinite where a mission is rejected, as there."""
     assert config.tune is not None
-    return float(np.quantile(costs, config.tune.objective.quantile, method="higher"))
+    if not np.isfinite(costs).all():
+        return math.inf
+    return float(np.quantile(costs, config.tune.objective.quantile))
 
 
 def gain(twin: float, shipped: float) -> float:
@@ -258,10 +260,10 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--rovers", type=int, default=20)
-    parser.add_argument("--first", type=int, default=100)
-    parser.add_argument("--trials", type=int, default=8)
-    parser.add_argument("--train", type=int, default=4)
-    parser.add_argument("--unseen", type=int, default=8)
+    parser.add_argument("--first", type=int, default=120)
+    parser.add_argument("--trials", type=int, default=16)
+    parser.add_argument("--train", type=int, default=3)
+    parser.add_argument("--unseen", type=int, default=12)
     parser.add_argument("--out", type=Path)
     arguments = parser.parse_args()
     started_ns = stopwatch_ns()
