@@ -337,7 +337,7 @@ def _gyro_errors(gyro: GyroFit | None, sensor: InertialSettings, place: str) -> 
             Unknown(name="gyro scale", why="not shown; drive rotations to both sides, with pauses"),
         ]
     value, half = mounting.gyro_scale / gyro.scale, mounting.gyro_scale * gyro.half_width / gyro.scale**2
-    scale = Interval(value=value, low=value - half, high=value + half, count=len(gyro.bias_rad_s) + 1)
+    scale = Interval(value=value, low=value - half, high=value + half, count=len(gyro.bias_rad_s))
     return [*found, _single("gyro scale", "% of the reading", scale, f"{place}.gyro_scale")]
 
 
