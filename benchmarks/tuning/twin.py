@@ -8,7 +8,8 @@ numbers of a drawing. It is driven six times, `diagnose --enter` enters what the
 configuration, and its gains are tuned twice with the same budget and seed: in the simulation that was
 entered, and in that of the description with shipped values. Both are then driven on the rover itself on days
 that decided nothing, with the entered [rover], [filter] and [ground], and judged by the cost that `tune`
-minimises. The gain is how much less the gains of the twin cost. Rovers up to 100 are for development.
+minimises. The gain is how much less the gains of the twin cost. Results that are in the file are not made
+again. Rovers up to 100 are for development.
 """
 
 import argparse
@@ -267,13 +268,19 @@ def main() -> int:
     parser.add_argument("--out", type=Path)
     arguments = parser.parse_args()
     started_ns = stopwatch_ns()
-    results = []
-    for number in range(arguments.first, arguments.first + arguments.rovers):
+    numbers = range(arguments.first, arguments.first + arguments.rovers)
+    out: Path | None = arguments.out
+    lines = out.read_text().splitlines() if out is not None and out.exists() else []
+    results: list[dict[str, object]] = [json.loads(line) for line in lines]
+    finished = [each["rover"] for each in results]
+    for number in numbers:
+        if number in finished:
+            continue
         results.append(judge(number, arguments.trials, arguments.train, arguments.unseen))
         line = json.dumps(results[-1])
         print(line, flush=True)
-        if arguments.out is not None:
-            with arguments.out.open("a") as file:
+        if out is not None:
+            with out.open("a") as file:
                 file.write(f"{line}\n")
     gains = [float(str(each["gain"])) for each in results]
     median, low, high = median_interval(gains)
