@@ -106,5 +106,11 @@ TITLES: Final[dict[str, tuple[str, str]]] = {
         "Tuning, and its size",
         "Costs are 0.9 quantiles on missions that decided nothing.",
     ),
+    "twin": (
+        "Gains tuned on the twin of a rover",
+        "Rovers of an independent simulator, driven six times and diagnosed. Gains are tuned on the "
+        "simulation that `diagnose --enter` made, and on shipped values, with the same budget; both are "
+        "judged on the rover itself, on days that decided nothing.",
+    ),
 }
 """Title and introduction of each page, by the name of its CSV file."""

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 import tomlkit
 from tomlkit.items import InlineTable
 
-EntryValue: TypeAlias = "str | float | Sequence[Mapping[str, object]] | None"
+EntryValue: TypeAlias = "str | float | Mapping[str, object] | Sequence[Mapping[str, object]] | None"
 
 
 def with_entry(text: str, section: str, key: str, value: EntryValue) -> str:
@@ -17,7 +17,8 @@ def with_entry(text: str, section: str, key: str, value: EntryValue) -> str:
         section: Name of the table, with dots.
         key: Key in it.
         value: Its new value. Of tables that are there already, as many, only the keys given are changed. None
-            removes the key.
+            removes the key. A table replaces an earlier value; tables in it become one line for each of
+            their keys.
     """
     document = tomlkit.parse(text)
     place: Any = document
@@ -28,6 +29,9 @@ def with_entry(text: str, section: str, key: str, value: EntryValue) -> str:
     present = table.get(key)
     if value is None:
         table.pop(key, None)
+    elif isinstance(value, Mapping):
+        table.pop(key, None)
+        table[key] = {name: _with_inline_tables(each) for name, each in value.items()}
     elif isinstance(value, Sequence) and not isinstance(value, str):
         if present is not None and len(present) == len(value):
             for row, changes in zip(present, value, strict=True):
@@ -41,22 +45,6 @@ def with_entry(text: str, section: str, key: str, value: EntryValue) -> str:
             table[key] = rows.multiline(multiline=True)
     else:
         table[key] = value
-    return document.as_string()
-
-
-def with_table(text: str, section: str, name: str, table: Mapping[str, object]) -> str:
-    """Return the text of a configuration with a table; it replaces an earlier one.
-
-    Args:
-        text: A valid configuration with the section.
-        section: Name of the table that holds it, without dots.
-        name: Its name there.
-        table: Its content; tables in it become one line for each of their keys.
-    """
-    document = tomlkit.parse(text)
-    place: Any = document[section]
-    place.pop(name, None)
-    place[name] = {key: _with_inline_tables(value) for key, value in table.items()}
     return document.as_string()
 
 

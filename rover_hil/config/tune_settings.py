@@ -173,6 +173,7 @@ class ProvenanceRecord(Settings):
         train_seeds, ranking_seeds, held_out_seeds: First and last seed; none where logs were replayed, and no
             `ranking_seeds` in older files.
         train_logs, held_out_logs: Names of the logs; none where missions were simulated.
+        drives: Names of the recorded drives whose intervals the scenarios were drawn from; none without.
         held_out_cost_before: Cost on the held-out cases before tuning; none where the start was rejected.
         held_out_cost_after: Cost on the held-out cases after tuning.
         changes: Changes by dotted key; empty when the start was best.
@@ -188,6 +189,7 @@ class ProvenanceRecord(Settings):
     held_out_seeds: tuple[int, int] | None = None
     train_logs: tuple[str, ...] | None = None
     held_out_logs: tuple[str, ...] | None = None
+    drives: tuple[str, ...] | None = None
     held_out_cost_before: float | None = None
     held_out_cost_after: float
     changes: dict[str, ChangeRecord] = Field(default_factory=dict)

@@ -18,6 +18,7 @@ from rover_hil.console.steps import show_progress
 from rover_hil.diagnose.diagnosis import Diagnosis, Report, diagnose
 from rover_hil.diagnose.figures import drawings_of
 from rover_hil.diagnose.sections import entries_of, error_table, record_of, sections_of
+from rover_hil.diagnose.twin import Twin, twin_of
 from rover_hil.drives.formats.described_rover import columns_at, is_log, load_rover
 from rover_hil.drives.formats.files import WriteDrive, import_file
 from rover_hil.drives.formats.limits import LimitSettings
@@ -80,17 +81,21 @@ def diagnose_drives(
     with _shown(logs) as report:
         diagnosis = diagnose(logs, report, is_quick=quick)
     columns = None if target is None else columns_at(target)
+    config = diagnosis.drives[0].drive.config if target is None or columns is not None else load_rover(target)
+    twin = twin_of(diagnosis, config)
     entries = entries_of(diagnosis, columns)
+    if twin is not None and target is not None and columns is None:
+        entries += twin.entries(config.require_simulation())
     edited = "" if target is None or not enter else _edited(target, entries, columns)
-    record = record_of(diagnosis)
+    record = record_of(diagnosis, twin)
     write_files(out, {JSON_NAME: strict_json(record, indent=2).decode() + "\n"})
     if target is not None and entries and enter:
         write_file(Path(target), edited, option="--config")
-    add_page(out / PAGE_NAME, lambda: _page(diagnosis))
+    add_page(out / PAGE_NAME, lambda: _page(diagnosis, twin))
     if as_json:
         print_json(record)
     else:
-        _print(diagnosis, out, _entered(target, entries, enters=enter))
+        _print(diagnosis, twin, out, _entered(target, entries, enters=enter))
     return EXIT_NO if diagnosis.causes else EXIT_OK
 
 
@@ -197,17 +202,17 @@ def _entered(target: str | None, entries: Sequence[Entry], *, enters: bool) -> s
     return f"entered into {target}: {names}"
 
 
-def _page(diagnosis: Diagnosis) -> str:
+def _page(diagnosis: Diagnosis, twin: Twin | None) -> str:
     return render(
         "diagnose/page.html",
         grade="attention" if diagnosis.causes else "good",
         answer=diagnosis.answer,
-        sections=sections_of(diagnosis),
+        sections=sections_of(diagnosis, twin),
         pictures=draw_pictures(drawings_of(diagnosis)),
     )
 
 
-def _print(diagnosis: Diagnosis, out: Path, entered: str) -> None:
+def _print(diagnosis: Diagnosis, twin: Twin | None, out: Path, entered: str) -> None:
     console = Terminal(soft_wrap=True)
     answer = diagnosis.answer
     for sentence in (answer.worth, answer.cause, answer.next_step):
@@ -216,7 +221,7 @@ def _print(diagnosis: Diagnosis, out: Path, entered: str) -> None:
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     for row in table:  # not broken where the terminal is narrow
         console.print("  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
-    for number, section in enumerate(sections_of(diagnosis), start=2):
+    for number, section in enumerate(sections_of(diagnosis, twin), start=2):
         console.print(f"{number}. {section.title}")
         for line in section.lines:
             console.print(f"   {line}")

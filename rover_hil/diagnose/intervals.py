@@ -54,7 +54,9 @@ def short(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 10.0 else f"{value:.2g}"
 
 
-def mean_of(parts: Sequence[Sequence[float]], least: float = -math.inf) -> Interval:
+def mean_of(
+    parts: Sequence[Sequence[float]], least: float = -math.inf, *, is_of_next: bool = False
+) -> Interval:
     """Return the mean of observations; `parts` are those of each drive.
 
     Observations of one drive have errors in common. With `LEAST_DRIVES` drives or more the mean of each drive
@@ -63,6 +65,7 @@ def mean_of(parts: Sequence[Sequence[float]], least: float = -math.inf) -> Inter
     Args:
         parts: The observations.
         least: No mean can be smaller.
+        is_of_next: The interval contains a further observation, not the mean.
     """
     drives = [list(each) for each in parts if len(each)]
     values = [value for each in drives for value in each]
@@ -74,5 +77,6 @@ def mean_of(parts: Sequence[Sequence[float]], least: float = -math.inf) -> Inter
     half = math.inf
     if count > 1:
         quantile = float(student.ppf(0.5 + 0.5 * CONFIDENCE, count - 1))
-        half = quantile * float(np.std(values, ddof=1)) / math.sqrt(count)
+        share = 1.0 / count + float(is_of_next)
+        half = quantile * float(np.std(values, ddof=1)) * math.sqrt(share)
     return Interval(value=mean, low=max(mean - half, least), high=mean + half, count=count)

@@ -15,7 +15,7 @@ from drivers.samples import PoseFixSample, Sample
 from rover_hil.config import Config
 from rover_hil.diagnose.trajectory_errors import Trajectory
 from rover_hil.drives.arrays import Array
-from rover_hil.drives.drive import Drive
+from rover_hil.drives.drive import Drive, drive_name
 from rover_hil.drives.marks import marks_beside, read_marks
 from rover_hil.drives.quality.drive_paths import POSITIONS, DrivePath, places_of
 from rover_hil.drives.quality.judge import findings_of, with_causes
@@ -102,9 +102,8 @@ class ReplayedDrive:
 
     @property
     def name(self) -> str:
-        """Name of the drive; of the folder where the log has the name of all runs."""
-        path = self.drive.log.path
-        return path.parent.name if path.stem == "run" and path.parent.name else path.stem
+        """Name of the drive, see `drive_name`."""
+        return drive_name(self.drive.log.path)
 
     @property
     def is_independent(self) -> bool:

@@ -10,6 +10,7 @@ from rover_hil.diagnose.drive_errors import ESTIMATE, ODOMETRY, TrackErrors
 from rover_hil.diagnose.geometry import TO_PASTE, settings_text
 from rover_hil.diagnose.intervals import short
 from rover_hil.diagnose.recorded import Recording, recordings_of
+from rover_hil.diagnose.twin import Twin
 from rover_hil.drives.formats.table.columns import Columns
 from rover_hil.ready.procedure import Entry
 from rover_hil.recording.findings import finding_lines
@@ -37,7 +38,7 @@ class Section:
     text: str = ""
 
 
-def sections_of(diagnosis: Diagnosis) -> list[Section]:
+def sections_of(diagnosis: Diagnosis, twin: Twin | None) -> list[Section]:
     """Return the parts of the page, in order, without the answer."""
     return [
         _recorded(diagnosis),
@@ -47,6 +48,7 @@ def sections_of(diagnosis: Diagnosis) -> list[Section]:
         _covariance(diagnosis),
         _measurements(diagnosis),
         _slip(diagnosis),
+        _twin(twin),
     ]
 
 
@@ -238,7 +240,16 @@ def _slip(diagnosis: Diagnosis) -> Section:
     return Section(title="Slip by kind of motion", lines=lines)
 
 
-def record_of(diagnosis: Diagnosis) -> dict[str, object]:
+def _twin(twin: Twin | None) -> Section:
+    title = "The simulated twin"
+    if twin is None:
+        return Section(title=title, lines=["none: name with --config a configuration with [simulation]"])
+    lines = [each.words for each in twin.numbers] or ["none: these drives show no number of it"]
+    lines += [f"not written: {each.name} ({each.why})" for each in twin.unknown]
+    return Section(title=title, lines=lines)
+
+
+def record_of(diagnosis: Diagnosis, twin: Twin | None) -> dict[str, object]:
     """Return the diagnosis for a program."""
     errors, settings = diagnosis.errors, diagnosis.settings
     covariance = diagnosis.covariance
@@ -284,4 +295,7 @@ def record_of(diagnosis: Diagnosis) -> dict[str, object]:
         },
         "slip": {kind: asdict(each) for kind, each in diagnosis.slip.items()},
         "gap": diagnosis.gap,
+        "twin": None
+        if twin is None
+        else {**twin.found, "not_written": {each.name: each.why for each in twin.unknown}},
     }

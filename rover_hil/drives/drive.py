@@ -165,6 +165,11 @@ def picture_time_ns(message: LogMessage) -> int:
     return message.t_ns if stamp_ns is None else min(stamp_ns, message.t_ns)
 
 
+def drive_name(path: Path) -> str:
+    """Return the name of the drive in a log: of its folder, where the log has the name of all runs."""
+    return path.parent.name if path.stem == "run" and path.parent.name else path.stem
+
+
 def read_drive(path: Path, *, with_traces: bool = False) -> Drive:
     """Return the drive in a log, read to its end.
 

@@ -129,6 +129,7 @@ class TuningResult(Result):
         given_up: Trials that were certain not to be better.
         held_out: Measured values on the held-out cases, by the objective's names.
         changed_rovers: Costs on rovers that are not quite the simulated one.
+        drives: Recorded drives whose intervals the scenarios are drawn from; none without.
     """
 
     given_up: int
@@ -139,6 +140,7 @@ class TuningResult(Result):
     held_out_seeds: tuple[int, int]
     held_out: dict[str, Change]
     changed_rovers: tuple[ChangedRover, ...]
+    drives: tuple[str, ...] | None
 
 
 def changes_of(
@@ -165,6 +167,7 @@ def summarise(
     if tune is None:
         raise ConfigError("the configuration has no [tune]: add it")
     before, quantile = start_values(config, tune), tune.objective.quantile
+    found = config.require_simulation().found
     train, ranking, held_out = (
         (seeds[0], seeds[-1])
         for seeds in (train_seeds(tune.cases), ranking_seeds(tune.cases), held_out_seeds(tune.cases))
@@ -201,6 +204,7 @@ def summarise(
         ),
         importance=importance(attempts, tune),
         changed_rovers=changed_rovers,
+        drives=None if found is None else found.drives,
     )
 
 
@@ -229,6 +233,7 @@ def write_results(
         train_seeds=result.train_seeds,
         ranking_seeds=result.ranking_seeds,
         held_out_seeds=result.held_out_seeds,
+        drives=result.drives,
     )
     return write_files_of(
         folder,
@@ -315,7 +320,8 @@ def study_of(folder: Path) -> str:
 def sentence(result: TuningResult) -> str:
     """Return the result in one sentence."""
     scenarios = result.held_out_seeds[1] - result.held_out_seeds[0] + 1
-    return result.sentence(f"{scenarios} held-out scenarios")
+    drawn = f", drawn from what these drives show: {', '.join(result.drives)}" if result.drives else ""
+    return result.sentence(f"{scenarios} held-out scenarios{drawn}")
 
 
 def _cost(attempt: Attempt | None) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.device_settings import FrameDeviceSettings
 from drivers.errors import ConfigError
-from rover_hil.config import Config
+from rover_hil.config import Config, validated
 from rover_hil.config.tune_settings import MOST_CASES, CaseSettings
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
 from sim_backends.plants.robotino.settings import RobotinoPlantSettings
@@ -20,6 +20,8 @@ FIRST_RANKING_SEED = FIRST_HELD_OUT_SEED + 2 * MOST_CASES  # those between are f
 
 INCLINATION_FACTOR = (0.5, 1.5)
 STEEPEST_DEG = 40.0
+WIDTH_SD = 2.0 * 1.96
+"""Width of a 95 % interval over the standard deviation."""
 
 
 def train_seeds(cases: CaseSettings) -> range:
@@ -40,10 +42,13 @@ def held_out_seeds(cases: CaseSettings) -> range:
 def with_scenario(config: Config, seed: int) -> Config:
     """Return the configuration with the ground and all noise of `seed`.
 
-    Cameras without a role are left out: nothing depends on them, and they take most of the time.
+    Where [simulation] holds what recorded drives have shown, each of these numbers is drawn from its
+    interval, and the site is that of the configuration. Cameras without a role are left out: nothing depends
+    on them, and they take most of the time.
 
     Raises:
-        ConfigError: The configuration has no mission or no simulation.
+        ConfigError: The configuration has no mission or no simulation, or a number that was found has an
+            interval beyond the limits of the simulation.
     """
     simulation = config.simulation
     if simulation is None or config.mission is None:
@@ -54,13 +59,30 @@ def with_scenario(config: Config, seed: int) -> Config:
         if name in (*config.roles.names(), config.roles.camera) or not isinstance(device, FrameDeviceSettings)
     }
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(zlib.crc32(b"site"),)))
+    is_found = simulation.found is not None
+    drawn = _drawn(simulation, rng)
     scenario = SimulationSettings(
         seed=seed,
-        plant=_random_ground(simulation.plant, rng),
-        devices={name: errors for name, errors in simulation.devices.items() if name in kept},
+        plant=drawn.plant if is_found else _random_ground(simulation.plant, rng),
+        devices={name: errors for name, errors in drawn.devices.items() if name in kept},
         faults=tuple(fault for fault in simulation.faults if fault.device in kept),
     )
     return config.model_copy(update={"devices": kept, "simulation": scenario})
+
+
+def _drawn(simulation: SimulationSettings, rng: np.random.Generator) -> SimulationSettings:
+    """Return the simulation with each number that was found drawn from its interval.
+
+    The distribution is normal, with the ends of the interval for what is beyond them.
+    """
+    numbers = {
+        name: float(np.clip(rng.normal(each.value, (each.high - each.low) / WIDTH_SD), each.low, each.high))
+        for name, each in simulation.found_numbers.items()
+    }
+    if not numbers:
+        return simulation
+    source = "a scenario drawn from the intervals of [simulation.found]"
+    return validated(SimulationSettings, simulation.with_numbers(numbers), source)
 
 
 def _random_ground(plant: PlantSettings, rng: np.random.Generator) -> PlantSettings:

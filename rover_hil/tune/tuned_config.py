@@ -1,6 +1,6 @@
 """Write tuned values into the text of a configuration; its comments and order stay."""
 
-from rover_hil.config.entry import with_entry, with_table
+from rover_hil.config.entry import with_entry
 from rover_hil.config.tune_settings import ProvenanceRecord
 from rover_hil.tune.parameters import Values
 
@@ -18,4 +18,4 @@ def tuned_text(text: str, values: Values, provenance: ProvenanceRecord | None) -
         text = with_entry(text, section, key, value)
     if provenance is None:
         return text
-    return with_table(text, "tune", "provenance", provenance.model_dump(mode="json", exclude_none=True))
+    return with_entry(text, "tune", "provenance", provenance.model_dump(mode="json", exclude_none=True))

@@ -5,6 +5,7 @@ of tilt and turning in the x and y rates.
 """
 
 import math
+from collections import deque
 from typing import Annotated
 
 import numpy as np
@@ -29,6 +30,7 @@ class InertialErrorSettings(Settings):
         gyro_bias_deg_s: Bias of each axis at the start.
         gyro_walk_deg_s: Standard deviation of the bias' random walk after one second.
         gyro_noise_deg_s: Standard deviation of the white noise of each rate.
+        rate_delay_s: By how much the rates are late.
         acceleration_noise_m_s2: Standard deviation of the white noise of each acceleration.
         angle_lag_s: Time constant of the device's own attitude filter, first order.
         angle_noise_deg: Standard deviation of the white noise of each angle.
@@ -42,6 +44,7 @@ class InertialErrorSettings(Settings):
     gyro_bias_deg_s: Annotated[float, Field(ge=-10, le=10)] = 0.15
     gyro_walk_deg_s: Annotated[float, Field(ge=0, le=10)] = 0.003
     gyro_noise_deg_s: Annotated[float, Field(ge=0, le=10)] = 0.08
+    rate_delay_s: Annotated[float, Field(ge=0, le=1)] = 0.0
     acceleration_noise_m_s2: Annotated[float, Field(ge=0, le=10)] = 0.03
     angle_lag_s: Annotated[float, Field(ge=0, le=10)] = 0.03
     angle_noise_deg: Annotated[float, Field(ge=0, le=10)] = 0.05
@@ -77,6 +80,7 @@ class InertialSensor:
         self._walk_step_rad_s = math.radians(settings.gyro_walk_deg_s) * math.sqrt(self._period_s)
         self._angle_noise_rad = math.radians(settings.angle_noise_deg)
         self._bias_rad_s = [math.radians(settings.gyro_bias_deg_s)] * 3
+        self._late = _Delay(settings.rate_delay_s / self._period_s)
         self._before = plant.truth()
         self._lags = [DirectionLag(settings.angle_lag_s, self._period_s) for _ in range(3)]
         for lag, angle_rad in zip(self._lags, _angles(self._before), strict=True):
@@ -118,7 +122,7 @@ class InertialSensor:
                 truth.yaw_rate_rad_s,
             )
         )
-        x, y, z = x / self._gyro_scale, y / self._gyro_scale, z / self._gyro_scale
+        x, y, z = self._late.step((x / self._gyro_scale, y / self._gyro_scale, z / self._gyro_scale))
         scale = self._gyro_noise_rad_s
         return (
             x + bias[0] + scale * next(noise),
@@ -148,6 +152,24 @@ class InertialSensor:
 
 def _angles(truth: Truth) -> Vector:
     return truth.roll_rad, truth.pitch_rad, truth.yaw_rad
+
+
+class _Delay:
+    """Delays a vector by a number of periods, between two of them in proportion; it was at rest before."""
+
+    def __init__(self, periods: float) -> None:
+        whole = math.floor(periods)
+        self._share = periods - whole
+        self._past: deque[Vector] = deque([(0.0, 0.0, 0.0)] * (whole + 2), maxlen=whole + 2)
+
+    def step(self, vector: Vector) -> Vector:
+        """Return the delayed vector, one period after the last step."""
+        self._past.append(vector)
+        if not self._share:
+            return self._past[1]
+        earlier, later = self._past[0], self._past[1]
+        x, y, z = (b + self._share * (a - b) for a, b in zip(earlier, later, strict=True))
+        return x, y, z
 
 
 class _Turn:

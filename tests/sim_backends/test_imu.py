@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from drivers.angles import wrap_rad
-from drivers.clock import VirtualClock, nanoseconds
+from drivers.clock import VirtualClock, nanoseconds, seconds
 from drivers.driver import DeviceState
 from drivers.errors import ConfigError
 from drivers.samples import AccelerationSample, AttitudeSample, HeadingSample, RateSample, Sample
@@ -223,3 +223,22 @@ def test_motor_currents_add_their_field_to_the_magnetic_frame() -> None:
     assert added == pytest.approx([15.0, -46.0, 60.0], abs=1.0)
     with pytest.raises(ConfigError, match="motor_field_counts_per_a of 2 motors, the rover has 0"):
         words(TurningPlant(), motor_field_counts_per_a=rows)
+
+
+class StartingPlant(TurningPlant):
+    """Turns faster and faster from the start on."""
+
+    def truth(self) -> Truth:
+        return replace(super().truth(), yaw_rate_rad_s=0.5 * seconds(super().truth().t_ns))
+
+
+@pytest.mark.parametrize("delay_s", [0.02, 0.05, 0.113])
+def test_rates_are_late_by_their_delay(delay_s: float) -> None:
+    at_once = rates_z_rad_s(samples_of(PERFECT, StartingPlant(), 1.0))
+    late = rates_z_rad_s(
+        samples_of(PERFECT.model_copy(update={"rate_delay_s": delay_s}), StartingPlant(), 1.0)
+    )
+    expected = np.maximum(at_once - 0.5 * delay_s, 0.0)
+    first = math.ceil(delay_s * PERFECT.rate_hz) + 1
+    assert late[first:] == pytest.approx(expected[first:], abs=1.5 * RATE_STEP_RAD_S)
+    assert late[0] == 0.0

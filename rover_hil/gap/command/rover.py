@@ -7,6 +7,7 @@ from pathlib import Path
 
 from drivers.errors import ConfigError
 from rover_hil.config import Config, load_config
+from rover_hil.drives.drive import drive_name
 from rover_hil.drives.formats.described_rover import columns_at, is_log, load_rover
 from rover_hil.drives.formats.table.columns import rover_of
 from rover_hil.gap.command.find import Subject, say
@@ -38,12 +39,35 @@ def rover_subject(source: str, data: Sequence[Path], cluster: str | None = None)
         raise ConfigError(f"gap rover {source}: name the logs of its drives, and folders of them")
     columns = columns_at(source)
     if columns is None:
-        found = wheels_by_config(source, load_config(source))
-        return _subject(source, data, found, lambda: nullcontext(data), cluster)
+        config = load_config(source)
+        others = _others(source, config, data)
+        return _subject(source, data, wheels_by_config(source, config), lambda: nullcontext(others), cluster)
     check_wheels_measured(columns, source)
     config = rover_of(columns, Path(source))
     logs: Logs = partial(tables_as_logs, data, columns, config, lambda text: say(f"Note: {text}"))
     return _subject(source, data, wheels_by_config(source, config), logs, cluster)
+
+
+def _others(source: str, config: Config, data: Sequence[Path]) -> Sequence[Path]:
+    """Return the logs without those that [simulation] was made from: by them it would seem right.
+
+    Raises:
+        ConfigError: There is no other.
+    """
+    found = None if config.simulation is None else config.simulation.found
+    if found is None:
+        return data
+    files = [file for path in data for file in find_logs(path)]
+    others = [file for file in files if drive_name(file.resolve()) not in found.drives]
+    if files and not others:
+        raise ConfigError(
+            f"gap rover {source}: [simulation.found] was made from these drives, so that they cannot judge "
+            "it: give logs of other drives"
+        )
+    if len(others) < len(files):
+        names = ", ".join(drive_name(file.resolve()) for file in files if file not in others)
+        say(f"Note: left out, because [simulation.found] was made from them: {names}")
+    return others or data
 
 
 def _by_log(first: Path, others: Sequence[Path], cluster: str | None) -> Subject:

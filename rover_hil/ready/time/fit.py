@@ -90,7 +90,15 @@ def read_tracks(path: Path) -> list[YawTrack]:
     Raises:
         LogError: The log is damaged, or fewer than two devices show turns.
     """
-    drive = Drive(path, with_devices=True).read()
+    return tracks_of(Drive(path, with_devices=True).read())
+
+
+def tracks_of(drive: Drive) -> list[YawTrack]:
+    """Return the same of a drive that is read with its devices.
+
+    Raises:
+        LogError: Fewer than two devices show turns.
+    """
     config, rows = drive.config, drive.channels
     gyros = sorted(rows.of_devices("gyro_z_rad_s").items(), key=lambda each: each[0] != config.roles.gyro)
     tracks = [_track(drive, "gyro", device, rate.t_ns, rate.value, is_rate=True) for device, rate in gyros]
@@ -120,8 +128,8 @@ def read_tracks(path: Path) -> list[YawTrack]:
         tracks += _positions(drive)
     if len(tracks) < 2:
         raise LogError(
-            f"log {path}: fewer than two devices show turns: gyro, wheels, compass, overhead camera, ground "
-            "truth or positions"
+            f"log {drive.log.path}: fewer than two devices show turns: gyro, wheels, compass, overhead "
+            "camera, ground truth or positions"
         )
     return tracks
 

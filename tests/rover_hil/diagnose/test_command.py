@@ -107,7 +107,7 @@ def test_wheels_that_are_three_percent_smaller_are_named(command: Command) -> No
     assert wheels[0]["radius_m"] == pytest.approx(0.97 * 0.042, rel=0.003)
     page = Path("found/diagnosis.html").read_text("utf-8")
     assert page.count('<img class="drawn"') == 2
-    assert page.count("<h2>") == 9
+    assert page.count("<h2>") == 10
 
 
 @pytest.mark.parametrize("seed", [1, 5])

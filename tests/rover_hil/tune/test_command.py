@@ -13,6 +13,7 @@ import pytest
 
 from drivers.errors import ConfigError
 from rover_hil.config import load_config
+from rover_hil.config.entry import with_entry
 from rover_hil.tune import command, results
 from rover_hil.tune.command import tune
 from rover_hil.tune.objective import MissionRunner
@@ -83,6 +84,26 @@ def test_a_better_configuration_is_written_with_its_provenance(
     assert re.fullmatch(r"\d{8}-\d{6}", record.date)
     assert record.held_out_cost_before is not None
     assert record.held_out_cost_after < record.held_out_cost_before
+
+
+@pytest.mark.usefixtures("parallel_runs")
+def test_the_drives_of_a_twin_are_named(
+    run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, number = write_config(tmp_path), {"value": 0.04, "low": 0.039, "high": 0.041}
+    numbers = {"radius": {**number, "moves": {"plant.wheel_radius_m": 1.0}}}
+    found = {"drives": ["straight", "bend"], "found_on": "2026-11-30", "numbers": numbers}
+    path.write_text(with_entry(path.read_text("utf-8"), "simulation", "found", found), "utf-8")
+    assert run() == 0
+    words = "drawn from what these drives show: straight, bend"
+    assert words in capsys.readouterr().out
+    folder = tmp_path / "tuning" / "first"
+    assert result_in(tmp_path)["drives"] == ["straight", "bend"]
+    assert words.removeprefix("drawn ") in (folder / "report.html").read_text("utf-8")
+    tuned = load_config(str(folder / "tuned.toml")).tune
+    assert tuned is not None
+    assert tuned.provenance is not None
+    assert tuned.provenance.drives == ("straight", "bend")
 
 
 @pytest.mark.usefixtures("unrendered")
