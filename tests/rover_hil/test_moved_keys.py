@@ -46,8 +46,8 @@ def test_there_are_three_states_and_no_sentence_without_a_configuration() -> Non
 
 def test_slip_of_an_earlier_configuration_keeps_its_meaning(capsys: pytest.CaptureFixture[str]) -> None:
     config = load_config(str(CONFIGS / "2026-11-27-robotino.toml"))
-    name, *numbers, noise = config.ground.prior()
-    assert (name, noise) == ("unknown", None)
+    name, *numbers, by_way, by_rotation = config.ground.prior()
+    assert (name, by_way, by_rotation) == ("unknown", None, 0.0)
     assert numbers == pytest.approx([0.0, 0.36, 0.3 * 0.36, 0.5, 0.0])
     assert config.tune is not None
     assert config.tune.logs is not None
