@@ -217,9 +217,7 @@ def judge(number: int, trials: int, train: int, unseen: int) -> dict[str, object
         shipped = with_tune(load_config(str(path)), number, train)
         logs = record(path, rover, folder, number)
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            code = diagnose_drives(
-                logs, out=folder / "found", config_name=str(path), enter=True, quick=True
-            )
+            code = diagnose_drives(logs, out=folder / "found", config_name=str(path), enter=True, quick=True)
         entered = with_tune(load_config(str(path)), number, train)
         found = entered.require_simulation().found
         diagnosed_ns = stopwatch_ns()
