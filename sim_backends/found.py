@@ -33,7 +33,7 @@ class FoundNumber(Settings):
 
 
 class FoundSettings(Settings):
-    """What recorded drives have shown of this rover; written by `rover-hil diagnose --enter`.
+    """What recorded drives have shown of this rover; written by `--enter` of `rover-hil diagnose`.
 
     `tune` draws each number of each scenario from its interval, and keeps the site of the configuration.
     `gap rover` does not judge the simulation by these drives.
@@ -71,6 +71,6 @@ def move(simulation: dict[str, Any], key: str, change: float) -> None:
     if not isinstance(value, float):
         raise ValueError(
             f"[simulation] states no number '{key}': add it, or remove it from moves; or repeat "
-            "`rover-hil diagnose --enter`"
+            "`--enter` of `rover-hil diagnose`"
         )
     place[last] = value + change

@@ -30,7 +30,14 @@ from rover_hil.diagnose.drive_errors import (
 from rover_hil.diagnose.gap_answer import gap_answer
 from rover_hil.diagnose.geometry import GeometryPart, fit_geometry, number_words
 from rover_hil.diagnose.intervals import Interval, mean_of, short
-from rover_hil.diagnose.recorded import OTHER_KINDS, Measurements, NotShown, measurements_of, not_shown
+from rover_hil.diagnose.recorded import (
+    COPIED_DISTANCE,
+    OTHER_KINDS,
+    Measurements,
+    NotShown,
+    measurements_of,
+    not_shown,
+)
 from rover_hil.diagnose.replayed_drive import ReplayedDrive, replay_drive, replay_of
 from rover_hil.diagnose.trajectory_errors import Trajectory, absolute_errors
 from rover_hil.drives.arrays import Array, rms
@@ -327,13 +334,15 @@ def _worth(diagnosis: Diagnosis) -> str:
         f"{sum(each.rotations for each in drives):.3g} rotations by the wheels"
     )
     if errors is None:
-        return (
-            f"In {driven}, what the odometry is worth cannot be known: there is neither ground truth nor "
-            "positions."
-        )
+        why = "there is neither ground truth nor positions"
+        if any(each.copied for each in drives):
+            why = COPIED_DISTANCE
+        return f"In {driven}, what the odometry is worth cannot be known: {why}."
     per = "per 100 m" if errors.per_rotation_rad[ODOMETRY].count else "of length per 100 m"
     distance, turn = errors.per_100_m[ODOMETRY], errors.per_rotation_rad[ODOMETRY]
-    rotation = "the error per rotation is not known, because no known place has a yaw of its own"
+    has_yaw = any(each.truth is not None and each.truth.yaw_rad is not None for each in drives)
+    why = "the drives rotate too little" if has_yaw else "no known place has a yaw of its own"
+    rotation = f"the error per rotation is not known, because {why}"
     if turn.count:
         rotation = f"turns {_degrees(turn).words('deg')} too far per rotation"
         if turn.value < 0.0:
@@ -416,8 +425,10 @@ def _of_slip(slips: Mapping[str, Interval]) -> str:
     if not shown:
         return ""
     kind = max(shown, key=lambda each: abs(shown[each].value))
-    slip = shown[kind].times(100.0)
-    return f"Most harmful: the wheels lose {slip.words('%')} of their travel in motion of the kind '{kind}'"
+    lost = shown[kind].times(100.0).words("%")
+    is_alike = max(each.low for each in slips.values()) <= min(each.high for each in slips.values())
+    radius = ", or their radius is smaller by as much: these drives do not show which" if is_alike else ""
+    return f"Most harmful: the wheels lose {lost} of their travel in motion of the kind '{kind}'{radius}"
 
 
 def _of_rotation(errors: Errors | None) -> str:
@@ -491,4 +502,16 @@ def _next_step(diagnosis: Diagnosis) -> str:
     first = next((each for each in diagnosis.not_shown if each.shown_by), None)
     if first is not None:
         return f"Record what would show {first.what}: {first.shown_by}."
+    return _without_change(diagnosis)
+
+
+def _without_change(diagnosis: Diagnosis) -> str:
+    """Return the next step where nothing is shown to be wrong."""
+    if any(each.drive.channels.has_computed_wheels for each in diagnosis.drives):
+        return (
+            "Import the wheels themselves ([[wheel]], with steering where one steers): from a path no number "
+            "of the rover can be corrected."
+        )
+    if diagnosis.geometry.result is None:
+        return f"Nothing is shown that needs a change; geometry cannot be known: {diagnosis.geometry.reason}."
     return "Nothing needs to be changed."

@@ -28,7 +28,8 @@ SETTLED = 1e-4
 """Greatest relative change of a standard deviation."""
 FIRST_SD = 0.01
 LEAST_VARIANCE = 1e-14
-LEAST_DRIVES = 2
+LEAST_DRIVES = 4
+"""Fewer do not show how much the error varies from drive to drive."""
 LEAST = 1.0
 """Metre or radian that a drive counts for at least, there."""
 
@@ -79,7 +80,9 @@ class _Steps:
 
 
 def error_growth(compared: Sequence[Compared], slip_mean: float) -> ErrorGrowth | None:
-    """Return how the error grows; None for less than two drives with a true yaw.
+    """Return how the error grows; None for less than four drives with a true yaw, or where a cause is absent.
+
+    On straight lines rotations add nothing.
 
     Args:
         compared: Drives.
@@ -97,7 +100,10 @@ def error_growth(compared: Sequence[Compared], slip_mean: float) -> ErrorGrowth 
                     errors.append(_error(steps, first, end))
                     causes.append(_causes(steps, first, end))
                     weights.append(1.0 / count)
-    sd = _standard_deviations(np.array(errors), np.array(causes), np.array(weights)).tolist()
+    table = np.array(causes)
+    if not table.any(axis=(0, 2, 3)).all():
+        return None
+    sd = _standard_deviations(np.array(errors), table, np.array(weights)).tolist()
     *_, true_m, true_rad = sd
     # What is smaller than the noise of the ground truth over the longest drive is not known to be so small.
     way_m = math.sqrt(max(float(each.way_m.sum()) for each in drives))

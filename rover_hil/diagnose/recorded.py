@@ -23,6 +23,7 @@ SOURCES = {
 }
 """Channels by their name for the user."""
 
+COPIED_DISTANCE = "the distances of the wheels are those of the ground truth, step by step"
 OTHER_KINDS = "whether the numbers hold in other kinds of motion"
 
 
@@ -145,12 +146,14 @@ def not_shown(drives: Sequence[ReplayedDrive], geometry: GeometryPart) -> list[N
     """Return what drives cannot show, what matters most first."""
     found: dict[str, str] = {}
     lacking: dict[str, str] = {}
-    if all(each.truth is None for each in drives):
+    if all(each.truth is None and not each.copied for each in drives):
         found["the error of odometry and estimate"] = (
             "a drive with ground truth or positions: GNSS, an overhead camera, or marks measured by hand"
         )
-    if any(each.has_copied_yaw for each in drives):
+    if any(each.copied == "yaw" for each in drives):
         lacking["the error of rotations"] = "the yaw of the ground truth is that by which the wheels turn"
+    if any(each.copied == "distance" for each in drives):
+        lacking["what the odometry is worth"] = COPIED_DISTANCE
     result = geometry.result
     if result is not None:
         found |= {each.number.name: each.number.shown_by for each in result.not_shown}

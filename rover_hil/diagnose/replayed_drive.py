@@ -33,6 +33,8 @@ TRIANGLE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 LEAST_CYCLES = 10
 SAME_YAW = 1e-6
 """Two sensors of yaw differ by more than this share of what they turned: no gyro's scale is as exact."""
+SAME_DISTANCE = 1e-3
+"""Steps of wheels and of measured places differ by more than this share, by the noise of the places alone."""
 
 
 @dataclass(slots=True)
@@ -87,7 +89,8 @@ class ReplayedDrive:
         replay: With everything that was measured.
         truth: Known places; None without ground truth and positions.
         source: What measured them; "" without.
-        has_copied_yaw: The ground truth had a yaw, but the one by which the wheels turned; it is left out.
+        copied: What ground truth and wheels have from one measurement, so that it is left out: "yaw",
+            "distance" (then all of the ground truth), or "".
         findings: Of the whole drive and of the rules, causes first, and what remains suspected.
         kind: Of its motion, by its wheels.
     """
@@ -96,7 +99,7 @@ class ReplayedDrive:
     replay: Replay
     truth: DrivePath | None
     source: str
-    has_copied_yaw: bool
+    copied: str
     findings: list[FoundFinding]
     kind: str
 
@@ -134,8 +137,10 @@ def replay_drive(path: Path, on_cycle: Callable[[int], None]) -> ReplayedDrive:
     drive = Drive(path, with_devices=True).read()
     replay = replay_of(path, on_cycle)
     source, truth = _truth_of(drive)
-    has_copied_yaw = truth is not None and _is_copied(truth, replay)
-    if truth is not None and has_copied_yaw:
+    copied = "" if truth is None or drive.log.origin == "virtual" else _copied(truth, replay)
+    if copied == "distance":
+        truth = None
+    elif copied and truth is not None:
         truth = replace(truth, yaw_rad=None)
     findings, suspected = with_causes(
         findings_of(drive.channels, drive.config), replay.findings, replay.suspected
@@ -145,7 +150,7 @@ def replay_drive(path: Path, on_cycle: Callable[[int], None]) -> ReplayedDrive:
         replay=replay,
         truth=truth,
         source=source,
-        has_copied_yaw=has_copied_yaw,
+        copied=copied,
         findings=[*findings, *suspected],
         kind=_kind_of(replay, wheels_reach_m(drive.config.rover)),
     )
@@ -234,16 +239,22 @@ def _truth_of(drive: Drive) -> tuple[str, DrivePath | None]:
     return MARKS, DrivePath(marks.t_s, marks.x_m, marks.y_m, yaw_rad, float(marks.sigma_m.max()))
 
 
-def _is_copied(truth: DrivePath, replay: Replay) -> bool:
-    """Return whether the yaw of known places is the yaw by the wheels, so that it cannot show its error."""
+def _copied(truth: DrivePath, replay: Replay) -> str:
+    """Return what known places and wheels have from one measurement, see `ReplayedDrive.copied`."""
     inside = (truth.t_s >= replay.t_s[0]) & (truth.t_s <= replay.t_s[-1])
-    if truth.yaw_rad is None or not inside.any():
-        return False
-    by_wheels_rad = replay.at(truth.t_s[inside], replay.odometry).yaw_rad
-    assert by_wheels_rad is not None  # noqa: S101 the wheels have one
-    turned_rad = float(np.abs(np.diff(by_wheels_rad)).sum())
-    difference_rad = np.unwrap(truth.yaw_rad[inside]) - by_wheels_rad
-    return turned_rad > LEAST_TURN_RAD and float(np.ptp(difference_rad)) < SAME_YAW * turned_rad
+    if inside.sum() < LEAST_CYCLES:
+        return ""
+    by_wheels = replay.at(truth.t_s[inside], replay.odometry)
+    true_m = np.abs(np.diff(truth.x_m[inside] + 1j * truth.y_m[inside]))
+    apart_m = np.abs(np.abs(np.diff(by_wheels.place_m)) - true_m)[true_m > 0.0]
+    if apart_m.size and np.median(apart_m / true_m[true_m > 0.0]) < SAME_DISTANCE:
+        return "distance"
+    if truth.yaw_rad is None or by_wheels.yaw_rad is None:
+        return ""
+    turned_rad = float(np.abs(np.diff(by_wheels.yaw_rad)).sum())
+    difference_rad = np.unwrap(truth.yaw_rad[inside]) - by_wheels.yaw_rad
+    is_same = turned_rad > LEAST_TURN_RAD and float(np.ptp(difference_rad)) < SAME_YAW * turned_rad
+    return "yaw" if is_same else ""
 
 
 def _kind_of(replay: Replay, size_m: float) -> str:

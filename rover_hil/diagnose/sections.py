@@ -19,6 +19,7 @@ Row = Sequence[str]
 ERROR_COLUMNS = ("drive", "motion", "m", "rotations", "ATE m", "RPE m per m", "RPE deg")
 """Errors: those of the odometry / those of the estimate; one number where both are alike."""
 TOGETHER = "together"
+ONLY_CONFIGURATION = "# for a configuration; a file of columns does not take what follows"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,7 +129,7 @@ def _geometry(diagnosis: Diagnosis) -> Section:
     if not part.result.problem and not part.is_accepted:
         lines.append("the description stays: no number of the wheels differs from it beyond its interval")
     settings = paste_sections(diagnosis)
-    pasted += [settings_text(settings)] if settings else []
+    pasted += [f"{ONLY_CONFIGURATION}\n{settings_text(settings)}"] if settings else []
     return Section(title="Geometry and sensors", lines=lines, text="\n\n".join(pasted))
 
 

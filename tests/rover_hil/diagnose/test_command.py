@@ -219,3 +219,24 @@ def test_the_answer_of_gap_is_in_the_diagnosis(command: Command) -> None:
     assert command("diagnose", *paths, *WHOLE) == 0, command.error
     assert found()["gap"].startswith("NO_GAP: "), found()["gap"]
     assert "missing effect, by `rover-hil gap rover`: " in command.out
+
+
+def test_two_straight_drives_are_diagnosed(command: Command) -> None:
+    small = [replace(wheel, radius_m=0.97 * wheel.radius_m) for wheel in DIFF]
+    paths = tables(("straight", "straight"), wheels=small)
+    assert command("diagnose", *paths, *OPTIONS) == 0, command.error
+    assert "the drives rotate too little" in command.out
+    assert re.search(r"the radius is (2\.9|3|3\.1) % smaller", cause(command))
+
+
+def test_distances_that_the_ground_truth_gave_are_no_odometry(command: Command) -> None:
+    paths = tables(("circle",))
+    for path in paths:
+        t, _, _, x, y, yaw = np.loadtxt(path, delimiter=",", skiprows=1).T
+        way = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))))
+        apart = 0.1 * (yaw - yaw[0])
+        columns = (t, (way - apart) / 0.042, (way + apart) / 0.042, x, y, yaw)
+        write(Path(path), dict(zip(NAMES, columns, strict=True)))
+    assert command("diagnose", *paths, *OPTIONS) in (0, 1), command.error
+    assert "the distances of the wheels are those of the ground truth" in command.out.splitlines()[0]
+    assert found()["errors"] is None

@@ -53,7 +53,7 @@ def test_planted_noise_is_found() -> None:
 
 def test_what_the_ground_truth_cannot_show_is_not_known() -> None:
     rng = np.random.default_rng(2)
-    drives = [driven(rate, speed, rng, noise=0.0) for rate, speed in ((0.4, 0.0), (0.0, 0.2), (0.3, 0.2))]
+    drives = [driven(rate, speed, rng, noise=0.0) for rate, speed in 2 * ((0.4, 0.0), (0.0, 0.2), (0.3, 0.2))]
     found = error_growth(drives, 0.0)
     assert found is not None
     assert found.yaw_rad_sqrt_rad >= found.true_rad / math.sqrt(0.05 * 0.4 * STEPS) * 0.999
@@ -61,5 +61,7 @@ def test_what_the_ground_truth_cannot_show_is_not_known() -> None:
     assert found.place_m_sqrt_m >= found.true_m / math.sqrt(0.05 * 0.2 * STEPS) * 0.999
 
 
-def test_one_drive_shows_no_growth() -> None:
-    assert error_growth([driven(0.3, 0.2, np.random.default_rng(3))], 0.0) is None
+@pytest.mark.parametrize(("count", "rate"), [(3, 0.3), (6, 0.0)])
+def test_few_drives_and_straight_ones_show_no_growth(count: int, rate: float) -> None:
+    rng = np.random.default_rng(3)
+    assert error_growth([driven(rate, 0.2, rng) for _ in range(count)], 0.0) is None

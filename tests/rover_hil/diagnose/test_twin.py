@@ -97,7 +97,7 @@ def drives(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def test_a_twin_of_drives_is_entered_and_used(command: Command, drives: list[Path]) -> None:
     Path("mine.toml").write_text(rover_text(), "utf-8")
     names = [str(path) for path in drives]
-    options = ("--config", "mine.toml", "--enter", "--no-leave-out", "--out", "found")
+    options = ("--config", "mine.toml", "--enter", "--quick", "--out", "found")
     assert command("diagnose", *names, *options) == 0, command.error
     text = Path("mine.toml").read_text("utf-8")
     assert "# Everything below describes the simulated rover" in text
@@ -136,7 +136,7 @@ def test_a_twin_of_drives_is_entered_and_used(command: Command, drives: list[Pat
 def test_a_configuration_without_simulation_gets_no_twin(command: Command, drives: list[Path]) -> None:
     text, _, _ = rover_text().partition("# Everything below")
     Path("mine.toml").write_text(text, "utf-8")
-    options = ("--config", "mine.toml", "--enter", "--no-leave-out", "--out", "found")
+    options = ("--config", "mine.toml", "--enter", "--quick", "--out", "found")
     assert command("diagnose", str(drives[0]), str(drives[1]), *options) == 0, command.error
     assert "simulation" not in tomllib.loads(Path("mine.toml").read_text("utf-8"))
     assert "name with --config a configuration with [simulation]" in command.out
