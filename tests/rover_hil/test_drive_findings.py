@@ -89,7 +89,7 @@ def test_sound_drives_have_no_finding_and_the_right_pose(
     assert findings_of(command) == []
     end = end_of(Path("drive.mcap"))
     assert end.is_right(track.end)
-    assert math.sqrt(end.covariance[0] + end.covariance[3]) < 0.7
+    assert math.sqrt(end.covariance[0] + end.covariance[3]) < 0.9  # 0.3 of the way: the ground is unknown
 
 
 @pytest.mark.usefixtures("unrendered")

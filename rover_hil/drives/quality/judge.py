@@ -235,7 +235,9 @@ class _Judge:
             what = unit_of(factor, OTHERS)
             return f"{by} the rover moves {factor:.3g} times as far as by the wheels: {what}"
         sd = plain.residual / math.sqrt(max(1, int(self._windows.is_moving.sum())))
-        if text := _side(self._wheels, reference, plain):
+        # Positions on a circle fit any factor of one side, by another rotation and scale.
+        is_shape = isinstance(reference, PositionReference)
+        if not is_shape and (text := _side(self._wheels, reference, plain)):
             return text
         distance, turn, aside_rad = plain.distance_scale, plain.turn_scale, 0.0
         if isinstance(reference, PoseReference):
