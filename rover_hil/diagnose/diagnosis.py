@@ -113,6 +113,13 @@ class Diagnosis:
         return judged(self.normalised) if self.normalised else None
 
     @property
+    def why_no_errors(self) -> str:
+        """Why the errors are not known, where they are not."""
+        if any(each.copied for each in self.drives):
+            return COPIED_DISTANCE
+        return "there is neither ground truth nor positions"
+
+    @property
     def answer(self) -> Answer:
         """The three sentences."""
         return Answer(worth=_worth(self), cause=_cause(self), next_step=_next_step(self))
@@ -334,10 +341,7 @@ def _worth(diagnosis: Diagnosis) -> str:
         f"{sum(each.rotations for each in drives):.3g} rotations by the wheels"
     )
     if errors is None:
-        why = "there is neither ground truth nor positions"
-        if any(each.copied for each in drives):
-            why = COPIED_DISTANCE
-        return f"In {driven}, what the odometry is worth cannot be known: {why}."
+        return f"In {driven}, what the odometry is worth cannot be known: {diagnosis.why_no_errors}."
     per = "per 100 m" if errors.per_rotation_rad[ODOMETRY].count else "of length per 100 m"
     distance, turn = errors.per_100_m[ODOMETRY], errors.per_rotation_rad[ODOMETRY]
     has_yaw = any(each.truth is not None and each.truth.yaw_rad is not None for each in drives)

@@ -14,7 +14,7 @@ MOST_ANALYSED = 6
 
 
 def gap_answer(logs: Sequence[Path], config: Config, advance: Callable[[str], None]) -> str:
-    """Return the verdict on the model of the wheels, or why there is none.
+    """Return the verdict on the model of the wheels with its warnings, or why there is none.
 
     Args:
         logs: Drives with known places, the longest first; the first `MOST_ANALYSED` are analysed.
@@ -23,11 +23,14 @@ def gap_answer(logs: Sequence[Path], config: Config, advance: Callable[[str], No
     """
     used = logs[:MOST_ANALYSED]
     if not used:
-        return "not asked: no drive has ground truth or positions"
+        return "not asked: no drive has known places to compare with"
     try:
-        model = wheels_by_geometry(str(used[0]), config).model
+        described = wheels_by_geometry(str(used[0]), config)
+        model = described.model
         verdict = analyse(model, read_rover_runs(model, used), advance=advance).verdict
     except RoverHilError as error:
         return f"not asked: {error}"
     of = f" ({MOST_ANALYSED} of {len(logs)} drives)" if len(used) < len(logs) else ""
-    return f"{verdict.verdict}{of}: {verdict.sentence}"
+    assumed = [described.assumed] if described.assumed else []
+    warnings = "".join(f" Warning: {text}." for text in (*assumed, *verdict.warnings))
+    return f"{verdict.verdict}{of}: {verdict.sentence}{warnings}"

@@ -163,7 +163,7 @@ def _errors(diagnosis: Diagnosis) -> Section:
     errors = diagnosis.errors
     title = "Odometry and estimate against the ground truth"
     if errors is None:
-        return Section(title=title, lines=["cannot be known: no drive has ground truth or positions"])
+        return Section(title=title, lines=[f"cannot be known: {diagnosis.why_no_errors}"])
     sources = ", ".join(dict.fromkeys(each.source for each in diagnosis.drives if each.source))
     degrees = math.degrees(errors.part_rad)
     lines = [
