@@ -14,12 +14,13 @@ from drivers.inertial_settings import InertialSettings
 from rover_hil.config import Config
 from rover_hil.diagnose.device_numbers import gyro_delays_s, gyro_noises_rad_s, set_point_delays_s
 from rover_hil.diagnose.diagnosis import Diagnosis
+from rover_hil.diagnose.forces import friction_of, ground_of_slip
 from rover_hil.diagnose.intervals import Interval, mean_of
+from rover_hil.diagnose.twin_number import TwinNumber, Unknown, rounded, single
 from rover_hil.ready.procedure import Entry
 from rover_hil.ready.wheels.from_drives import GeometryResult
 from rover_hil.ready.wheels.geometry import BASE, RADIUS, Geometry, geometry_of
 from rover_hil.ready.wheels.gyro_scale import GyroFit
-from rover_hil.ready.wheels.motion_kinds import BY_HAND, CIRCLE, SQUARE, STRAIGHT
 from sim_backends.build import EMULATOR
 from sim_backends.found import move
 from sim_backends.plants.el_dorado.settings import ElDoradoPlantSettings
@@ -28,52 +29,14 @@ from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from sim_backends.settings import PlantSettings, SimulationSettings
 from sim_backends.world.inertial import InertialErrorSettings
 
-DIGITS = 5
-"""Of numbers that are written."""
 STEP = 1e-4
 """Of a number of the wheels, for what depends on it."""
-GROUND = "found"
-"""Name of the site and of its surface."""
 DELAYS = {
     "wheels": "plant.set_point_delay_s",
     "robotino": "plant.speed_loop.set_point_delay_s",
     "el_dorado": "plant.speed_lag_s",
 }
 """Value of [simulation] that delays the wheels, by type of the plant."""
-NO_INTERVAL = "a single observation has no interval: give two drives or more"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TwinNumber:
-    """A number of the twin.
-
-    Attributes:
-        name: What it is.
-        unit: Of its value for the user; a share is shown in %.
-        interval: Its value with its 95 % interval.
-        sets: Values of [simulation] by dotted key.
-        moves: By how much those change per change of the number, see `FoundNumber`.
-    """
-
-    name: str
-    unit: str
-    interval: Interval
-    sets: Mapping[str, object]
-    moves: Mapping[str, float]
-
-    @property
-    def words(self) -> str:
-        """Its value with its interval."""
-        shown = self.interval.times(100.0) if self.unit.startswith("%") else self.interval
-        return f"{self.name}: {shown.words(self.unit)}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Unknown:
-    """A number that is not written, and why."""
-
-    name: str
-    why: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,10 +63,10 @@ class Twin:
             "found_on": date_of(wall_time_ns()).isoformat(),
             "numbers": {
                 each.name: {
-                    "value": _rounded(each.interval.value),
-                    "low": _rounded(each.interval.low),
-                    "high": _rounded(each.interval.high),
-                    "moves": {key: _rounded(share) for key, share in each.moves.items()},
+                    "value": rounded(each.interval.value),
+                    "low": rounded(each.interval.low),
+                    "high": rounded(each.interval.high),
+                    "moves": {key: rounded(share) for key, share in each.moves.items()},
                 }
                 for each in self.numbers
             },
@@ -134,7 +97,7 @@ def twin_of(diagnosis: Diagnosis, config: Config) -> Twin | None:
         _set_point_delay(diagnosis, simulation.plant),
         *_gyro(diagnosis, config, simulation),
         ground_of_slip(diagnosis.slip, simulation.plant),
-        Unknown(name="friction", why="drives show slip, no forces: see `rover-hil gap rover`"),
+        friction_of(diagnosis.drives, simulation.plant),
     ]
     others = [*config.roles.headings, *config.roles.fixes]
     why = "they are not separated from those of the rover"
@@ -150,8 +113,8 @@ def twin_of(diagnosis: Diagnosis, config: Config) -> Twin | None:
 def _checked(number: TwinNumber, simulation: SimulationSettings) -> TwinNumber | Unknown:
     """Return a number that [simulation] can state, with both ends of its interval."""
     interval = number.interval
-    middle = _rounded(interval.value)
-    for value in (middle, _rounded(interval.low), _rounded(interval.high)):
+    middle = rounded(interval.value)
+    for value in (middle, rounded(interval.low), rounded(interval.high)):
         table = simulation.model_dump(exclude={"found"})
         for key, of_key in number.sets.items():
             place: Any = table
@@ -166,10 +129,6 @@ def _checked(number: TwinNumber, simulation: SimulationSettings) -> TwinNumber |
         except ValidationError:
             return Unknown(name=number.name, why=f"{number.words}, beyond the limits of [simulation]")
     return number
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.{DIGITS}g}")
 
 
 def _wheel_rows(plant: WheelsPlantSettings, sets: Mapping[str, object]) -> list[dict[str, object]]:
@@ -208,7 +167,7 @@ def _wheels(diagnosis: Diagnosis, plant: PlantSettings) -> Iterator[TwinNumber |
             name=name,
             unit="rad" if each.number.unit else "% of the described value",
             interval=Interval(value=each.value, low=low, high=high, count=result.fit.units),
-            sets={key: _rounded(value) for key, value in sets.items()},
+            sets={key: rounded(value) for key, value in sets.items()},
             moves=moves,
         )
     for each in result.not_shown:
@@ -266,22 +225,12 @@ def _wheel_values(geometry: Geometry, values: Mapping[str, float]) -> dict[str, 
     return found
 
 
-def _single(name: str, unit: str, interval: Interval, key: str) -> TwinNumber | Unknown:
-    """Return a number that is one value of [simulation]."""
-    if interval.count == 0:
-        return Unknown(name=name, why="these drives do not show it")
-    if not interval.is_known:
-        return Unknown(name=name, why=NO_INTERVAL)
-    sets = {key: _rounded(interval.value)}
-    return TwinNumber(name=name, unit=unit, interval=interval, sets=sets, moves={key: 1.0})
-
-
 def _set_point_delay(diagnosis: Diagnosis, plant: PlantSettings) -> TwinNumber | Unknown:
     name = "delay of the wheels"
     interval = mean_of(set_point_delays_s(diagnosis.drives), 0.0)
     if interval.count == 0:
         return Unknown(name=name, why="no setpoints are recorded, or no wheel follows them")
-    return _single(name, "s", interval, DELAYS[plant.type])
+    return single(name, "s", interval, DELAYS[plant.type])
 
 
 def _gyro(
@@ -300,7 +249,7 @@ def _gyro(
         return
     place = f"devices.{device}"
     noise = mean_of(gyro_noises_rad_s(diagnosis.drives, emulator.rate_hz), 0.0)
-    numbers = [_single("gyro noise", "deg/s", _degrees(noise), f"{place}.gyro_noise_deg_s")]
+    numbers = [single("gyro noise", "deg/s", _degrees(noise), f"{place}.gyro_noise_deg_s")]
     result = diagnosis.geometry.result
     numbers += _gyro_errors(None if result is None else result.gyro, sensor, place)
     numbers.append(_gyro_delay(diagnosis, place))
@@ -330,7 +279,7 @@ def _gyro_errors(gyro: GyroFit | None, sensor: InertialSettings, place: str) -> 
         raw = (gyro.bias_rad_s + mounting.gyro_bias_rad_s) / mounting.gyro_scale
         # Each drive has another bias: that of the next one is wanted.
         bias = mean_of([[value] for value in raw.tolist()], is_of_next=True)
-        found.append(_single("gyro bias", "deg/s", _degrees(bias), f"{place}.gyro_bias_deg_s"))
+        found.append(single("gyro bias", "deg/s", _degrees(bias), f"{place}.gyro_bias_deg_s"))
     if not gyro.is_shown:
         return [
             *found,
@@ -338,7 +287,7 @@ def _gyro_errors(gyro: GyroFit | None, sensor: InertialSettings, place: str) -> 
         ]
     value, half = mounting.gyro_scale / gyro.scale, mounting.gyro_scale * gyro.half_width / gyro.scale**2
     scale = Interval(value=value, low=value - half, high=value + half, count=len(gyro.bias_rad_s))
-    return [*found, _single("gyro scale", "% of the reading", scale, f"{place}.gyro_scale")]
+    return [*found, single("gyro scale", "% of the reading", scale, f"{place}.gyro_scale")]
 
 
 def _gyro_delay(diagnosis: Diagnosis, place: str) -> TwinNumber | Unknown:
@@ -348,53 +297,4 @@ def _gyro_delay(diagnosis: Diagnosis, place: str) -> TwinNumber | Unknown:
         return Unknown(name=name, why=why)
     if interval.is_known and interval.low <= 0.0:
         return Unknown(name=name, why=f"none is shown beside the wheels: {interval.words('s')}")
-    return _single(name, "s", interval, f"{place}.rate_delay_s")
-
-
-def ground_of_slip(slips: Mapping[str, Interval], plant: PlantSettings) -> TwinNumber | Unknown:
-    """Return the slip along the path, which gives the stiffness of the ground.
-
-    A wheel on a straight transmits what resists the motion of the rover, `pull` over its load. The simulated
-    ground answers a slip s with stiffness s / sqrt(1 + (stiffness s / friction)^2).
-    """
-    name = "slip"
-    if not isinstance(plant, WheelsPlantSettings) or any(
-        wheel.roller_deg is not None for wheel in plant.wheels
-    ):
-        return Unknown(
-            name=name, why="the ground stays: its formula is that of wheels without rollers on a floor"
-        )
-    kind = next((each for each in (STRAIGHT, CIRCLE, SQUARE, BY_HAND) if each in slips), "")
-    if not kind:
-        return Unknown(name=name, why="it needs ground truth with yaw")
-    slip = slips[kind]
-    if not slip.is_known or slip.low <= 0.0:
-        return Unknown(
-            name=name,
-            why=f"the ground stays: none is shown on a {kind}: {slip.times(100.0).words('% of the travel')}",
-        )
-    surface = plant.site.surfaces[plant.site.floor]
-    pull = pull_of(plant, surface.drag_along)
-    if pull >= surface.friction:
-        return Unknown(name=name, why="the ground stays: on it the simulated rover would not move")
-    value = pull / (slip.value * math.sqrt(1.0 - (pull / surface.friction) ** 2))
-    surfaces = {GROUND: {**surface.model_dump(), "stiffness": _rounded(value)}}
-    site = {"name": GROUND, "floor": GROUND, "surfaces": surfaces}
-    return TwinNumber(
-        name=name,
-        unit="% of the travel",
-        interval=slip,
-        sets={"plant.site": site},
-        moves={f"plant.site.surfaces.{GROUND}.stiffness": -value / slip.value},
-    )
-
-
-def pull_of(plant: WheelsPlantSettings, drag: float) -> float:
-    """Return the resistance of the whole rover over the load of the wheels that are driven."""
-    from sim_backends.plants.wheels.plant import make_rover  # numba takes a second to load
-
-    load_n: list[float] = make_rover(plant).load_n.tolist()
-    on_wheels, on_castors = load_n[: len(plant.wheels)], load_n[len(plant.wheels) :]
-    resistance_n = drag * sum(on_wheels)
-    resistance_n += sum(each.drag * load for each, load in zip(plant.castors, on_castors, strict=True))
-    return resistance_n / sum(load for each, load in zip(plant.wheels, on_wheels, strict=True) if each.driven)
+    return single(name, "s", interval, f"{place}.rate_delay_s")

@@ -4,6 +4,7 @@ import json
 import math
 import re
 import tomllib
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,10 @@ from drivers.errors import ConfigError
 from rover_hil.config import Config, load_config
 from rover_hil.config.entry import with_entry
 from rover_hil.diagnose.device_numbers import delay_behind_s
+from rover_hil.diagnose.forces import friction_of, ground_of_slip, pull_of
 from rover_hil.diagnose.intervals import Interval
-from rover_hil.diagnose.twin import ground_of_slip, pull_of
+from rover_hil.diagnose.replayed_drive import replay_drive
+from rover_hil.diagnose.twin_number import TwinNumber, Unknown
 from rover_hil.drives.channels import Readings
 from rover_hil.run.driving import run_virtual
 from rover_hil.tune.scenarios import with_scenario
@@ -26,6 +29,7 @@ from tests.rover_hil.command import Command, assert_one_sentence
 
 EXAMPLE = Path("docs/examples/differential.toml").resolve()
 TRUE = {
+    "plant.wheel_friction_nm": 0.12,
     "plant.set_point_delay_s": 0.15,
     "devices.imu.gyro_bias_deg_s": 0.4,
     "devices.imu.gyro_noise_deg_s": 0.3,
@@ -77,7 +81,9 @@ def plant_of(config: Config) -> WheelsPlantSettings:
 def drives(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Return logs of the rover of the example whose wheels, drives and gyro are other than described."""
     folder = tmp_path_factory.mktemp("drives")
-    wheels = [{"x_m": 0.0, "y_m": side * HALF_TRACK_M, "radius_m": RADIUS_M} for side in (1.0, -1.0)]
+    motor = {"stall_torque_nm": 4.0, "no_load_rad_s": 20.0, "stall_current_a": 8.0}
+    wheel = {"x_m": 0.0, "radius_m": RADIUS_M, "motor": motor}
+    wheels = [{**wheel, "y_m": side * HALF_TRACK_M} for side in (1.0, -1.0)]
     text = with_entry(rover_text(), "simulation.plant", "wheels", wheels)
     text = with_entry(text, "simulation.devices.imu", "type", "witmotion")
     for key, value in TRUE.items():
@@ -110,6 +116,7 @@ def test_a_twin_of_drives_is_entered_and_used(command: Command, drives: list[Pat
         ("gyro noise", "devices.imu.gyro_noise_deg_s"),
         ("gyro scale", "devices.imu.gyro_scale"),
         ("gyro delay", "devices.imu.rate_delay_s"),
+        ("friction of a wheel", "plant.wheel_friction_nm"),
     ):
         value: Any = simulation
         for part in key.split("."):
@@ -122,8 +129,6 @@ def test_a_twin_of_drives_is_entered_and_used(command: Command, drives: list[Pat
     assert wheels[0].y_m == pytest.approx(HALF_TRACK_M, rel=0.003)
     record = json.loads(Path("found/diagnosis.json").read_text("utf-8"))
     assert record["twin"]["numbers"] == found["numbers"]
-    assert "forces" in record["twin"]["not_written"]["friction"]
-    assert "not written: friction" in command.out
     # The twin is not judged by the drives that it is from.
     assert command("gap", "rover", "mine.toml", *names, "--out", "gap") == 2
     assert_one_sentence(command.error, "was made from these drives", "give logs of other drives")
@@ -131,6 +136,39 @@ def test_a_twin_of_drives_is_entered_and_used(command: Command, drives: list[Pat
     other.write_bytes(drives[0].read_bytes())
     command("gap", "rover", "mine.toml", str(other), *names, "--out", "gap")
     assert "left out, because [simulation.found] was made from them: drive0, drive1" in command.error
+
+
+def test_friction_of_the_motors_of_a_robotino_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = resources.files("rover_hil.config.shipped.configs").joinpath("robotino.toml").read_text("utf-8")
+    text = re.sub(r"\[mission\].*?\n\n", "", text, flags=re.DOTALL)
+    nominal = with_entry(text, "simulation.plant", "site", "floor_table")
+    drives = []
+    for seed, points in enumerate(([[1.5, 0.0], [0.0, 0.0]], [[1.0, 1.0]], [[-1.2, 0.3]])):
+        mission = f'[mission]\ntype = "waypoints"\nspeed_m_s = 0.15\npoints = {points}\n'
+        true = with_entry(nominal, "simulation.plant", "motor", {"friction_nm": 0.014})
+        true = with_entry(true, "simulation", "seed", seed)
+        run_virtual(loaded(true + mission), Path(f"drive{seed}.mcap"), 60.0, None)
+        drives.append(replay_drive(Path(f"drive{seed}.mcap"), lambda _: None))
+    plant = loaded(nominal).require_simulation().plant
+    found = friction_of(drives, plant)
+    assert isinstance(found, TwinNumber), found
+    # The board cuts off two counts of about 66.
+    assert found.interval.value == pytest.approx(64.0 / 66.0 * 0.014, rel=0.03)
+    assert "with 0.051 N m/A" in found.words
+    single = friction_of(drives[:1], plant)
+    assert isinstance(single, Unknown)
+    assert "two drives" in single.why
+    elsewhere = friction_of(drives, loaded(text).require_simulation().plant)
+    assert isinstance(elsewhere, Unknown)
+    assert "differs by place" in elsewhere.why
+    for each in drives:
+        each.drive.channels._rows.pop("current2_a")
+    without = friction_of(drives, plant)
+    assert isinstance(without, Unknown)
+    assert "no motor currents" in without.why
 
 
 def test_a_configuration_without_simulation_gets_no_twin(command: Command, drives: list[Path]) -> None:
