@@ -297,7 +297,7 @@ def config_text(columns: Path) -> str:
 def diagnosed(logs: Sequence[Path], config: Path) -> str:
     """Diagnose drives and enter what is accepted; return the names of the sections that were entered."""
     folder = config.parent / "diagnosis"
-    arguments = ("--config", str(config), "--enter", "--no-leave-out", "--force", "--out", str(folder))
+    arguments = ("--config", str(config), "--enter", "--quick", "--force", "--out", str(folder))
     code, output = call("diagnose", *map(str, logs), *arguments)
     found = [
         line for line in output.splitlines() if line.startswith(("entered into", "nothing was accepted"))
@@ -383,7 +383,8 @@ def _points_of(seed: int, count: int) -> list[Point]:
                     Point(robot=name, lost=lost, kind=kind, entered=entered, is_end=is_end, nees=nees)
                 )
         text = config.read_text("utf-8")
-        settings = [line for line in text.splitlines() if line.startswith(("wheel_yaw", "slip", "cross"))]
+        shown = ("wheel_yaw", "slip", "cross", "noise")
+        settings = [line for line in text.splitlines() if line.startswith(shown)]
     ends = [point.nees for point in points if point.is_end]
     print(
         f"{seed} {name:6} lost {lost:.3f}: entered {entered}; {'; '.join(settings)}; NEES / 3 at the ends",
