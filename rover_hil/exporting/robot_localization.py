@@ -27,7 +27,7 @@ from rover_hil.config.ros2_settings import Ros2Settings
 from rover_hil.connect.odometry_record import REST_M_S, REST_RAD_S, OdometryRecorder
 from rover_hil.connect.ros2.mapping import NOT_MEASURED
 from rover_hil.drives.arrays import Array
-from rover_hil.exporting.wheel_controller import wheel_controller
+from rover_hil.exporting.wheel_controller import LISTED, wheel_controller
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.schema import ESTIMATE, ESTIMATE_SHAPE, EstimateRecord
 
@@ -42,6 +42,12 @@ NOTHING = 1e-9
 """Variance of what is known or not estimated: that with which robot_localization starts."""
 MESSAGE_WEIGHT = 0.9
 """Of a message in the velocity: a tenth of a change is left for the next message."""
+WEIGHING = MESSAGE_WEIGHT**2 / (1.0 - MESSAGE_WEIGHT)
+"""Variance of the walk between two messages that gives them their weight, over the variance of a message.
+
+The weight w of a measurement of variance R, every t seconds, of what walks at random with the variance Q in a
+second: Q t / R = w^2 / (1 - w).
+"""
 NO_INTERVAL = "no interval is recorded"
 
 
@@ -265,13 +271,8 @@ def _unexplained(driven: Driven, yaw_rad2_s: float) -> Array:
 
 
 def _velocity_noise(driven: Driven) -> Mapping[str, Entry]:
-    """Return the noise with which a message gets its weight in the long run.
-
-    The weight w of a measurement of variance R, every t seconds, of what walks at random with the variance Q
-    in a second: Q t / R = w^2 / (1 - w).
-    """
-    factor = MESSAGE_WEIGHT**2 / (1.0 - MESSAGE_WEIGHT)
-    wanted = factor * driven.variance / driven.step_s[:, None]
+    """Return the noise with which a message gets its weight in the long run."""
+    wanted = WEIGHING * driven.variance / driven.step_s[:, None]
     changes = np.diff(driven.velocity, axis=0) ** 2 / driven.step_s[1:, None]
     entries = {}
     for place, state in enumerate(FUSED):
@@ -331,8 +332,11 @@ def _controller_lines(driven: Driven, config: Config) -> Iterator[str]:
     yield "# Odometry of the wheels alone, instead of /odom of rover-hil: remove the first # of each line."
     if controller.note:
         yield f"# {controller.note}"
+    yield from _noise_of_wheels(controller.name, driven, pose, twist)
     yield f"{controller.name}:"
     yield "  ros__parameters:"
+    if controller.name != LISTED:
+        yield "    enable_odom_tf: false  # ekf_node sends this transform"
     for name, value, source in controller.parameters:
         yield f"    {name}: {value!r}  # {source}; {NO_INTERVAL}, `rover-hil calibrate wheels` finds one"
     shown: tuple[str, ...] = ()
@@ -345,6 +349,19 @@ def _controller_lines(driven: Driven, config: Config) -> Iterator[str]:
         x, y, yaw = (_number(entry.value) for entry in entries)
         unmeasured = ", ".join([_number(NOT_MEASURED)] * 3)
         yield f"{pad}{names[-1]}: [{x}, {y}, {unmeasured}, {yaw}]"
+
+
+def _noise_of_wheels(
+    name: str, driven: Driven, pose: Sequence[Entry], twist: Sequence[Entry]
+) -> Iterator[str]:
+    """Yield what the first part needs with this odometry: that of /odom has a gyro and slip compensation."""
+    topic = "the topic of your publisher" if name == LISTED else f"'/{name}/odom'"
+    place, _, yaw = (_number(each.value / driven.duration_s) for each in pose)
+    step_s = float(driven.step_s[driven.moves].mean())
+    speed, _, turn = (_number(WEIGHING * each.value / step_s) for each in twist)
+    yield f"# In the first part set odom0: {topic}, and process_noise_covariance to"
+    yield f"# x and y {place}, yaw {yaw}, vx and vy {speed}, vyaw {turn}:"
+    yield "# the covariances below, per second of this drive, and so that a message has the weight as above."
 
 
 def _wheel_twist(driven: Driven) -> Sequence[Entry]:

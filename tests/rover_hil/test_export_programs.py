@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shutil
 from collections.abc import Mapping, Sequence
 from importlib import import_module
@@ -156,6 +157,13 @@ def test_parameters_are_settings_and_means_of_the_drive(command: Command, log: P
     diagonals = controller["diagonal_covariance"]
     assert diagonals["twist"] == pytest.approx(twist_of_wheels(log), rel=1e-3)
     assert diagonals["pose"][2:5] == [1e6, 1e6, 1e6]
+    # The noise of /odom does not fit the wheels alone: theirs is stated beside them.
+    assert "odom0: '/omni_wheel_drive_controller/odom'" in text
+    assert controller["enable_odom_tf"] is False
+    stated = re.search(r"# x and y ([\d.e+-]+), yaw ([\d.e+-]+), vx and vy [\d.e+-]+, vyaw [\d.e+-]+:", text)
+    assert stated is not None
+    grown = [DRIVE_S * float(each) for each in stated.groups()]
+    assert grown == pytest.approx([diagonals["pose"][0], diagonals["pose"][5]], rel=0.01)
     # Each number names its source.
     for words in (
         "filter.unsure_position_noise_m_sqrt_m = 0.02",
