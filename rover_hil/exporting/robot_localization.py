@@ -117,6 +117,7 @@ def robot_localization_text(log: LogReader, config: Config, on_message: Callable
     lines = [
         f"# For ekf_node of robot_localization, from the log {log.path.name} of {day} ({driven.words}).",
         "# Settings are those of the configuration in the log. Nothing was fitted here.",
+        "# The process noise is for drives of this length, speed and ground: longer ones need more.",
         f"# Ground: {config.ground.words}.",
         *_gyro_lines(config),
         "ekf_filter_node:",

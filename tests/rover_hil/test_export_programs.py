@@ -170,6 +170,7 @@ def test_parameters_are_settings_and_means_of_the_drive(command: Command, log: P
         "setting rover.wheel_radius_m",
         "slip unknown",
         "(default)",
+        "for drives of this length, speed and ground",
     ):
         assert words in text
 
