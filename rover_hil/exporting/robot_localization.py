@@ -2,9 +2,11 @@
 
 Names and meanings: docs/how-to/feed_robot_localization.md. `Ekf::predict` multiplies the process noise by the
 time of the step: it is a variance per second. That filter takes the errors of successive velocities as
-independent, and slip or a gyro's bias are not. So the process noise of the pose is the least rate at which
-its variance is nowhere in the second half of the drive below that of the pose of `/odom`. The first half
-would count what does not grow. The covariance of the velocity adds to it: the region is rather too large.
+independent, and slip or a gyro's bias are not. So it must not average them: it would lag behind, and be too
+sure of the velocity. The process noise of the velocity gives each message the weight `MESSAGE_WEIGHT`.
+That of the pose is the least rate at which its variance, with what the covariance of the velocity adds, is
+nowhere in the second half of the drive below that of the pose of `/odom`. The first half would count what
+does not grow.
 """
 
 import math
@@ -25,7 +27,7 @@ from rover_hil.config.ros2_settings import Ros2Settings
 from rover_hil.connect.odometry_record import REST_M_S, REST_RAD_S, OdometryRecorder
 from rover_hil.connect.ros2.mapping import NOT_MEASURED
 from rover_hil.drives.arrays import Array
-from rover_hil.exporting.wheel_controller import wheel_controller
+from rover_hil.exporting.wheel_controller import LISTED, wheel_controller
 from rover_hil.recording.reader import LogReader
 from rover_hil.recording.schema import ESTIMATE, ESTIMATE_SHAPE, EstimateRecord
 
@@ -38,6 +40,14 @@ STATES = (
 FUSED = ("vx", "vy", "vyaw")
 NOTHING = 1e-9
 """Variance of what is known or not estimated: that with which robot_localization starts."""
+MESSAGE_WEIGHT = 0.9
+"""Of a message in the velocity: a tenth of a change is left for the next message."""
+WEIGHING = MESSAGE_WEIGHT**2 / (1.0 - MESSAGE_WEIGHT)
+"""Variance of the walk between two messages that gives them their weight, over the variance of a message.
+
+The weight w of a measurement of variance R, every t seconds, of what walks at random with the variance Q in a
+second: Q t / R = w^2 / (1 - w).
+"""
 NO_INTERVAL = "no interval is recorded"
 
 
@@ -55,22 +65,24 @@ class Driven:
     Attributes:
         duration_s: From the first to the last estimate.
         step_s: Time since the message before, (n,).
+        way_m: Change of the position of `/odom` in it, x and y, (n, 2).
         length_m: Travel of the wheels in it, (n,).
         turned_rad: Their rotation in it, without sign, (n,).
         velocity: Forward, to the left and yaw, in m/s and rad/s, (n, 3).
         variance: Of the velocity, (n, 3).
         wheels_variance: The same by the wheels alone, without slip compensation and gyro, (n, 3).
-        pose_variance: Of the pose of `/odom`: its least and its most certain direction, and yaw, (n + 1, 3).
+        covariance: Of x, y and yaw of `/odom`, (n + 1, 3, 3).
     """
 
     duration_s: float
     step_s: Array
+    way_m: Array
     length_m: Array
     turned_rad: Array
     velocity: Array
     variance: Array
     wheels_variance: Array
-    pose_variance: Array
+    covariance: Array
 
     @property
     def moves(self) -> NDArray[np.bool_]:
@@ -105,6 +117,7 @@ def robot_localization_text(log: LogReader, config: Config, on_message: Callable
     lines = [
         f"# For ekf_node of robot_localization, from the log {log.path.name} of {day} ({driven.words}).",
         "# Settings are those of the configuration in the log. Nothing was fitted here.",
+        "# The process noise is for drives of this length, speed and ground: longer ones need more.",
         f"# Ground: {config.ground.words}.",
         *_gyro_lines(config),
         "ekf_filter_node:",
@@ -112,10 +125,12 @@ def robot_localization_text(log: LogReader, config: Config, on_message: Callable
         f"    frequency: {config.loop.rate_hz!s}  # Hz; setting loop.rate_hz",
         "    two_d_mode: true  # z, roll and pitch are not measured",
         f"    publish_tf: true  # needs ros2.publish_tf = false; in the log: {str(ros2.publish_tf).lower()}",
-        f"    odom_frame: {ros2.odom_frame}  # setting ros2.odom_frame",
-        f"    base_link_frame: {ros2.base_frame}  # setting ros2.base_frame",
-        f"    world_frame: {ros2.odom_frame}",
-        f"    odom0: /{'/'.join(filter(None, (ros2.namespace, 'odom')))}",
+        # In quotes: ROS reads a bare on, no or nan as another type, and refuses it.
+        f"    map_frame: '{ros2.map_frame}'  # setting ros2.map_frame",
+        f"    odom_frame: '{ros2.odom_frame}'  # setting ros2.odom_frame",
+        f"    base_link_frame: '{ros2.base_frame}'  # setting ros2.base_frame",
+        f"    world_frame: '{ros2.odom_frame}'",
+        f"    odom0: '/{'/'.join(filter(None, (ros2.namespace, 'odom')))}'",
         "    # The velocities: the pose of /odom is their sum, its errors are alike from message to message.",
         "    # vy too: without rollers or steering it is 0, with the variance of a slip to the side.",
         f"    odom0_config: [{', '.join(str(state in FUSED).lower() for state in STATES)}]",
@@ -141,22 +156,24 @@ def _read(log: LogReader, config: Config, on_message: Callable[[], None]) -> Dri
                 velocity = (record["velocity_x_m_s"], record["velocity_y_m_s"], record["yaw_rate_rad_s"])
                 pose = cycle["odometry"]
                 place = (record["time_ns"] / 1e9, pose["x_m"], pose["y_m"], pose["yaw_rad"])
+                way = (record["x_m"], record["y_m"])
                 variances = (*record["velocity_variance"], *by_wheels["velocity_variance"])
-                if math.isfinite(sum(place)):
-                    rows.append((*place, *velocity, *variances, *_axes(record["covariance"])))
+                if math.isfinite(sum((*place, *way))):
+                    rows.append((*place, *velocity, *variances, *record["covariance"], *way))
         on_message()
-    table = np.array(rows).reshape(-1, 16)
+    table = np.array(rows).reshape(-1, 21)
     steps = np.diff(table[:, :4], axis=0)
     turned = np.abs((steps[:, 3] + np.pi) % (2.0 * np.pi) - np.pi)
     driven = Driven(
         duration_s=float(steps[:, 0].sum()),
         step_s=steps[:, 0],
+        way_m=np.diff(table[:, 19:], axis=0),
         length_m=np.hypot(steps[:, 1], steps[:, 2]),
         turned_rad=turned,
         velocity=table[1:, 4:7],
         variance=table[1:, 7:10],
         wheels_variance=table[1:, 10:13],
-        pose_variance=table[:, 13:],
+        covariance=table[:, (13, 14, 15, 14, 16, 17, 15, 17, 18)].reshape(-1, 3, 3),
     )
     if not driven.moves[1:].any():
         raise LogError(
@@ -164,13 +181,6 @@ def _read(log: LogReader, config: Config, on_message: Callable[[], None]) -> Dri
             f"of a drive, or make the estimate with `rover-hil replay {log.path} --out FOLDER`"
         )
     return driven
-
-
-def _axes(covariance: Sequence[float]) -> tuple[float, float, float]:
-    """Return the variances of a pose in its least and its most certain direction, and of its yaw."""
-    xx, xy, _, yy, _, yaw = covariance
-    middle, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
-    return middle + half, middle - half, yaw
 
 
 def _by_wheels(cycle: EstimateRecord) -> EstimateRecord:
@@ -225,22 +235,64 @@ def _ground_words(config: Config) -> str:
 
 
 def _process_noise(driven: Driven) -> Mapping[str, Entry]:
-    passed_s = np.cumsum(driven.step_s)
-    grown = driven.pose_variance[1:] - driven.pose_variance[0]
-    rates = np.max((grown / passed_s[:, None])[2.0 * passed_s >= driven.duration_s], axis=0)
-    widest, narrowest, yaw = (max(float(rate), NOTHING) for rate in rates)
-    grows = "the variance of /odom grows by at most this in the second half of the drive"
-    place = Entry(widest, f"m2/s; {grows}, in its most certain direction by {narrowest:.2e}")
-    # The model holds the velocity constant: its noise is what it changes by in a second.
-    change2 = np.diff(driven.velocity, axis=0) ** 2 / driven.step_s[1:, None]
-    what = "mean squared change of the velocity"
-    along, across, turn = (
-        _mean(f"{unit}; {what}", values)
-        for unit, values in zip(("m2/s3", "m2/s3", "rad2/s3"), change2[driven.moves[1:]].T, strict=True)
-    )
-    side = max(along, across)
+    yaw = max(float(_unexplained(driven, 0.0)[:, 2, 2].max()), NOTHING)
+    of_position = np.linalg.eigvalsh(_unexplained(driven, yaw)[:, :2, :2]).max(axis=0)
+    narrowest, widest = (max(float(rate), NOTHING) for rate in of_position)
+    grows = "with that of the velocity nowhere below the variance of /odom in the second half of the drive"
+    place = Entry(widest, f"m2/s; {grows}; its most certain direction needs {narrowest:.2e}")
     turns = Entry(yaw, f"rad2/s; {grows}; {NO_INTERVAL}")
-    return {"x": place, "y": place, "yaw": turns, "vx": along, "vy": side, "vyaw": turn}
+    return {"x": place, "y": place, "yaw": turns, **_velocity_noise(driven)}
+
+
+def _unexplained(driven: Driven, yaw_rad2_s: float) -> Array:
+    """Return what the covariance of `/odom` has grown by, and that of the filter has not, per second passed.
+
+    The filter has no process noise of x and y here: it would add its own rate, and change nothing else.
+
+    Args:
+        driven: The drive.
+        yaw_rad2_s: Process noise of the yaw.
+
+    Returns:
+        Of x, y and yaw at the messages of the second half, (m, 3, 3).
+    """
+    filtered, missing = np.diag(_first_variance(driven)), []
+    for step_s, (x_m, y_m), variance, covariance in zip(
+        driven.step_s, driven.way_m, driven.variance, driven.covariance[1:], strict=True
+    ):
+        moved = np.array([[1.0, 0.0, -y_m], [0.0, 1.0, x_m], [0.0, 0.0, 1.0]])
+        # The variance is the same along the travel and across it: it need not be rotated.
+        filtered = moved @ filtered @ moved.T + np.diag(variance) * step_s**2
+        filtered[2, 2] += yaw_rad2_s * step_s
+        missing.append(covariance - filtered)
+    passed_s = np.cumsum(driven.step_s)
+    late = 2.0 * passed_s >= driven.duration_s
+    rates: Array = np.array(missing)[late] / passed_s[late, None, None]
+    return rates
+
+
+def _velocity_noise(driven: Driven) -> Mapping[str, Entry]:
+    """Return the noise with which a message gets its weight in the long run."""
+    wanted = WEIGHING * driven.variance / driven.step_s[:, None]
+    changes = np.diff(driven.velocity, axis=0) ** 2 / driven.step_s[1:, None]
+    entries = {}
+    for place, state in enumerate(FUSED):
+        unit = "rad2/s3" if state == "vyaw" else "m2/s3"
+        low, middle, high = np.percentile(wanted[driven.moves, place], (5.0, 50.0, 95.0))
+        changed = changes[driven.moves[1:], place].mean()
+        source = (
+            f"{unit}; gives a message the weight {MESSAGE_WEIGHT:g}; median of the drive, 5 to 95 %: "
+            f"{low:.2e} to {high:.2e}; mean squared change of the velocity: {changed:.2e}"
+        )
+        entries[state] = Entry(float(middle), source)
+    return entries
+
+
+def _first_variance(driven: Driven) -> Array:
+    """Return the variances of x, y and yaw at the start, x and y in their least certain direction."""
+    first = driven.covariance[0]
+    widest = np.linalg.eigvalsh(first[:2, :2])[1]
+    return np.maximum((widest, widest, first[2, 2]), NOTHING)
 
 
 def _mean(what: str, values: Array) -> Entry:
@@ -251,9 +303,9 @@ def _mean(what: str, values: Array) -> Entry:
 def _initial(driven: Driven) -> Mapping[str, Entry]:
     first = "variance of the first estimate in the log"
     speed = f"{first}; ekf_node replaces it by that of its first message"
-    place, _, yaw = (Entry(max(float(value), NOTHING), first) for value in driven.pose_variance[0])
+    x, y, yaw = (Entry(float(value), first) for value in _first_variance(driven))
     speeds = (Entry(float(value), speed) for value in driven.variance[0])
-    return {"x": place, "y": place, "yaw": yaw, **dict(zip(FUSED, speeds, strict=True))}
+    return {"x": x, "y": y, "yaw": yaw, **dict(zip(FUSED, speeds, strict=True))}
 
 
 def _matrix(name: str, when: str, entries: Mapping[str, Entry]) -> Iterator[str]:
@@ -281,8 +333,11 @@ def _controller_lines(driven: Driven, config: Config) -> Iterator[str]:
     yield "# Odometry of the wheels alone, instead of /odom of rover-hil: remove the first # of each line."
     if controller.note:
         yield f"# {controller.note}"
+    yield from _noise_of_wheels(controller.name, driven, pose, twist)
     yield f"{controller.name}:"
     yield "  ros__parameters:"
+    if controller.name != LISTED:
+        yield "    enable_odom_tf: false  # ekf_node sends this transform"
     for name, value, source in controller.parameters:
         yield f"    {name}: {value!r}  # {source}; {NO_INTERVAL}, `rover-hil calibrate wheels` finds one"
     shown: tuple[str, ...] = ()
@@ -295,6 +350,19 @@ def _controller_lines(driven: Driven, config: Config) -> Iterator[str]:
         x, y, yaw = (_number(entry.value) for entry in entries)
         unmeasured = ", ".join([_number(NOT_MEASURED)] * 3)
         yield f"{pad}{names[-1]}: [{x}, {y}, {unmeasured}, {yaw}]"
+
+
+def _noise_of_wheels(
+    name: str, driven: Driven, pose: Sequence[Entry], twist: Sequence[Entry]
+) -> Iterator[str]:
+    """Yield what the first part needs with this odometry: that of /odom has a gyro and slip compensation."""
+    topic = "the topic of your publisher" if name == LISTED else f"'/{name}/odom'"
+    place, _, yaw = (_number(each.value / driven.duration_s) for each in pose)
+    step_s = float(driven.step_s[driven.moves].mean())
+    speed, _, turn = (_number(WEIGHING * each.value / step_s) for each in twist)
+    yield f"# In the first part set odom0: {topic}, and process_noise_covariance to"
+    yield f"# x and y {place}, yaw {yaw}, vx and vy {speed}, vyaw {turn}:"
+    yield "# the covariances below, per second of this drive, and so that a message has the weight as above."
 
 
 def _wheel_twist(driven: Driven) -> Sequence[Entry]:
