@@ -15,6 +15,7 @@ from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.console.json_text import print_json
 from rover_hil.console.options import LOG_SUFFIX, ForceOption, JsonOption, check_inputs, log_at, out_option
 from rover_hil.console.steps import show_progress
+from rover_hil.diagnose.answer import answer_of
 from rover_hil.diagnose.diagnosis import Diagnosis, Report, diagnose
 from rover_hil.diagnose.figures import drawings_of
 from rover_hil.diagnose.sections import entries_of, error_table, record_of, sections_of
@@ -206,7 +207,7 @@ def _page(diagnosis: Diagnosis, twin: Twin | None) -> str:
     return render(
         "diagnose/page.html",
         grade="attention" if diagnosis.causes else "good",
-        answer=diagnosis.answer,
+        answer=answer_of(diagnosis),
         sections=sections_of(diagnosis, twin),
         pictures=draw_pictures(drawings_of(diagnosis)),
     )
@@ -214,7 +215,7 @@ def _page(diagnosis: Diagnosis, twin: Twin | None) -> str:
 
 def _print(diagnosis: Diagnosis, twin: Twin | None, out: Path, entered: str) -> None:
     console = Terminal(soft_wrap=True)
-    answer = diagnosis.answer
+    answer = answer_of(diagnosis)
     for sentence in (answer.worth, answer.cause, answer.next_step):
         console.print(sentence)
     table = error_table(diagnosis)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
+from rover_hil.diagnose.answer import answer_of
 from rover_hil.diagnose.covariance import by_kind
 from rover_hil.diagnose.diagnosis import Diagnosis
 from rover_hil.diagnose.drive_errors import ESTIMATE, ODOMETRY, TrackErrors
@@ -255,7 +256,7 @@ def record_of(diagnosis: Diagnosis, twin: Twin | None) -> dict[str, object]:
     errors, settings = diagnosis.errors, diagnosis.settings
     covariance = diagnosis.covariance
     return {
-        "answer": asdict(diagnosis.answer),
+        "answer": asdict(answer_of(diagnosis)),
         "drives": [
             {
                 "name": each.name,
