@@ -38,6 +38,7 @@ from rover_hil.drives.formats.table.columns import (
     TimeColumn,
     angle_unit,
 )
+from rover_hil.drives.formats.table.unused import unused_parts
 from rover_hil.drives.quality.oddities import NO_FAULT, REPAIRED, TOLD, Oddity
 
 FIX = "correct the cell or the file of columns"
@@ -191,11 +192,21 @@ class DriveTable:
                 drive.oddities.append(
                     Oddity(what="rows missing between others", count=missing, done=NO_FAULT)
                 )
+        if isinstance(self.table, CsvTable):
+            drive.oddities += self._unused(self.table)
         for column in _all_columns(self.columns):
             name = self.name_of(self.table, column)
             empty = int(np.isnan(self.table.numbers(name, fix=FIX)).sum())
             if empty:
                 drive.oddities.append(Oddity(what="empty cells", where=name, count=empty, done=NO_FAULT))
+
+    def _unused(self, table: CsvTable) -> Iterator[Oddity]:
+        parts = [self.columns.imu, self.columns.fixes, self.columns.truth]
+        files = [part.file for part in parts if part is not None and part.file is not None]
+        # A file may be the same table once more, with times of its own.
+        is_again = table.path.name in files
+        used = _named_columns(self.columns) if is_again else _all_columns(self.columns)
+        return unused_parts(table, {self.name_of(table, column) for column in used}, files)
 
     def name_of(self, table: Table, column: Column) -> str:
         """Return the name of a column given by name or number.
