@@ -5,12 +5,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from rover_hil.diagnose.covariance import by_kind
-from rover_hil.diagnose.diagnosis import Diagnosis
-from rover_hil.diagnose.drive_errors import ESTIMATE, ODOMETRY, Errors
+from rover_hil.diagnose.diagnosis import SMALL_HARM, Diagnosis, FoundCause
+from rover_hil.diagnose.drive_errors import ESTIMATE, LEFT, ODOMETRY, RIGHT, Errors
 from rover_hil.diagnose.geometry import GeometryPart, number_words
 from rover_hil.diagnose.intervals import Interval, short
 from rover_hil.diagnose.recorded import OTHER_KINDS
-from rover_hil.ready.wheels.drives_procedure import UNITS
+from rover_hil.ready.wheels.drives_procedure import UNITS, estimate_words
+from rover_hil.ready.wheels.from_drives import WRONG_TOGETHER
 
 LEAST_SCALE = 0.002
 """A smaller error of the scale of a gyro turns the estimate by less than a degree per rotation."""
@@ -50,21 +51,45 @@ def _worth(diagnosis: Diagnosis) -> str:
     )
     if errors is None:
         return f"In {driven}, what the odometry is worth cannot be known: {diagnosis.why_no_errors}."
-    per = "per 100 m" if errors.per_rotation_rad[ODOMETRY].count else "of length per 100 m"
-    distance, turn = errors.per_100_m[ODOMETRY], errors.per_rotation_rad[ODOMETRY]
+    length = "" if errors.per_rotation_rad[ODOMETRY].count else " of length"
+    turn = errors.per_rotation_rad[ODOMETRY]
     has_yaw = any(each.truth is not None and each.truth.yaw_rad is not None for each in drives)
     why = "the drives rotate too little" if has_yaw else "no known place has a yaw of its own"
     rotation = f"the error per rotation is not known, because {why}"
     if turn.count:
-        rotation = f"turns {_degrees(turn).words('deg')} too far per rotation"
-        if turn.value < 0.0:
-            rotation = f"turns {_degrees(turn, -1.0).words('deg')} too little per rotation"
-    estimate = errors.per_100_m[ESTIMATE]
+        rotation = f"turns {rotation_words(errors, ODOMETRY)}"
     used = "" if all(each.is_independent for each in drives) else ", by positions that it has used"
+    odometry, estimate = distance_words(errors, ODOMETRY, length), distance_words(errors, ESTIMATE)
     return (
-        f"In {driven}, the odometry is off by {distance.words('m')} {per}, measured over parts of "
-        f"{errors.part_m:g} m, and {rotation}; the estimate is off by {estimate.words('m')} per 100 m{used}."
+        f"In {driven}, the odometry is off by {odometry}, measured over parts of {errors.part_m:g} m, and "
+        f"{rotation}; the estimate is off by {estimate}{used}."
     )
+
+
+def distance_words(errors: Errors, track: str, what: str = "") -> str:
+    """Return by how much a track is off per 100 m; `what` names an error that is not that of the place."""
+    error = errors.per_100_m[track]
+    return f"{error.words('m')}{what} per 100 m" if error.count else "an unknown distance (too short drives)"
+
+
+def rotation_words(errors: Errors, track: str) -> str:
+    """Return by how much a track turns too far or too little per rotation, by side where these differ.
+
+    An error of the scale (track, radius) turns too far to both sides or too little to both, a bias (steering
+    zero, wheels of two radii) too far to one side and too little to the other: their mean would hide it.
+    """
+    left, right = (errors.per_rotation_to_rad[track][side] for side in (LEFT, RIGHT))
+    if left.count and right.count and (left.value * right.value < 0.0 or not left.agrees_with(right)):
+        return f"{_turns(left)} per rotation to the left, and {_turns(right)} to the right"
+    absent = [side for side, turn in ((LEFT, left), (RIGHT, right)) if not turn.count]
+    only = f", none of them to the {absent[0]}" if len(absent) == 1 else ""
+    return f"{_turns(errors.per_rotation_rad[track])} per rotation{only}"
+
+
+def _turns(turn: Interval) -> str:
+    if turn.value < 0.0:
+        return f"{_degrees(turn, -1.0).words('deg')} too little"
+    return f"{_degrees(turn).words('deg')} too far"
 
 
 def _degrees(interval: Interval, sign: float = 1.0) -> Interval:
@@ -73,19 +98,33 @@ def _degrees(interval: Interval, sign: float = 1.0) -> Interval:
 
 def _cause(diagnosis: Diagnosis) -> str:
     """Return the most harmful cause, in one sentence."""
-    if diagnosis.causes:
-        finding, names = diagnosis.causes[0]
-        return f"Most harmful in {len(names)} of {len(diagnosis.drives)} drives: {finding.text}."
+    causes = diagnosis.causes
+    if causes and not diagnosis.has_worse_wheels:
+        return f"Most harmful {_of_finding(causes[0], diagnosis)}."
+    wheels = _of_wheels(diagnosis)
+    return f"{wheels}; {_of_finding(causes[0], diagnosis)}." if causes else f"{wheels}."
+
+
+def _of_finding(cause: FoundCause, diagnosis: Diagnosis) -> str:
+    """Return a finding of whole drives, in how many it is, and how much of the motion it concerns."""
+    harm = cause.finding.harm
+    share = "" if not harm or harm >= SMALL_HARM else f", {100.0 * harm:.2g} % of the motion"
+    return f"in {len(cause.drives)} of {len(diagnosis.drives)} drives{share}: {cause.finding.text}"
+
+
+def _of_wheels(diagnosis: Diagnosis) -> str:
+    """Return what is wrong with wheels or sensors where no finding is worse."""
     geometry, slip = _of_geometry(diagnosis.geometry), _of_slip(diagnosis.slip)
     result = diagnosis.geometry.result
-    has_geometry = diagnosis.geometry.is_accepted or (result is not None and bool(result.differences))
+    is_known = diagnosis.geometry.is_accepted or diagnosis.geometry.is_shared
+    has_geometry = is_known or (result is not None and bool(result.differences))
     # A number that is not accepted may be slip.
     found = geometry if has_geometry else slip or geometry
     found = found or slip or _of_rotation(diagnosis.errors)
     of_sensors = "; ".join([*_of_gyro(diagnosis.geometry), *_of_harmful(diagnosis.without)])
     if of_sensors:
-        return f"{found}; {of_sensors}." if found else f"Most harmful: {of_sensors}."
-    return f"{found or _of_estimate(diagnosis)}."
+        return f"{found}; {of_sensors}" if found else f"Most harmful: {of_sensors}"
+    return found or _of_estimate(diagnosis)
 
 
 def _of_geometry(geometry: GeometryPart) -> str:
@@ -100,6 +139,13 @@ def _of_geometry(geometry: GeometryPart) -> str:
         return (
             f"Most harmful: no single {first.number.name} fits all kinds of motion ({values} from the "
             f"description), which points to {first.points_to}"
+        )
+    if geometry.is_shared:
+        errors = ", ".join(f"{short(each.end_m[0])} -> {short(each.end_m[1])} m" for each in result.by_kind)
+        numbers = ", ".join(f"{each.number.name} {estimate_words(each)}" for each in result.shown)
+        return (
+            f"Most harmful: {WRONG_TOGETHER} ({numbers}), which explains the error at the end of validation "
+            f"drives ({errors}); these drives do not show which of them"
         )
     worst = geometry.worst
     if worst is not None:
@@ -145,8 +191,16 @@ def _of_slip(slips: Mapping[str, Interval]) -> str:
 
 def _of_rotation(errors: Errors | None) -> str:
     """Return that the rotations by the wheels are wrong beyond chance; "" where they are not."""
-    turn = None if errors is None else errors.per_rotation_rad[ODOMETRY]
-    if turn is None or not turn.is_known or turn.low <= 0.0 <= turn.high:
+    if errors is None:
+        return ""
+    turn, sides = errors.per_rotation_rad[ODOMETRY], errors.per_rotation_to_rad[ODOMETRY]
+    far, little = sorted(sides, key=lambda side: -sides[side].value)
+    if sides[far].low > 0.0 > sides[little].high:
+        return (
+            f"Most harmful: the wheels turn too far to the {far} and too little to the {little}, by the zero "
+            "of a steering, radii that differ, or slip; these drives do not show which"
+        )
+    if not turn.is_known or turn.low <= 0.0 <= turn.high:
         return ""
     what = "too far" if turn.value > 0.0 else "too little"
     return (
@@ -178,7 +232,9 @@ def _of_estimate(diagnosis: Diagnosis) -> str:
 def _next_step(diagnosis: Diagnosis) -> str:
     """Return what to do next, in one sentence."""
     if diagnosis.causes:
-        return "Correct this first, as the finding states, and diagnose again: all other numbers rest on it."
+        return _about_findings(diagnosis)
+    if diagnosis.geometry.is_shared:
+        return f"Record what would show which number is wrong: {_to_show(diagnosis.geometry)}."
     if diagnosis.geometry.is_accepted:
         others = next((each.shown_by for each in diagnosis.not_shown if each.what == OTHER_KINDS), "")
         more = f", and record {others}, which would show whether they hold there" if others else ""
@@ -215,6 +271,28 @@ def _next_step(diagnosis: Diagnosis) -> str:
     if first is not None:
         return f"Record what would show {first.what}: {first.shown_by}."
     return _without_change(diagnosis)
+
+
+def _about_findings(diagnosis: Diagnosis) -> str:
+    """Return the next step where a finding of whole drives stands."""
+    if diagnosis.has_worse_wheels:
+        return (
+            "Enter the corrected numbers (--config FILE --enter, or paste them), correct what the finding "
+            "states, and diagnose again."
+        )
+    harm = diagnosis.causes[0].finding.harm
+    if harm is None or harm >= SMALL_HARM:
+        return "Correct this first, as the finding states, and diagnose again: other numbers depend on it."
+    return (
+        f"Correct this, as the finding states: it concerns {100.0 * harm:.2g} % of the motion, and changes "
+        "the other numbers little."
+    )
+
+
+def _to_show(geometry: GeometryPart) -> str:
+    """Return which drives would show the numbers of the wheels."""
+    assert geometry.result is not None  # noqa: S101 the callers have checked it
+    return "; ".join(dict.fromkeys(each.number.shown_by for each in geometry.result.shown))
 
 
 def _without_change(diagnosis: Diagnosis) -> str:

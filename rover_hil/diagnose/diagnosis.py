@@ -3,9 +3,11 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from controllers.motion.kinematics import make_kinematics
 from drivers.samples import Sample
 from rover_hil.config import Config
 from rover_hil.diagnose.covariance import (
@@ -38,10 +40,16 @@ from rover_hil.diagnose.recorded import (
 from rover_hil.diagnose.replayed_drive import ReplayedDrive, replay_drive, replay_of
 from rover_hil.diagnose.trajectory_errors import Trajectory, absolute_errors
 from rover_hil.drives.arrays import Array, rms
+from rover_hil.drives.quality.clock_check import CLOCK, clock_findings
 from rover_hil.drives.quality.consistency import Consistency
+from rover_hil.drives.quality.drive_paths import path_of_wheels
 from rover_hil.ready.wheels.geometry import BASES
 from rover_hil.recording.findings import FoundFinding
 
+SMALL_HARM = 0.05
+"""A finding of a smaller share of the motion changes the other numbers little."""
+CONTRADICTS = 0.3
+"""A finding of a greater share leaves no number of the wheels to be fitted."""
 HELD_OUT_EVERY = 3
 MOST_LEFT_OUT = 2
 """More drives are not replayed again without each sensor."""
@@ -49,6 +57,20 @@ MOST_VALIDATED = 3
 """More drives are not replayed again with other settings."""
 Report = Callable[[str, Path, int], None]
 """Gets what is being done, the log, and how many bytes of it are read."""
+
+
+class FoundCause(NamedTuple):
+    """A finding of whole drives.
+
+    Attributes:
+        finding: Where it does most harm.
+        drives: Names of the drives that have it.
+        harm: Mean share of the motion of all drives that is wrong because of it; 1 where it is not known.
+    """
+
+    finding: FoundFinding
+    drives: Sequence[str]
+    harm: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,13 +117,29 @@ class Diagnosis:
         return "there is neither ground truth nor positions"
 
     @property
-    def causes(self) -> list[tuple[FoundFinding, list[str]]]:
-        """Findings of whole drives, each once, and the drives that have it; the most frequent first."""
-        found: dict[str, tuple[FoundFinding, list[str]]] = {}
+    def causes(self) -> list[FoundCause]:
+        """Findings of whole drives, each once, the most harmful first."""
+        found: dict[str, dict[str, FoundFinding]] = {}
         for each in self.drives:
             for finding in _of_whole_drives(each):
-                found.setdefault(finding.name, (finding, []))[1].append(each.name)
-        return sorted(found.values(), key=lambda item: -len(item[1]))
+                found.setdefault(finding.name, {})[each.name] = finding
+        causes = [
+            FoundCause(
+                finding=max(of_drives.values(), key=_harm),
+                drives=list(of_drives),
+                harm=sum(map(_harm, of_drives.values())) / len(self.drives),
+            )
+            for of_drives in found.values()
+        ]
+        return sorted(causes, key=lambda each: -each.harm)
+
+    @property
+    def has_worse_wheels(self) -> bool:
+        """Whether wrong numbers of the wheels, which are corrected, do more harm than any finding."""
+        if not self.geometry.is_accepted or self.errors is None:
+            return False
+        harm = self.errors.per_100_m[ODOMETRY].value / 100.0
+        return all(each.harm < harm for each in self.causes)
 
 
 def diagnose(paths: Sequence[Path], report: Report, *, is_quick: bool) -> Diagnosis:
@@ -116,7 +154,8 @@ def diagnose(paths: Sequence[Path], report: Report, *, is_quick: bool) -> Diagno
         LogError: A log cannot be read or is damaged, or the logs are of different rovers.
     """
     drives = [_replayed(path, report) for path in paths]
-    geometry = fit_geometry(drives)
+    geometry = _geometry_of(drives)
+    drives = [_with_clocks(each, geometry) for each in drives]
     compared = _all_compared(drives, geometry)
     normalised = [
         found
@@ -124,7 +163,7 @@ def diagnose(paths: Sequence[Path], report: Report, *, is_quick: bool) -> Diagno
         if each.name in compared
         and (found := normalised_errors(each, each.replay, compared[each.name])) is not None
     ]
-    corrected = _with_wheels(compared, geometry)
+    corrected = _with_wheels(compared, geometry) if geometry.is_accepted else compared
     return Diagnosis(
         drives=drives,
         compared=compared,
@@ -134,7 +173,7 @@ def diagnose(paths: Sequence[Path], report: Report, *, is_quick: bool) -> Diagno
         settings=_settings(drives, corrected, normalised, geometry, report),
         measurements=measurements_of(drives),
         without={} if is_quick else _without_each(drives, compared, geometry, report),
-        slip=_slip(drives, corrected),
+        slip=_slip(drives, _with_wheels(compared, geometry)),
         gap="not asked: --quick" if is_quick else _gap(drives, compared, geometry, report),
         not_shown=not_shown(drives, geometry),
     )
@@ -142,6 +181,42 @@ def diagnose(paths: Sequence[Path], report: Report, *, is_quick: bool) -> Diagno
 
 def _of_whole_drives(each: ReplayedDrive) -> list[FoundFinding]:
     return [finding for finding in each.findings if finding.t_s is None]
+
+
+def _harm(finding: FoundFinding) -> float:
+    return 1.0 if finding.harm is None else finding.harm
+
+
+def _hinders(each: ReplayedDrive) -> bool:
+    """Return whether a finding of the whole drive makes other numbers wrong."""
+    return any(_harm(finding) >= SMALL_HARM for finding in _of_whole_drives(each))
+
+
+def _geometry_of(drives: Sequence[ReplayedDrive]) -> GeometryPart:
+    """Return the geometry, unless wheels or places contradict each other altogether."""
+    for each in drives:
+        for finding in _of_whole_drives(each):
+            if finding.harm is not None and finding.harm > CONTRADICTS:
+                return GeometryPart(
+                    reason=f"it waits until the finding of {each.name} is corrected, which hides the numbers "
+                    "of the wheels"
+                )
+    return fit_geometry(drives)
+
+
+def _with_clocks(each: ReplayedDrive, geometry: GeometryPart) -> ReplayedDrive:
+    """Return a drive with what its clocks show by the corrected wheels: wrong wheels hide it."""
+    result = geometry.result
+    is_known = any(finding.name == CLOCK for finding in _of_whole_drives(each))
+    if result is None or not geometry.is_accepted or is_known:
+        return each
+    kinematics = make_kinematics(result.corrected)
+    path = path_of_wheels(each.drive.channels, kinematics)
+    found = [
+        replace(finding, text=f"with the corrected wheels, {finding.text}")
+        for finding in clock_findings(each.drive.channels, kinematics, path)
+    ]
+    return replace(each, findings=[*found, *each.findings])
 
 
 def _replayed(path: Path, report: Report) -> ReplayedDrive:
@@ -162,8 +237,8 @@ def _all_compared(drives: Sequence[ReplayedDrive], geometry: GeometryPart) -> di
 
 
 def _with_wheels(compared: Mapping[str, Compared], geometry: GeometryPart) -> dict[str, Compared]:
-    """Return the drives with their odometry by the corrected wheels, where these are accepted."""
-    if not geometry.is_accepted:
+    """Return the drives with their odometry by the wheels that are better on validation drives, if any."""
+    if not (geometry.is_accepted or geometry.is_shared):
         return dict(compared)
     changed = {}
     for name, each in compared.items():
@@ -190,7 +265,7 @@ def _settings(
     """
     differences = () if geometry.result is None else geometry.result.differences
     slips = any(each.number.name in BASES for each in differences)
-    if not normalised or (not slips and any(_of_whole_drives(each) for each in drives)):
+    if not normalised or (not slips and any(map(_hinders, drives))):
         return None
     judged_drives = [each for each in drives if any(each.name == other.drive for other in normalised)]
     every = min(HELD_OUT_EVERY, len(judged_drives))
@@ -290,7 +365,7 @@ def _gap(
     report: Report,
 ) -> str:
     """Return the answer of `gap rover`; a fault of a sensor would be taken for one of the model."""
-    if any(_of_whole_drives(each) for each in drives):
+    if any(map(_hinders, drives)):
         return "not asked before the findings are corrected"
     longest = sorted((each for each in drives if each.name in compared), key=lambda each: -each.distance_m)
     config = _corrected(drives[0].drive.config, geometry)
