@@ -201,11 +201,14 @@ class DriveTable:
                 drive.oddities.append(Oddity(what="empty cells", where=name, count=empty, done=NO_FAULT))
 
     def _unused(self, table: CsvTable) -> Iterator[Oddity]:
-        parts = [self.columns.imu, self.columns.fixes, self.columns.truth]
-        files = [part.file for part in parts if part is not None and part.file is not None]
-        # A file may be the same table once more, with times of its own.
-        is_again = table.path.name in files
-        used = _named_columns(self.columns) if is_again else _all_columns(self.columns)
+        parts = [
+            part for part in (self.columns.imu, self.columns.fixes, self.columns.truth) if part is not None
+        ]
+        used = list(_all_columns(self.columns))
+        for part in parts:
+            if part.file == table.path.name:  # the same table once more, with times of its own
+                used += [value for _, value in part if isinstance(value, Column)]
+        files = [part.file for part in parts if part.file is not None]
         return unused_parts(table, {self.name_of(table, column) for column in used}, files)
 
     def name_of(self, table: Table, column: Column) -> str:
