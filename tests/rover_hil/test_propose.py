@@ -265,3 +265,31 @@ def test_increments_need_no_rover(command: Command) -> None:
     Path("columns.toml").write_text(text, "utf-8")
     assert command("import", "table", *arguments, "--force") == 2
     assert_one_sentence(command.error, "[[wheel]] needs the rover", "rover = { kinematics = 'wheels'")
+
+
+def test_columns_of_a_sensor_of_its_own_are_not_missed_in_the_drive(command: Command) -> None:
+    """The drive is named as its own table of ground truth, and the gyro is in another one."""
+    wheels = {"l": LEFT_RAD, "r": RIGHT_RAD}
+    write(Path("drive.csv"), {"t": T_S, **wheels, "x": X_M, "y": Y_M, "spare": 0.0 * T_S})
+    write(Path("gyro.csv"), {"t": T_S, "w": RATE_RAD_S})
+    Path("columns.toml").write_text(
+        """time = { column = "t" }
+wheel = [
+  { position = { column = "l", unit = "rad" } },
+  { position = { column = "r", unit = "rad" } },
+]
+limits = { wheel_speed_rad_s = 100, wheel_acceleration_rad_s2 = 500 }
+rover = { kinematics = "wheels", wheels = [
+  { x_m = 0.0, y_m = 0.15, radius_m = 0.05 },
+  { x_m = 0.0, y_m = -0.15, radius_m = 0.05 },
+] }
+truth = { file = "drive.csv", x = { column = "x" }, y = { column = "y" } }
+imu = { file = "gyro.csv", yaw_rate = { column = "w" } }
+""",
+        "utf-8",
+    )
+    arguments = ("drive.csv", "--columns", "columns.toml", "--out", "drive.mcap")
+    assert command("import", "table", *arguments) == 0, command.error
+    (line,) = [line for line in command.out.splitlines() if "columns that are not used" in line]
+    assert "spare" in line
+    assert re.search(r"spare +1 ", line)
