@@ -149,7 +149,7 @@ def compare_with_reference(folder: Path) -> None:
         theirs = {key: number["value"] for key, number in expected["numbers"].items()}
         own_m, peer_m = (
             _rms([end_error(robot, recordings[each], values) for each in names[count:]])
-            for values in (ours, theirs)
+            for values in (in_its_units(name, result, result.entered.values), theirs)
         )
         figure_m = math.sqrt(np.mean([each.end_m[1] ** 2 for each in result.errors]))
         inside = [key for key in ours if abs(ours[key] - theirs[key]) <= half[key]]

@@ -15,9 +15,10 @@ from rover_hil.console.exit_codes import EXIT_NO, EXIT_OK
 from rover_hil.console.json_text import print_json
 from rover_hil.console.options import LOG_SUFFIX, ForceOption, JsonOption, check_inputs, log_at, out_option
 from rover_hil.console.steps import show_progress
+from rover_hil.diagnose.answer import answer_of
 from rover_hil.diagnose.diagnosis import Diagnosis, Report, diagnose
 from rover_hil.diagnose.figures import drawings_of
-from rover_hil.diagnose.sections import entries_of, error_table, record_of, sections_of
+from rover_hil.diagnose.sections import entries_of, error_notes, error_table, record_of, sections_of
 from rover_hil.diagnose.twin import Twin, twin_of
 from rover_hil.drives.formats.described_rover import columns_at, is_log, load_rover
 from rover_hil.drives.formats.files import WriteDrive, import_file
@@ -87,6 +88,7 @@ def diagnose_drives(
     if twin is not None and target is not None and columns is None:
         entries += twin.entries(config.require_simulation())
     edited = "" if target is None or not enter else _edited(target, entries, columns)
+    entered = _entered(target, entries, enters=enter)
     record = record_of(diagnosis, twin)
     write_files(out, {JSON_NAME: strict_json(record, indent=2).decode() + "\n"})
     if target is not None and entries and enter:
@@ -95,7 +97,7 @@ def diagnose_drives(
     if as_json:
         print_json(record)
     else:
-        _print(diagnosis, twin, out, _entered(target, entries, enters=enter))
+        _print(diagnosis, twin, out, entered)
     return EXIT_NO if diagnosis.causes else EXIT_OK
 
 
@@ -194,19 +196,34 @@ def _edited(target: str, entries: Sequence[Entry], columns: Columns | None) -> s
 
 
 def _entered(target: str | None, entries: Sequence[Entry], *, enters: bool) -> str:
-    if not enters:
+    """Return what is entered, each number before and after; to be called before the file is written."""
+    if target is None or not enters:
         return "--config FILE --enter enters what was accepted" if entries else ""
     if not entries:
         return f"nothing was accepted, {target} is unchanged"
     names = ", ".join(dict.fromkeys(f"[{each.section}]" for each in entries))
-    return f"entered into {target}: {names}"
+    # Those of the wheels are in the part about the geometry.
+    changes = [
+        f"\n  [{each.section}] {each.key}: {_value_at(target, each)} -> {each.value}"
+        for each in entries
+        if isinstance(each.value, int | float) and each.section != "rover"
+    ]
+    return f"entered into {target}: {names}{''.join(changes)}"
+
+
+def _value_at(target: str, entry: Entry) -> object:
+    """Return the value of a file that an entry replaces."""
+    table: object = tomllib.loads(read_config_text(target))
+    for name in (*entry.section.split("."), entry.key):
+        table = table.get(name, "default") if isinstance(table, dict) else "default"
+    return table
 
 
 def _page(diagnosis: Diagnosis, twin: Twin | None) -> str:
     return render(
         "diagnose/page.html",
         grade="attention" if diagnosis.causes else "good",
-        answer=diagnosis.answer,
+        answer=answer_of(diagnosis),
         sections=sections_of(diagnosis, twin),
         pictures=draw_pictures(drawings_of(diagnosis)),
     )
@@ -214,13 +231,15 @@ def _page(diagnosis: Diagnosis, twin: Twin | None) -> str:
 
 def _print(diagnosis: Diagnosis, twin: Twin | None, out: Path, entered: str) -> None:
     console = Terminal(soft_wrap=True)
-    answer = diagnosis.answer
+    answer = answer_of(diagnosis)
     for sentence in (answer.worth, answer.cause, answer.next_step):
         console.print(sentence)
     table = error_table(diagnosis)
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     for row in table:  # not broken where the terminal is narrow
         console.print("  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip())
+    for line in error_notes(diagnosis):
+        console.print(line)
     for number, section in enumerate(sections_of(diagnosis, twin), start=2):
         console.print(f"{number}. {section.title}")
         for line in section.lines:

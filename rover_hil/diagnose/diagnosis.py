@@ -1,18 +1,18 @@
-"""All that drives show: errors, geometry, covariance, sensors, and the answer in three sentences."""
+"""All that drives show: errors, geometry, covariance and sensors."""
 
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from controllers.motion.kinematics import make_kinematics
 from drivers.samples import Sample
 from rover_hil.config import Config
 from rover_hil.diagnose.covariance import (
     Normalised,
     Settings,
-    by_kind,
     judged,
     learned_settings,
     normalised_errors,
@@ -28,11 +28,10 @@ from rover_hil.diagnose.drive_errors import (
     travel_shares,
 )
 from rover_hil.diagnose.gap_answer import gap_answer
-from rover_hil.diagnose.geometry import GeometryPart, fit_geometry, number_words
-from rover_hil.diagnose.intervals import Interval, mean_of, short
+from rover_hil.diagnose.geometry import GeometryPart, fit_geometry
+from rover_hil.diagnose.intervals import Interval, mean_of
 from rover_hil.diagnose.recorded import (
     COPIED_DISTANCE,
-    OTHER_KINDS,
     Measurements,
     NotShown,
     measurements_of,
@@ -41,39 +40,37 @@ from rover_hil.diagnose.recorded import (
 from rover_hil.diagnose.replayed_drive import ReplayedDrive, replay_drive, replay_of
 from rover_hil.diagnose.trajectory_errors import Trajectory, absolute_errors
 from rover_hil.drives.arrays import Array, rms
+from rover_hil.drives.quality.clock_check import CLOCK, clock_findings
 from rover_hil.drives.quality.consistency import Consistency
-from rover_hil.ready.wheels.drives_procedure import UNITS
+from rover_hil.drives.quality.drive_paths import path_of_wheels
 from rover_hil.ready.wheels.geometry import BASES
 from rover_hil.recording.findings import FoundFinding
 
+SMALL_HARM = 0.05
+"""A finding of a smaller share of the motion changes the other numbers little."""
+CONTRADICTS = 0.3
+"""A finding of a greater share leaves no number of the wheels to be fitted."""
 HELD_OUT_EVERY = 3
-LEAST_SCALE = 0.002
-"""A smaller error of the scale of a gyro turns the estimate by less than a degree per rotation."""
-LEAST_SLIP = 0.02
-"""A smaller share of the travel is that of a hard floor, see [ground] slip = "firm"."""
 MOST_LEFT_OUT = 2
 """More drives are not replayed again without each sensor."""
-BETTER_WITHOUT = 0.7
-"""The estimate is better without a sensor where its error is smaller than this share of that with it."""
 MOST_VALIDATED = 3
 """More drives are not replayed again with other settings."""
 Report = Callable[[str, Path, int], None]
 """Gets what is being done, the log, and how many bytes of it are read."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
-    """The diagnosis in three sentences.
+class FoundCause(NamedTuple):
+    """A finding of whole drives.
 
     Attributes:
-        worth: What the odometry is worth.
-        cause: The most harmful cause.
-        next_step: What to do next.
+        finding: Where it does most harm.
+        drives: Names of the drives that have it.
+        harm: Mean share of the motion of all drives that is wrong because of it; 1 where it is not known.
     """
 
-    worth: str
-    cause: str
-    next_step: str
+    finding: FoundFinding
+    drives: Sequence[str]
+    harm: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,18 +117,29 @@ class Diagnosis:
         return "there is neither ground truth nor positions"
 
     @property
-    def answer(self) -> Answer:
-        """The three sentences."""
-        return Answer(worth=_worth(self), cause=_cause(self), next_step=_next_step(self))
-
-    @property
-    def causes(self) -> list[tuple[FoundFinding, list[str]]]:
-        """Findings of whole drives, each once, and the drives that have it; the most frequent first."""
-        found: dict[str, tuple[FoundFinding, list[str]]] = {}
+    def causes(self) -> list[FoundCause]:
+        """Findings of whole drives, each once, the most harmful first."""
+        found: dict[str, dict[str, FoundFinding]] = {}
         for each in self.drives:
             for finding in _of_whole_drives(each):
-                found.setdefault(finding.name, (finding, []))[1].append(each.name)
-        return sorted(found.values(), key=lambda item: -len(item[1]))
+                found.setdefault(finding.name, {})[each.name] = finding
+        causes = [
+            FoundCause(
+                finding=max(of_drives.values(), key=_harm),
+                drives=list(of_drives),
+                harm=sum(map(_harm, of_drives.values())) / len(self.drives),
+            )
+            for of_drives in found.values()
+        ]
+        return sorted(causes, key=lambda each: -each.harm)
+
+    @property
+    def has_worse_wheels(self) -> bool:
+        """Whether wrong numbers of the wheels, which are corrected, do more harm than any finding."""
+        if not self.geometry.is_accepted or self.errors is None:
+            return False
+        harm = self.errors.per_100_m[ODOMETRY].value / 100.0
+        return all(each.harm < harm for each in self.causes)
 
 
 def diagnose(paths: Sequence[Path], report: Report, *, is_quick: bool) -> Diagnosis:
@@ -146,7 +154,8 @@ def diagnose(paths: Sequence[Path], report: Report, *, is_quick: bool) -> Diagno
         LogError: A log cannot be read or is damaged, or the logs are of different rovers.
     """
     drives = [_replayed(path, report) for path in paths]
-    geometry = fit_geometry(drives)
+    geometry = _geometry_of(drives)
+    drives = [_with_clocks(each, geometry) for each in drives]
     compared = _all_compared(drives, geometry)
     normalised = [
         found
@@ -154,7 +163,7 @@ def diagnose(paths: Sequence[Path], report: Report, *, is_quick: bool) -> Diagno
         if each.name in compared
         and (found := normalised_errors(each, each.replay, compared[each.name])) is not None
     ]
-    corrected = _with_wheels(compared, geometry)
+    corrected = _with_wheels(compared, geometry) if geometry.is_accepted else compared
     return Diagnosis(
         drives=drives,
         compared=compared,
@@ -164,7 +173,7 @@ def diagnose(paths: Sequence[Path], report: Report, *, is_quick: bool) -> Diagno
         settings=_settings(drives, corrected, normalised, geometry, report),
         measurements=measurements_of(drives),
         without={} if is_quick else _without_each(drives, compared, geometry, report),
-        slip=_slip(drives, corrected),
+        slip=_slip(drives, _with_wheels(compared, geometry)),
         gap="not asked: --quick" if is_quick else _gap(drives, compared, geometry, report),
         not_shown=not_shown(drives, geometry),
     )
@@ -172,6 +181,42 @@ def diagnose(paths: Sequence[Path], report: Report, *, is_quick: bool) -> Diagno
 
 def _of_whole_drives(each: ReplayedDrive) -> list[FoundFinding]:
     return [finding for finding in each.findings if finding.t_s is None]
+
+
+def _harm(finding: FoundFinding) -> float:
+    return 1.0 if finding.harm is None else finding.harm
+
+
+def _hinders(each: ReplayedDrive) -> bool:
+    """Return whether a finding of the whole drive makes other numbers wrong."""
+    return any(_harm(finding) >= SMALL_HARM for finding in _of_whole_drives(each))
+
+
+def _geometry_of(drives: Sequence[ReplayedDrive]) -> GeometryPart:
+    """Return the geometry, unless wheels or places contradict each other altogether."""
+    for each in drives:
+        for finding in _of_whole_drives(each):
+            if finding.harm is not None and finding.harm > CONTRADICTS:
+                return GeometryPart(
+                    reason=f"it waits until the finding of {each.name} is corrected, which hides the numbers "
+                    "of the wheels"
+                )
+    return fit_geometry(drives)
+
+
+def _with_clocks(each: ReplayedDrive, geometry: GeometryPart) -> ReplayedDrive:
+    """Return a drive with what its clocks show by the corrected wheels: wrong wheels hide it."""
+    result = geometry.result
+    is_known = any(finding.name == CLOCK for finding in _of_whole_drives(each))
+    if result is None or not geometry.is_accepted or is_known:
+        return each
+    kinematics = make_kinematics(result.corrected)
+    path = path_of_wheels(each.drive.channels, kinematics)
+    found = [
+        replace(finding, text=f"with the corrected wheels, {finding.text}")
+        for finding in clock_findings(each.drive.channels, kinematics, path)
+    ]
+    return replace(each, findings=[*found, *each.findings])
 
 
 def _replayed(path: Path, report: Report) -> ReplayedDrive:
@@ -192,8 +237,8 @@ def _all_compared(drives: Sequence[ReplayedDrive], geometry: GeometryPart) -> di
 
 
 def _with_wheels(compared: Mapping[str, Compared], geometry: GeometryPart) -> dict[str, Compared]:
-    """Return the drives with their odometry by the corrected wheels, where these are accepted."""
-    if not geometry.is_accepted:
+    """Return the drives with their odometry by the wheels that are better on validation drives, if any."""
+    if not (geometry.is_accepted or geometry.is_shared):
         return dict(compared)
     changed = {}
     for name, each in compared.items():
@@ -220,7 +265,7 @@ def _settings(
     """
     differences = () if geometry.result is None else geometry.result.differences
     slips = any(each.number.name in BASES for each in differences)
-    if not normalised or (not slips and any(_of_whole_drives(each) for each in drives)):
+    if not normalised or (not slips and any(map(_hinders, drives))):
         return None
     judged_drives = [each for each in drives if any(each.name == other.drive for other in normalised)]
     every = min(HELD_OUT_EVERY, len(judged_drives))
@@ -320,7 +365,7 @@ def _gap(
     report: Report,
 ) -> str:
     """Return the answer of `gap rover`; a fault of a sensor would be taken for one of the model."""
-    if any(_of_whole_drives(each) for each in drives):
+    if any(map(_hinders, drives)):
         return "not asked before the findings are corrected"
     longest = sorted((each for each in drives if each.name in compared), key=lambda each: -each.distance_m)
     config = _corrected(drives[0].drive.config, geometry)
@@ -330,192 +375,3 @@ def _gap(
         lambda step: report(f"gap rover: {step}", Path(), 0),
     )
     return answer if config is drives[0].drive.config else f"with the corrected wheels, {answer}"
-
-
-def _worth(diagnosis: Diagnosis) -> str:
-    """Return what the odometry is worth, in one sentence."""
-    drives, errors = diagnosis.drives, diagnosis.errors
-    count = f"{len(drives)} drive{'' if len(drives) == 1 else 's'}"
-    driven = (
-        f"{count}, {sum(each.distance_m for each in drives):.3g} m and "
-        f"{sum(each.rotations for each in drives):.3g} rotations by the wheels"
-    )
-    if errors is None:
-        return f"In {driven}, what the odometry is worth cannot be known: {diagnosis.why_no_errors}."
-    per = "per 100 m" if errors.per_rotation_rad[ODOMETRY].count else "of length per 100 m"
-    distance, turn = errors.per_100_m[ODOMETRY], errors.per_rotation_rad[ODOMETRY]
-    has_yaw = any(each.truth is not None and each.truth.yaw_rad is not None for each in drives)
-    why = "the drives rotate too little" if has_yaw else "no known place has a yaw of its own"
-    rotation = f"the error per rotation is not known, because {why}"
-    if turn.count:
-        rotation = f"turns {_degrees(turn).words('deg')} too far per rotation"
-        if turn.value < 0.0:
-            rotation = f"turns {_degrees(turn, -1.0).words('deg')} too little per rotation"
-    estimate = errors.per_100_m[ESTIMATE]
-    used = "" if all(each.is_independent for each in drives) else ", by positions that it has used"
-    return (
-        f"In {driven}, the odometry is off by {distance.words('m')} {per}, measured over parts of "
-        f"{errors.part_m:g} m, and {rotation}; the estimate is off by {estimate.words('m')} per 100 m{used}."
-    )
-
-
-def _degrees(interval: Interval, sign: float = 1.0) -> Interval:
-    return interval.times(sign * math.degrees(1.0))
-
-
-def _cause(diagnosis: Diagnosis) -> str:
-    """Return the most harmful cause, in one sentence."""
-    if diagnosis.causes:
-        finding, names = diagnosis.causes[0]
-        return f"Most harmful in {len(names)} of {len(diagnosis.drives)} drives: {finding.text}."
-    geometry, slip = _of_geometry(diagnosis.geometry), _of_slip(diagnosis.slip)
-    result = diagnosis.geometry.result
-    has_geometry = diagnosis.geometry.is_accepted or (result is not None and bool(result.differences))
-    # A number that is not accepted may be slip.
-    found = geometry if has_geometry else slip or geometry
-    found = found or slip or _of_rotation(diagnosis.errors)
-    of_sensors = "; ".join([*_of_gyro(diagnosis.geometry), *_of_harmful(diagnosis.without)])
-    if of_sensors:
-        return f"{found}; {of_sensors}." if found else f"Most harmful: {of_sensors}."
-    return f"{found or _of_estimate(diagnosis)}."
-
-
-def _of_geometry(geometry: GeometryPart) -> str:
-    """Return which number of the description does most harm; "" where none is shown to differ."""
-    result = geometry.result
-    if result is None:
-        return ""
-    if result.differences:
-        first = result.differences[0]
-        factor, unit = UNITS[first.number.unit]
-        values = ", ".join(f"{kind} {factor * value:+.2g}{unit}" for kind, (value, _) in first.values.items())
-        return (
-            f"Most harmful: no single {first.number.name} fits all kinds of motion ({values} from the "
-            f"description), which points to {first.points_to}"
-        )
-    worst = geometry.worst
-    if worst is not None:
-        share = 100.0 * min(geometry.harms.get(worst.number.name, 0.0), 1.0)
-        return (
-            f"Most harmful: the {worst.number.name} is {number_words(worst)}, which explains {share:.0f} % "
-            "of the squared error that the numbers of the wheels explain"
-        )
-    return ""
-
-
-def _of_gyro(geometry: GeometryPart) -> Iterator[str]:
-    """Yield that the scale of the gyro is wrong, where it is."""
-    gyro = None if geometry.result is None else geometry.result.gyro
-    if gyro is not None and gyro.is_shown and abs(gyro.scale - 1.0) > max(gyro.half_width, LEAST_SCALE):
-        low, high = gyro.scale - gyro.half_width, gyro.scale + gyro.half_width
-        yield f"the gyro measures {gyro.scale:.5g} of the rotation (95 %: {low:.5g} to {high:.5g})"
-
-
-def _of_harmful(without: Mapping[str, tuple[float, float]]) -> Iterator[str]:
-    """Yield which sensor makes the estimate worse."""
-    for device, (ate_m, whole_m) in without.items():
-        if ate_m < BETTER_WITHOUT * whole_m:
-            change = f"ATE {short(ate_m)} m instead of {short(whole_m)} m"
-            yield f"the estimate is better without {device}: {change}"
-
-
-def _of_slip(slips: Mapping[str, Interval]) -> str:
-    """Return in which kind of motion the wheels lose most travel; "" where they lose none beyond chance."""
-    shown = {
-        kind: slip
-        for kind, slip in slips.items()
-        if slip.is_known and abs(slip.value) >= LEAST_SLIP and not slip.low <= 0.0 <= slip.high
-    }
-    if not shown:
-        return ""
-    kind = max(shown, key=lambda each: abs(shown[each].value))
-    lost = shown[kind].times(100.0).words("%")
-    is_alike = max(each.low for each in slips.values()) <= min(each.high for each in slips.values())
-    radius = ", or their radius is smaller by as much: these drives do not show which" if is_alike else ""
-    return f"Most harmful: the wheels lose {lost} of their travel in motion of the kind '{kind}'{radius}"
-
-
-def _of_rotation(errors: Errors | None) -> str:
-    """Return that the rotations by the wheels are wrong beyond chance; "" where they are not."""
-    turn = None if errors is None else errors.per_rotation_rad[ODOMETRY]
-    if turn is None or not turn.is_known or turn.low <= 0.0 <= turn.high:
-        return ""
-    what = "too far" if turn.value > 0.0 else "too little"
-    return (
-        f"Most harmful: the wheels turn {what} in rotations, by the track, the base or slip; these drives do "
-        "not show which"
-    )
-
-
-def _of_estimate(diagnosis: Diagnosis) -> str:
-    """Return what is wrong with the estimate, where nothing is wrong with what was measured."""
-    for each in diagnosis.measurements:
-        if each.faults:
-            return f"Most harmful: {next(iter(each.faults.values()))}"
-    covariance = diagnosis.covariance
-    if covariance is not None and (covariance.is_too_small or covariance.is_too_large):
-        return f"No error of wheels or sensors is shown; standard deviation: {covariance.words('poses')}"
-    for kind, found in by_kind(diagnosis.normalised).items():
-        if found.is_too_small:
-            words = found.words("poses")
-            return f"No error of wheels or sensors is shown; standard deviation, {kind}: {words}"
-    rules = [finding for each in diagnosis.drives for finding in each.findings]
-    if rules:
-        return f"Most harmful: {rules[0].text}"
-    if diagnosis.errors is None:
-        return "No sensor contradicts another; errors that all of them share cannot be known"
-    return "No error of wheels, sensors or standard deviation is shown"
-
-
-def _next_step(diagnosis: Diagnosis) -> str:
-    """Return what to do next, in one sentence."""
-    if diagnosis.causes:
-        return "Correct this first, as the finding states, and diagnose again: all other numbers rest on it."
-    if diagnosis.geometry.is_accepted:
-        others = next((each.shown_by for each in diagnosis.not_shown if each.what == OTHER_KINDS), "")
-        more = f", and record {others}, which would show whether they hold there" if others else ""
-        return f"Enter the corrected numbers (--config FILE --enter, or paste them){more}."
-    settings = diagnosis.settings
-    if settings is not None and settings.is_accepted:
-        return "Enter the settings of the ground and the filter (--config FILE --enter, or paste them)."
-    if any(_of_gyro(diagnosis.geometry)):
-        return "Calibrate the gyro with `rover-hil calibrate mounting`, and diagnose new drives."
-    harmful = next(
-        (
-            device
-            for device, (ate_m, whole_m) in diagnosis.without.items()
-            if ate_m < BETTER_WITHOUT * whole_m
-        ),
-        "",
-    )
-    if harmful:
-        return (
-            f"Check noise, delay and mounting of {harmful} in the configuration, or leave it out of [roles]."
-        )
-    result = diagnosis.geometry.result
-    if result is not None and result.differences:
-        return (
-            "Keep the described numbers, and take the rotation from a gyro or positions: the slip differs by "
-            "motion."
-        )
-    if _of_slip(diagnosis.slip):
-        return (
-            "Measure the slip while driving, by a camera that sees the ground or positions, or state it in "
-            "[ground]: diagnose two drives or more on this ground together."
-        )
-    first = next((each for each in diagnosis.not_shown if each.shown_by), None)
-    if first is not None:
-        return f"Record what would show {first.what}: {first.shown_by}."
-    return _without_change(diagnosis)
-
-
-def _without_change(diagnosis: Diagnosis) -> str:
-    """Return the next step where nothing is shown to be wrong."""
-    if any(each.drive.channels.has_computed_wheels for each in diagnosis.drives):
-        return (
-            "Import the wheels themselves ([[wheel]], with steering where one steers): from a path no number "
-            "of the rover can be corrected."
-        )
-    if diagnosis.geometry.result is None:
-        return f"Nothing is shown that needs a change; geometry cannot be known: {diagnosis.geometry.reason}."
-    return "Nothing needs to be changed."

@@ -31,6 +31,9 @@ PARTS_RAD = (math.tau, math.pi, 0.5 * math.pi)
 LEAST_PARTS = 8
 ESTIMATE, ODOMETRY = "estimate", "odometry"
 TRACKS = (ODOMETRY, ESTIMATE)
+LEFT, RIGHT = "left", "right"
+ONE_WAY = 0.5
+"""Share of the angle of a part by which it must turn to one side."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,6 +79,8 @@ class Errors:
         part_rad: Angle of the parts behind `per_rotation`.
         per_rotation_rad: Mean yaw error of such a part, for one rotation, in its direction: positive where
             the track turns too far.
+        per_rotation_to_rad: The same of the rotations to the `LEFT` and to the `RIGHT`, by name of the track.
+            Parts that turn back and forth are none of them.
     """
 
     of_drives: Mapping[str, Mapping[str, TrackErrors]]
@@ -84,6 +89,7 @@ class Errors:
     per_100_m: Mapping[str, Interval]
     part_rad: float
     per_rotation_rad: Mapping[str, Interval]
+    per_rotation_to_rad: Mapping[str, Mapping[str, Interval]]
 
 
 def compare(each: ReplayedDrive, replay: Replay, marker: Mapping[str, float]) -> Compared | None:
@@ -127,9 +133,10 @@ def errors_of(compared: Mapping[str, Compared]) -> Errors | None:
     of_drives: dict[str, dict[str, TrackErrors]] = {name: {} for name in compared}
     per_100_m: dict[str, Interval] = {}
     per_rotation: dict[str, Interval] = {}
+    to_sides: dict[str, dict[str, Interval]] = {}
     for name in TRACKS:
         absolute, legs_m, turns_rad = [], [], []
-        of_100_m, of_rotation = [], []
+        of_100_m, of_rotation, turned_rad = [], list[Array](), list[Array]()
         for drive, each in compared.items():
             own, true, odometry = each.tracks[name], each.true, each.tracks[ODOMETRY]
             absolute.append(absolute_errors(own.place_m, true.place_m))
@@ -143,13 +150,24 @@ def errors_of(compared: Mapping[str, Compared]) -> Errors | None:
             parts_m = np.abs(relative_errors(own, true, pairs).place_m)
             of_100_m.append((100.0 / part_m * parts_m).tolist())
             pairs = pairs_by_rotation(odometry, part_rad)
-            of_rotation.append((math.tau / part_rad * _rotations(own, true, pairs)).tolist())
+            of_rotation.append(math.tau / part_rad * _rotations(own, true, pairs))
+            turned_rad.append(_turned(own, pairs) / part_rad if of_rotation[-1].size else np.zeros(0))
         together[name] = TrackErrors(
             ate_m=rms(np.concatenate(absolute)),
             rpe_m=_rms(np.concatenate(legs_m)),
             rpe_rad=_rms(np.concatenate(turns_rad)),
         )
-        per_100_m[name], per_rotation[name] = mean_of(of_100_m, 0.0), mean_of(of_rotation)
+        per_100_m[name] = mean_of(of_100_m, 0.0)
+        per_rotation[name] = mean_of([each.tolist() for each in of_rotation])
+        to_sides[name] = {
+            side: mean_of(
+                [
+                    errors[sign * turned > ONE_WAY].tolist()
+                    for errors, turned in zip(of_rotation, turned_rad, strict=True)
+                ]
+            )
+            for side, sign in ((LEFT, 1.0), (RIGHT, -1.0))
+        }
     return Errors(
         of_drives=of_drives,
         together=together,
@@ -157,6 +175,7 @@ def errors_of(compared: Mapping[str, Compared]) -> Errors | None:
         per_100_m=per_100_m,
         part_rad=part_rad,
         per_rotation_rad=per_rotation,
+        per_rotation_to_rad=to_sides,
     )
 
 
@@ -189,7 +208,14 @@ def _rotations(own: Trajectory, true: Trajectory, pairs: tuple[np.ndarray, np.nd
     errors: RelativeErrors = relative_errors(own, true, pairs)
     if errors.yaw_rad is None or own.yaw_rad is None:
         return np.zeros(0)
-    return errors.yaw_rad * np.sign(own.yaw_rad[errors.end] - own.yaw_rad[errors.first])
+    return errors.yaw_rad * np.sign(_turned(own, pairs))
+
+
+def _turned(own: Trajectory, pairs: tuple[np.ndarray, np.ndarray]) -> Array:
+    """Return the yaw change of each pair."""
+    first, end = pairs
+    assert own.yaw_rad is not None  # noqa: S101 the callers have checked it
+    return np.asarray(own.yaw_rad[end] - own.yaw_rad[first])
 
 
 def _rms(values: Array) -> float:

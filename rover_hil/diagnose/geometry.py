@@ -31,8 +31,8 @@ class GeometryPart:
         entries: Where a configuration takes the numbers; empty where they are not accepted.
         harms: Share of the squared error by the wheels that each shown number explains, by name.
         marker: Numbers of the marker and the delay of the known places.
-        wheels: Odometry of each drive, with numbers half-way between the accepted ones and those that are
-            fitted without it, else as described, and its times, by name.
+        wheels: Odometry of each drive, with numbers half-way between those that are better on validation
+            drives and those that are fitted without it, else as described, and its times, by name.
     """
 
     result: GeometryResult | None = None
@@ -48,6 +48,11 @@ class GeometryPart:
     def is_accepted(self) -> bool:
         """Whether the numbers are better on validation drives, and one is outside of its interval."""
         return is_accepted(self.result)
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether the numbers are better on validation drives, of which none is outside of its interval."""
+        return self.result is not None and self.result.is_shared
 
     @property
     def worst(self) -> Estimate | None:
@@ -68,12 +73,12 @@ class GeometryPart:
 
 def differing(result: GeometryResult) -> list[Estimate]:
     """Return the shown numbers of the wheels whose intervals do not contain the description."""
-    return [each for each in result.shown if abs(each.value) > each.half_width]
+    return [each for each in result.shown if each.differs]
 
 
 def is_accepted(result: GeometryResult | None) -> bool:
     """Return whether numbers are better on validation drives, and one differs beyond its interval."""
-    return result is not None and not result.problem and bool(differing(result))
+    return result is not None and not result.problem
 
 
 def fit_geometry(drives: Sequence[ReplayedDrive]) -> GeometryPart:
@@ -113,7 +118,7 @@ def fit_geometry(drives: Sequence[ReplayedDrive]) -> GeometryPart:
 
 def _harms(result: GeometryResult) -> dict[str, float]:
     """Return how much of the squared error of the described wheels each shown number explains by itself."""
-    fit = result.fit
+    fit = result.entered
     numbers = [each.number for each in fit.estimates]
     problem = TrajectoryProblem(result.drives, result.geometry, numbers)
 
@@ -133,10 +138,10 @@ def _harms(result: GeometryResult) -> dict[str, float]:
 def _odometry(
     recorded: Mapping[str, RecordedDrive], result: GeometryResult
 ) -> dict[str, tuple[np.ndarray, Trajectory]]:
-    numbers = [each.number for each in result.fit.estimates]
+    numbers = [each.number for each in result.entered.estimates]
     found = {}
-    fitted = result.fit.values if is_accepted(result) else {}
-    for (name, drive), without in zip(recorded.items(), result.fit.without, strict=True):
+    fitted = result.entered.values if is_accepted(result) or result.is_shared else {}
+    for (name, drive), without in zip(recorded.items(), result.entered.without, strict=True):
         problem = TrajectoryProblem([drive], result.geometry, numbers)
         # With a drive its errors are too small, without it too large. Few drives do not stand for each other.
         share = 0.5 if len(recorded) >= LEAST_DRIVES else 0.0

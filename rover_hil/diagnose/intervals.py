@@ -32,6 +32,14 @@ class Interval:
         """Whether there is an interval."""
         return math.isfinite(self.high)
 
+    def agrees_with(self, other: "Interval") -> bool:
+        """Return whether both are known, and one contains the mean of the other."""
+        return (
+            self.is_known
+            and other.is_known
+            and (self.low <= other.value <= self.high or other.low <= self.value <= other.high)
+        )
+
     def times(self, factor: float) -> "Interval":
         """Return it in another unit."""
         low, high = sorted((factor * self.low, factor * self.high))

@@ -4,14 +4,16 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
+from rover_hil.diagnose.answer import answer_of, distance_words, rotation_words
 from rover_hil.diagnose.covariance import by_kind
 from rover_hil.diagnose.diagnosis import Diagnosis
-from rover_hil.diagnose.drive_errors import ESTIMATE, ODOMETRY, TrackErrors
+from rover_hil.diagnose.drive_errors import ESTIMATE, ODOMETRY, Errors, TrackErrors
 from rover_hil.diagnose.geometry import TO_PASTE, settings_text
 from rover_hil.diagnose.intervals import short
 from rover_hil.diagnose.recorded import Recording, recordings_of
 from rover_hil.diagnose.twin import Twin
 from rover_hil.drives.formats.table.columns import Columns
+from rover_hil.drives.quality.consistency import Consistency
 from rover_hil.ready.procedure import Entry
 from rover_hil.recording.findings import finding_lines
 
@@ -19,6 +21,7 @@ Row = Sequence[str]
 ERROR_COLUMNS = ("drive", "motion", "m", "rotations", "ATE m", "RPE m per m", "RPE deg")
 """Errors: those of the odometry / those of the estimate; one number where both are alike."""
 TOGETHER = "together"
+GROUND_WORDS = "# slip: share of the travel of the wheels that is lost; cross_slip: that goes to the side"
 ONLY_CONFIGURATION = "# for a configuration; a file of columns does not take what follows"
 
 
@@ -67,6 +70,19 @@ def error_table(diagnosis: Diagnosis) -> list[Row]:
     return rows
 
 
+def error_notes(diagnosis: Diagnosis) -> list[str]:
+    """Return what the columns of the errors mean; nothing where the errors are not known."""
+    if diagnosis.errors is None:
+        return []
+    degrees = math.degrees(diagnosis.errors.part_rad)
+    return [
+        "ATE (absolute trajectory error): distance from the ground truth after the whole path is moved and "
+        f"turned onto it; RPE (relative pose error): error of the motion over 1 m, and over {degrees:.0f} "
+        "deg of rotation; root mean square, as evo defines them; odometry / estimate, or one number where "
+        "both are alike",
+    ]
+
+
 def _driven(distance_m: float, rotations: float) -> tuple[str, str]:
     return f"{distance_m:.1f}", f"{rotations:.1f}"
 
@@ -112,7 +128,7 @@ def _findings(diagnosis: Diagnosis) -> Section:
         name = f"{each.name}: " if several else ""
         lines += [f"{name}{line}" for finding in each.findings for line in finding_lines(finding)]
         lines += [
-            f"{name}data: {odd['what']} ({odd['where']}, {odd['count']}): {odd['done']}"
+            f"{name}data: {_odd_words(odd)}"
             for odd in each.drive.channels.import_findings
             if odd["count"] is not None
         ]
@@ -120,16 +136,22 @@ def _findings(diagnosis: Diagnosis) -> Section:
     return Section(title="Findings", lines=lines or [none])
 
 
+def _odd_words(odd: Mapping[str, object]) -> str:
+    """Return a data-quality finding: what, where, how often, and what was done."""
+    where = f", {odd['where']}" if odd["where"] else ""
+    times = "" if odd["count"] == 1 else f" ({odd['count']} times)"
+    return f"{odd['what']}{where}{times}: {odd['done']}"
+
+
 def _geometry(diagnosis: Diagnosis) -> Section:
     part = diagnosis.geometry
     if part.result is None:
         return Section(title="Geometry and sensors", lines=[f"cannot be known: {part.reason}"])
     lines = [f"{name}: {value}" for name, value in part.facts if name != TO_PASTE]
-    pasted = [value for name, value in part.facts if name == TO_PASTE and part.is_accepted]
-    if not part.result.problem and not part.is_accepted:
-        lines.append("the description stays: no number of the wheels differs from it beyond its interval")
+    pasted = [value for name, value in part.facts if name == TO_PASTE]
     settings = paste_sections(diagnosis)
-    pasted += [f"{ONLY_CONFIGURATION}\n{settings_text(settings)}"] if settings else []
+    words = f"{ONLY_CONFIGURATION}\n{GROUND_WORDS}" if "ground" in settings else ONLY_CONFIGURATION
+    pasted += [f"{words}\n{settings_text(settings)}"] if settings else []
     return Section(title="Geometry and sensors", lines=lines, text="\n\n".join(pasted))
 
 
@@ -165,22 +187,28 @@ def _errors(diagnosis: Diagnosis) -> Section:
     if errors is None:
         return Section(title=title, lines=[f"cannot be known: {diagnosis.why_no_errors}"])
     sources = ", ".join(dict.fromkeys(each.source for each in diagnosis.drives if each.source))
-    degrees = math.degrees(errors.part_rad)
     lines = [
         f"compared with: {sources}",
-        f"odometry: {errors.per_100_m[ODOMETRY].words('m')} per 100 m, over parts of {errors.part_m:g} m",
-        f"estimate: {errors.per_100_m[ESTIMATE].words('m')} per 100 m",
-        f"odometry per rotation: {errors.per_rotation_rad[ODOMETRY].times(math.degrees(1.0)).words('deg')}, "
-        f"over parts of {degrees:.0f} deg; positive: it turns too far",
-        f"estimate per rotation: {errors.per_rotation_rad[ESTIMATE].times(math.degrees(1.0)).words('deg')}",
-        f"ATE after alignment without scale, RPE over consecutive parts of 1 m and {degrees:.0f} deg, root "
-        "mean square, as evo defines them: odometry / estimate",
+        f"odometry: {distance_words(errors, ODOMETRY)}, over parts of {errors.part_m:g} m",
+        f"estimate: {distance_words(errors, ESTIMATE)}",
+        *_rotation_lines(errors),
+        *error_notes(diagnosis),
     ]
     if any(each.truth is not None and each.truth.yaw_rad is None for each in diagnosis.drives):
         lines.append("positions without yaw: RPE is that of the distance, errors of the yaw cannot be known")
     if not all(each.is_independent for each in diagnosis.drives if each.truth is not None):
         lines.append("the estimate has used the positions that it is compared with: its errors are too small")
     return Section(title=title, lines=lines, table=error_table(diagnosis))
+
+
+def _rotation_lines(errors: Errors) -> list[str]:
+    if not errors.per_rotation_rad[ODOMETRY].count:
+        return []
+    over = f"over parts of {math.degrees(errors.part_rad):.0f} deg"
+    return [
+        f"odometry turns {rotation_words(errors, ODOMETRY)}, {over}",
+        f"estimate turns {rotation_words(errors, ESTIMATE)}",
+    ]
 
 
 def _covariance(diagnosis: Diagnosis) -> Section:
@@ -195,7 +223,7 @@ def _covariance(diagnosis: Diagnosis) -> Section:
         (kind, each.words("poses"), short(each.growth), " to ".join(map(short, each.interval)))
         for kind, each in kinds.items()
     ]
-    lines = [f"standard deviation: {covariance.words('poses')}"]
+    lines = [f"the standard deviation {_verdict(covariance)}"]
     if settings is None:
         lines.append("settings that would be right cannot be known before the findings are corrected")
         return Section(title=title, lines=lines, table=table)
@@ -208,12 +236,18 @@ def _covariance(diagnosis: Diagnosis) -> Section:
         names = ", ".join(settings.validated_on)
         taken = "accepted" if settings.is_accepted else "not accepted: no better there"
         lines.append(
-            f"with these settings, on validation drives ({names}): {settings.after.words('poses')}, before "
-            f"{settings.before.words('poses')}; {taken}"
+            f"on validation drives ({names}) the standard deviation {_verdict(settings.before)} without "
+            f"these settings, and {_verdict(settings.after)} with them: {taken}"
         )
     elif covariance.is_too_small or covariance.is_too_large:
         lines.append("the settings are not validated: give two drives or more")
     return Section(title=title, lines=lines, table=table)
+
+
+def _verdict(covariance: Consistency) -> str:
+    """Return whether a standard deviation holds, from the verb on."""
+    verdict, _, why = covariance.words("poses").partition(": ")
+    return f"{'' if verdict == 'holds' else 'is '}{verdict} ({why})"
 
 
 def _measurements(diagnosis: Diagnosis) -> Section:
@@ -255,7 +289,7 @@ def record_of(diagnosis: Diagnosis, twin: Twin | None) -> dict[str, object]:
     errors, settings = diagnosis.errors, diagnosis.settings
     covariance = diagnosis.covariance
     return {
-        "answer": asdict(diagnosis.answer),
+        "answer": asdict(answer_of(diagnosis)),
         "drives": [
             {
                 "name": each.name,

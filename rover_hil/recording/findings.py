@@ -23,6 +23,8 @@ class FoundFinding:
         text: What, where, with the numbers of the first time, and what would explain it.
         count: How often it was found.
         consequences: What else was found because of it.
+        harm: Share of the motion that is wrong because of it, 0 to 1: of a finding in a part of the drive the
+            share of that part; None where it is not known.
     """
 
     name: str
@@ -30,6 +32,7 @@ class FoundFinding:
     text: str
     count: int = 1
     consequences: list["FoundFinding"] = field(default_factory=list)
+    harm: float | None = None
 
 
 class FindingList:

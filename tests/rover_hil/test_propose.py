@@ -215,3 +215,81 @@ def test_speed_and_yaw_rate_of_a_body_are_proposed(command: Command) -> None:
     body = read_columns(Path("columns.toml")).body
     assert body is not None
     assert (body.speed.column, body.yaw_rate.column) == (2, 3)
+
+
+def turns_of(rate: np.ndarray, speed: np.ndarray) -> dict[str, np.ndarray]:
+    """Return a drive whose wheels are named only by their number."""
+    yaw = np.cumsum(rate) * 0.02
+    x, y = (np.cumsum(speed * part(yaw)) * 0.02 for part in (np.cos, np.sin))
+    wheels = [np.cumsum(speed + side * rate) * 0.02 / 0.05 for side in (0.15, -0.15)]
+    return {
+        "t": T_S,
+        "wheel_1": wheels[0],
+        "wheel_2": wheels[1],
+        "x": x,
+        "y": y,
+        "theta": yaw,
+        "note": 0.0 * T_S,
+    }
+
+
+def test_sides_are_decided_by_all_drives_and_unused_columns_are_listed(command: Command) -> None:
+    """In an even circle distance and rotation are one: it shows no side."""
+    rng = np.random.default_rng(3)
+    even = np.full(len(T_S), 0.5)
+    write(Path("circle.csv"), turns_of(even, np.full(len(T_S), 0.3) + rng.normal(0.0, 0.01, len(T_S))))
+    write(Path("weave.csv"), turns_of(0.5 * np.sin(0.7 * T_S), np.full(len(T_S), 0.3)))
+    alone = [guess for guess in propose(Path("circle.csv")) if guess.key.startswith("wheel.")]
+    assert [guess.side for guess in alone] == ["", ""]
+    assert all("an even bend does not show its side" in guess.reason for guess in alone)
+    together = [
+        guess for guess in propose(Path("circle.csv"), [Path("weave.csv")]) if guess.key.startswith("wheel.")
+    ]
+    assert [guess.side for guess in together] == ["right", "left"]
+    assert command("import", "table", "circle.csv", "weave.csv", "--propose", "columns.toml") == 0
+    assert "? column 7: 'note' is not used" in command.out
+    assert "# ? column 7: 'note' is not used" in Path("columns.toml").read_text("utf-8")
+    write(Path("other.csv"), {"t": T_S, "a": T_S})
+    assert command("import", "table", "circle.csv", "other.csv", "--propose", "more.toml") == 2
+    assert_one_sentence(command.error, "other.csv has other columns than circle.csv")
+
+
+def test_increments_need_no_rover(command: Command) -> None:
+    write(Path("drive.csv"), {"t": T_S, "dist": 0.02 * SPEED_M_S, "turn": 0.02 * RATE_RAD_S})
+    assert command("import", "table", "drive.csv", "--propose", "columns.toml") == 0, command.error
+    assert "# rover = { kinematics" in Path("columns.toml").read_text("utf-8")
+    arguments = ("drive.csv", "--columns", "columns.toml", "--out", "drive.mcap")
+    assert command("import", "table", *arguments) == 0, command.error
+    assert "no [rover] is described: two wheels" in command.out
+    text = 'time = { column = "t" }\n[[wheel]]\nposition = { column = "dist", unit = "m" }\n'
+    Path("columns.toml").write_text(text, "utf-8")
+    assert command("import", "table", *arguments, "--force") == 2
+    assert_one_sentence(command.error, "[[wheel]] needs the rover", "rover = { kinematics = 'wheels'")
+
+
+def test_columns_of_a_sensor_of_its_own_are_not_missed_in_the_drive(command: Command) -> None:
+    """The drive is named as its own table of ground truth, and the gyro is in another one."""
+    wheels = {"l": LEFT_RAD, "r": RIGHT_RAD}
+    write(Path("drive.csv"), {"t": T_S, **wheels, "x": X_M, "y": Y_M, "spare": 0.0 * T_S})
+    write(Path("gyro.csv"), {"t": T_S, "w": RATE_RAD_S})
+    Path("columns.toml").write_text(
+        """time = { column = "t" }
+wheel = [
+  { position = { column = "l", unit = "rad" } },
+  { position = { column = "r", unit = "rad" } },
+]
+limits = { wheel_speed_rad_s = 100, wheel_acceleration_rad_s2 = 500 }
+rover = { kinematics = "wheels", wheels = [
+  { x_m = 0.0, y_m = 0.15, radius_m = 0.05 },
+  { x_m = 0.0, y_m = -0.15, radius_m = 0.05 },
+] }
+truth = { file = "drive.csv", x = { column = "x" }, y = { column = "y" } }
+imu = { file = "gyro.csv", yaw_rate = { column = "w" } }
+""",
+        "utf-8",
+    )
+    arguments = ("drive.csv", "--columns", "columns.toml", "--out", "drive.mcap")
+    assert command("import", "table", *arguments) == 0, command.error
+    (line,) = [line for line in command.out.splitlines() if "columns that are not used" in line]
+    assert "spare" in line
+    assert re.search(r"spare +1 ", line)

@@ -17,6 +17,8 @@ from rover_hil.drives.quality.drive_paths import (
 )
 from rover_hil.recording.findings import FoundFinding
 
+CLOCK = "clock"
+"""Name of the findings."""
 GREATEST_OFFSET_S = 1.0
 FACTORS = (0.1, *np.round(np.arange(0.97, 1.0301, 0.002), 4).tolist(), 10.0)
 """Seconds of the places over those of the wheels."""
@@ -69,21 +71,22 @@ def clock_findings(
             share = f"{100.0 * plain:.0f} % of the motion is left, {100.0 * best:.0f} % with it"
             text = (
                 f"the clock of the {name} runs {factor:.4g} times as long as that of the wheels, {share}: "
-                "correct the unit of one of the two times; this drive does not show which"
+                "correct the unit or the rate of one of the two times; this drive does not show which"
             )
-            yield FoundFinding(name="clock", t_s=None, text=text)
+            yield FoundFinding(name=CLOCK, t_s=None, text=text, harm=math.sqrt(plain**2 - best**2))
             return
-        if text := _offset_fault(
+        text, harm = _offset_fault(
             name, wheels, places, lambda late_s: path_of_wheels(rows, kinematics, late_s)
-        ):
-            yield FoundFinding(name="clock", t_s=None, text=text)
+        )
+        if text:
+            yield FoundFinding(name=CLOCK, t_s=None, text=text, harm=harm)
             return
 
 
 def _offset_fault(
     name: str, wheels: DrivePath, places: DrivePath, steered: Callable[[float], DrivePath | None]
-) -> str:
-    """Return by how much the times of the places are early or late, where the motion shows it.
+) -> tuple[str, float]:
+    """Return by how much the times of the places are early or late, where the motion shows it, and the harm.
 
     Args:
         name: Of the places.
@@ -112,14 +115,15 @@ def _offset_fault(
     others = min(left(each) for each in far_s.tolist() if abs(each - offset_s) > GREATEST_OFFSET_S)
     is_shown = math.isfinite(plain) and best <= min(AGREES, BETTER * plain, BETTER * others)
     if abs(offset_s) < LEAST_OFFSET_S or not is_shown:
-        return ""
+        return "", 0.0
+    harm = math.sqrt(plain**2 - best**2)
     if text := _late_steering(name, places, steered, plain, best):
-        return text
+        return text, harm
     side = "late" if offset_s < 0.0 else "early"
     return (
         f"the times of the {name} are {abs(offset_s):.1f} s {side} against the wheels, {100.0 * plain:.0f} % "
         f"of the motion is left, {100.0 * best:.0f} % without it: correct the clock of one of the two"
-    )
+    ), harm
 
 
 def _late_steering(

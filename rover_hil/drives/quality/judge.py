@@ -8,6 +8,7 @@ the same sensors are its consequences.
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -150,6 +151,18 @@ def findings_of(rows: Channels, config: Config) -> list[FoundFinding]:
     return [*findings, *sampling_findings(rows)]
 
 
+class _Cause(NamedTuple):
+    """What explains a contradiction.
+
+    Attributes:
+        text: For the user; "" for nothing.
+        harm: As of a finding.
+    """
+
+    text: str
+    harm: float | None = None
+
+
 class _Judge:
     """Compares the wheels of a drive with what else measured its motion.
 
@@ -174,17 +187,24 @@ class _Judge:
     def contradictions(self, rows: Channels) -> Iterator[FoundFinding]:
         """Yield the one contradiction that decides, if there is one."""
         reference = next(references_of(rows, self._windows, self._moves[:, 2]), None)
-        if reference is not None and (text := self._explain(reference, self._opposite_ways(reference))):
-            yield FoundFinding(name=NAMES[reference.name], t_s=None, text=text)
-        elif text := (reference and self._gyro_fault(reference)) or self._by_gyro():
-            yield FoundFinding(name="gyro", t_s=None, text=text)
-        elif reference is not None and (text := _unexplained(reference, self._moves)):
-            yield FoundFinding(name=NAMES[reference.name], t_s=None, text=text)
+        for name, cause in self._causes(reference):
+            if cause.text:
+                yield FoundFinding(name=name, t_s=None, text=cause.text, harm=cause.harm)
+                return
 
-    def _explain(self, reference: Reference, opposite: str) -> str:
-        """Return what is wrong with the wheels or with the places; "" where they agree."""
+    def _causes(self, reference: Reference | None) -> Iterator[tuple[str, _Cause]]:
+        """Yield names and causes in the order in which they decide, those without a text too."""
+        if reference is not None:
+            yield NAMES[reference.name], self._explain(reference, self._opposite_ways(reference))
+            yield "gyro", _Cause(self._gyro_fault(reference))
+        yield "gyro", self._by_gyro()
+        if reference is not None:
+            yield NAMES[reference.name], _Cause(_unexplained(reference, self._moves), 1.0)
+
+    def _explain(self, reference: Reference, opposite: _Cause) -> _Cause:
+        """Return what is wrong with the wheels or with the places."""
         plain = reference.fit(self._moves)
-        if opposite and not self._has_signs:
+        if opposite.text and not self._has_signs:
             return opposite
         fits = [(each.what, each.moves, reference.fit(each.moves)) for each in self._corrections]
         # With another factor besides there would be two faults.
@@ -198,17 +218,21 @@ class _Judge:
         if plain.residual <= AGREES and best > min(MUCH_BETTER * plain.residual, plain.residual - ALIKE):
             return self._factors(reference, plain)
         if best > AGREES or best > BETTER * plain.residual:
-            return _side(self._wheels, reference, plain) or self._partly(reference) or opposite
+            if text := _side(self._wheels, reference, plain):
+                return _Cause(text, plain.residual)
+            partly = self._partly(reference)
+            return partly if partly.text else opposite
         which = [(what, moves, fit) for what, moves, fit in fits if fit.residual <= best + ALIKE]
         agreeing = [each for each in which if self._agrees_with_gyro(each[1])] or which
-        return _contradiction(
+        text = _contradiction(
             f"wheels and {reference.name}", plain.residual, best, [what for what, *_ in agreeing]
         )
+        return _Cause(text, plain.residual)
 
-    def _opposite_ways(self, reference: Reference) -> str:
-        """Return that wheels and poses go opposite ways in a part of the drive; "" where they do not."""
+    def _opposite_ways(self, reference: Reference) -> _Cause:
+        """Return that wheels and poses go opposite ways in a part of the drive."""
         if not isinstance(reference, PoseReference):
-            return ""
+            return _Cause("")
         used = reference.is_used
         said_m = self._moves[used, 0] + 1j * self._moves[used, 1]
         true_m = reference.at_origin(self._moves).step_m[used]
@@ -217,28 +241,30 @@ class _Judge:
         alike = (said_m * true_m.conjugate()).real / np.maximum(sizes_m * np.abs(true_m), 1e-12)
         is_opposite, is_same = is_moving & (alike < -SAME_WAY), is_moving & (alike > SAME_WAY)
         if min(is_opposite.sum(), is_same.sum()) < LEAST_OPPOSITE:
-            return ""
+            return _Cause("")
         cause = "the speeds have no sign"
         if self._has_signs:
             cause = "wheels or ground truth are reversed there, or the yaw of the ground truth is wrong"
-        return (
+        return _Cause(
             f"wheels and ground truth go opposite ways in {is_opposite.sum()} of {is_moving.sum()} s of "
-            f"motion, and the same way in {is_same.sum()} s: {cause}"
+            f"motion, and the same way in {is_same.sum()} s: {cause}",
+            float(is_opposite.sum() / is_moving.sum()),
         )
 
-    def _factors(self, reference: Reference, plain: Fit) -> str:
-        """Return a factor of wheels that otherwise agree that is not usual; "" where all are."""
+    def _factors(self, reference: Reference, plain: Fit) -> _Cause:
+        """Return a factor of wheels that otherwise agree that is not usual."""
         by = f"by the {reference.name}"
         if not _is_slip(plain.scale):
             # Rotations have the factor, too: without it they fit.
             factor = plain.scale * reference.fit(plain.scale * self._moves).scale
             what = unit_of(factor, OTHERS)
-            return f"{by} the rover moves {factor:.3g} times as far as by the wheels: {what}"
+            text = f"{by} the rover moves {factor:.3g} times as far as by the wheels: {what}"
+            return _Cause(text, _share_of(factor))
         sd = plain.residual / math.sqrt(max(1, int(self._windows.is_moving.sum())))
         # Positions on a circle fit any factor of one side, by another rotation and scale.
         is_shape = isinstance(reference, PositionReference)
         if not is_shape and (text := _side(self._wheels, reference, plain)):
-            return text
+            return _Cause(text, plain.residual)
         distance, turn, aside_rad = plain.distance_scale, plain.turn_scale, 0.0
         if isinstance(reference, PoseReference):
             origin = reference.at_origin(self._moves)
@@ -252,7 +278,7 @@ class _Judge:
             ratio = turn
             by_gyro = turn if self._gyro is None else self._gyro.fit(self._moves).scale
             if turn != 1.0 and abs(by_gyro - turn) > TRACK_SHARE:
-                return ""  # uneven slip bends a path, too
+                return _Cause("")  # uneven slip bends a path, too
         if self._wheels.is_skidding:
             ratio = 1.0
         is_track = abs(ratio - 1.0) > TRACK_SHARE + SURE_SD * sd
@@ -261,19 +287,22 @@ class _Judge:
             track += ", or uneven slip"
         if not USUAL_SCALES[0] - SURE_SD * sd <= distance <= USUAL_SCALES[1] + SURE_SD * sd:
             slip = "" if distance > 1.0 else f", or a slip of {1.0 - distance:.2g} throughout"
-            return (
+            return _Cause(
                 f"{by} the rover goes {distance:.3g} times as far as by the wheels: radius, ticks_per_turn "
-                f"or gear_ratio of all wheels{slip}{f'; {track}' if is_track else ''}"
+                f"or gear_ratio of all wheels{slip}{f'; {track}' if is_track else ''}",
+                _share_of(distance),
             )
         if is_track:
-            return f"{by} the rover turns {turn:.3g} times as much as by the wheels: {track}"
+            text = f"{by} the rover turns {turn:.3g} times as much as by the wheels: {track}"
+            return _Cause(text, _share_of(turn))
         if abs(aside_rad) >= LEAST_ASIDE_RAD:
-            return (
+            return _Cause(
                 f"the ground truth goes {math.degrees(aside_rad):+.0f} deg aside of where the wheels go: "
                 "truth.marker.yaw_deg is not given, wheels are exchanged, or the distance is reversed"
-                f"{UNSURE}"
+                f"{UNSURE}",
+                min(1.0, abs(aside_rad)),
             )
-        return ""
+        return _Cause("")
 
     def _agrees_with_gyro(self, moves: Array) -> bool:
         if self._gyro is None:
@@ -293,8 +322,8 @@ class _Judge:
             what = "latitude and longitude, or x and y, exchanged"
             yield what, self._moves, min(fits, key=lambda each: each.residual)
 
-    def _partly(self, reference: Reference) -> str:
-        """Return which part of the drive contradicts, and why; "" where nothing explains it."""
+    def _partly(self, reference: Reference) -> _Cause:
+        """Return which part of the drive contradicts, and why."""
         plain, size = reference.errors(self._moves, self._moves)
         most = min(
             AGREES, BETTER * math.sqrt(float(plain.sum())), BETTER * reference.fit(self._moves).residual
@@ -309,9 +338,10 @@ class _Judge:
             part = which[0][1]
             unsure = UNSURE if len(which) > 1 else ""
             what = ", or ".join(what for what, _ in which)
-            return (
+            return _Cause(
                 f"{what} in {int(part.sum()) * size} of {of} s, first at {begins_s[part][0]:.0f} s{unsure}: "
-                f"{who}, {100.0 * best:.0f} % of the motion is left with it"
+                f"{who}, {100.0 * best:.0f} % of the motion is left with it",
+                float(part.mean()),
             )
         for wheel in self._wheels.measured:
             is_still = self._windows.is_moving & (self._windows.turned_rad[:, wheel] == 0.0)
@@ -320,12 +350,13 @@ class _Judge:
             part = np.add.reduceat(around[: size * len(plain)], np.arange(0, size * len(plain), size)) > 0
             left = math.sqrt(float(plain[~part].sum()))
             if is_still.any() and left <= most:
-                return (
+                return _Cause(
                     f"the encoder of wheel {wheel} stays in {int(is_still.sum())} of {of} s while others "
                     f"turn, first at {begins_s[part][0]:.0f} s: {who} there, {100.0 * left:.0f} % of the "
-                    "motion is left elsewhere"
+                    "motion is left elsewhere",
+                    float(is_still.mean()),
                 )
-        return ""
+        return _Cause("")
 
     def _parts(self, reference: Reference, plain: Array) -> list[tuple[str, Flags, float]]:
         """Return corrections that hold in a part of the drive, that part, and what they leave."""
@@ -356,16 +387,16 @@ class _Judge:
             return ""
         return f"{_gyro_text(factor)}; wheels and {reference.name} agree"
 
-    def _by_gyro(self) -> str:
-        """Return what explains that wheels and gyro contradict each other; "" where they agree."""
+    def _by_gyro(self) -> _Cause:
+        """Return what explains that wheels and gyro contradict each other."""
         reference = self._gyro
         if reference is None:
-            return ""
+            return _Cause("")
         plain = reference.fit(self._moves)
         if plain.residual <= AGREES and _is_slip(plain.scale):
             return self._partly(reference)
         if text := self._steering_wheel(reference, plain):
-            return text
+            return _Cause(text)
         fits = [(each.what, reference.fit(each.moves)) for each in self._corrections]
         explaining = [what for what, fit in fits if fit.residual <= AGREES and _is_slip(fit.scale)]
         if plain.residual <= AGREES and plain.scale != 0.0:
@@ -373,7 +404,7 @@ class _Judge:
         if not explaining:
             return self._partly(reference)
         unsure = UNSURE if len(explaining) > 1 or "; or " in explaining[0] else ""
-        return f"{', or '.join(explaining)}{unsure}: wheels and gyro contradict each other"
+        return _Cause(f"{', or '.join(explaining)}{unsure}: wheels and gyro contradict each other")
 
     def _scale(self, factor: float) -> str:
         """Return what a factor of the gyro's rotation over that of the wheels comes from."""
@@ -405,6 +436,11 @@ class _Judge:
         return (
             f"{largest}: {_contradiction('wheels and gyro', plain.residual, fit.residual, [correction.what])}"
         )
+
+
+def _share_of(factor: float) -> float:
+    """Return which share of a motion is wrong that is so many times as large as it is measured."""
+    return min(1.0, abs(factor - 1.0))
 
 
 def _is_slip(factor: float) -> bool:

@@ -35,7 +35,7 @@ class LearnedGround(NamedTuple):
         """What was learned."""
         return (
             f"{100 * self.mean:.1f} % of the wheels' distance is lost, plus or minus {200 * self.sd:.1f} %, "
-            f"and {200 * self.cross_sd:.1f} % aside, from {self.legs} legs"
+            f"and {200 * self.cross_sd:.1f} % goes to the side, from {self.legs} parts of the path"
         )
 
     def settings(self, source: str) -> dict[str, str | float]:

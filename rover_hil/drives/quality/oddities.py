@@ -70,8 +70,9 @@ def unseen(kinematics: Kinematics, evidence: Evidence, turned_rad: float) -> lis
         )
         invisible.append((what, "the drive hardly turns" if has_gyro else "no truth and no gyro"))
     if not evidence.has_both:
-        what = "a clock that is wrong by a few percent" if has_gyro else "a clock that is wrong by a factor"
-        invisible.append((what, "no speeds beside angles"))
+        factor = "a few percent" if has_gyro else "a factor"
+        clock = "the common clock of all sensors" if has_place else "a clock"
+        invisible.append((f"{clock} that is wrong by {factor}", "no speeds beside angles"))
     return [Oddity(what=what, where=where, done=NOT_SHOWN) for what, where in invisible]
 
 

@@ -44,14 +44,14 @@ def sampling_findings(rows: Channels) -> Iterator[FoundFinding]:
             f"the readings of wheel {_listed(held)} are measured every {held[0][1]:.3g} s and repeated in "
             "the rows between, so that speeds from row to row jump: keep the rows with new readings only"
         )
-        yield FoundFinding(name="sampling", t_s=None, text=text)
+        yield FoundFinding(name="sampling", t_s=None, text=text, harm=0.0)
     if coarse:
         text = (
             f"the angles of wheel {_listed(coarse)} have coarse steps of {coarse[0][1]:.3g} rad "
             f"({math.tau / coarse[0][1]:.0f} in a rotation), so that speeds from row to row jump: give more "
             "steps in a rotation, or fewer rows"
         )
-        yield FoundFinding(name="sampling", t_s=None, text=text)
+        yield FoundFinding(name="sampling", t_s=None, text=text, harm=0.0)
 
 
 def _listed(wheels: list[tuple[int, float]]) -> str:

@@ -18,7 +18,7 @@ from rover_hil.pages.picture import Drawing
 from rover_hil.ready.procedure import Entry, Facts, FileProcedure, Request, comments
 from rover_hil.ready.wheels.drive_figures import draw_errors, draw_kinds, draw_path
 from rover_hil.ready.wheels.from_drives import GeometryResult, KindDifference, geometry_from_drives
-from rover_hil.ready.wheels.geometry import MARKER_X, MARKER_Y, MARKER_YAW
+from rover_hil.ready.wheels.geometry import MARKER, MARKER_X, MARKER_Y, MARKER_YAW
 from rover_hil.ready.wheels.motion_kinds import BY_HAND, KINDS
 from rover_hil.ready.wheels.trajectory import RecordedDrive, read_recorded
 from rover_hil.ready.wheels.trajectory_fit import Estimate
@@ -27,6 +27,8 @@ from rover_hil.ready.wheels.validation import KindErrors
 UNITS = {"": (100.0, " %"), "m": (1.0, " m"), "deg": (math.degrees(1.0), " deg"), "s": (1.0, " s")}
 """What a number is multiplied by for the user, and its unit there."""
 DECIMALS = 6
+CHANGED = ("x_m", "y_m", "radius_m", "angle_deg")
+"""Values of a wheel that are calibrated."""
 
 
 class Recorded(NamedTuple):
@@ -89,11 +91,20 @@ class DrivesCalibration(FileProcedure[Recorded, GeometryResult]):
 
     def facts(self, record: Recorded, result: GeometryResult) -> Facts:
         facts = [("answer", answer(result))]
-        facts += [(each.number.name, _words(each)) for each in result.fit.estimates if each.is_shown]
+        facts += [
+            (each.number.name, f"{estimate_words(each)}{_mark(each, result)}")
+            for each in result.fit.estimates
+            if each.is_shown and each not in result.not_shown
+        ]
         facts += [(f"validation, {each.kind}", _error_words(each)) for each in result.by_kind]
         facts += [(f"{each.number.name} by motion", _difference_words(each)) for each in result.differences]
         facts += [
-            (f"{each.number.name} not shown", f"stays as described; would show it: {each.number.shown_by}")
+            (
+                f"{each.number.name} not shown",
+                f"{estimate_words(each)}{_mark(each, result)}; would show it: {each.number.shown_by}"
+                if each.is_shown
+                else f"stays as described; would show it: {each.number.shown_by}",
+            )
             for each in result.not_shown
         ]
         driven = {*result.kinds, *(each.kind for each in result.by_kind)}
@@ -103,6 +114,7 @@ class DrivesCalibration(FileProcedure[Recorded, GeometryResult]):
         if result.gyro is not None:
             facts.append(("gyro scale", _gyro_words(result)))
         if not result.problem:
+            facts.append(("to enter", "; ".join(_changes(result))))
             facts.append(("to paste", toml_text(_sections(result)).strip()))
         return facts
 
@@ -116,6 +128,7 @@ class DrivesCalibration(FileProcedure[Recorded, GeometryResult]):
                     "value": each.value,
                     "half_width": each.half_width if math.isfinite(each.half_width) else None,
                     "is_shown": each.is_shown,
+                    "is_entered": not result.problem and each.number.name in result.entered.values,
                 }
                 for each in result.fit.estimates
             },
@@ -188,9 +201,37 @@ def _wheels(rover: RoverSettings) -> int:
     return len(rover.wheels) if isinstance(rover, WheelsRoverSettings) else 0
 
 
-def _words(estimate: Estimate) -> str:
+def estimate_words(estimate: Estimate) -> str:
+    """Return by how much a number differs from its description, with its interval."""
     factor, unit = UNITS[estimate.number.unit]
     return f"{factor * estimate.value:+.3g} +- {factor * estimate.half_width:.2g}{unit} (95 %)"
+
+
+def _mark(estimate: Estimate, result: GeometryResult) -> str:
+    """Return what becomes of a number that does not differ from its description; "" for one that does."""
+    if estimate.differs or not (estimate.number.is_geometry or estimate.number.name in MARKER):
+        return ""
+    if result.problem or estimate.number.name not in result.entered.values:
+        return "; not shown to differ, stays as described"
+    return "; not shown to differ by itself, entered because validation drives are worse without it"
+
+
+def _changes(result: GeometryResult) -> list[str]:
+    """Return each value of [rover] that changes, before and after."""
+    rover = result.corrected
+    if not isinstance(rover, WheelsRoverSettings):
+        before, after = _rover_section(result.geometry.rover), _rover_section(rover)
+        return [f"{key} {before[key]} -> {value}" for key, value in after.items() if value != before[key]]
+    changes: dict[str, list[str]] = {}
+    for place, (old, new) in enumerate(zip(result.geometry.wheels, rover.wheels, strict=True)):
+        for key in CHANGED:
+            values = [round(getattr(wheel, key), DECIMALS) for wheel in (old, new)]
+            if values[0] != values[1]:
+                changes.setdefault(f"{key} {values[0]:g} -> {values[1]:g}", []).append(str(place))
+    return [
+        f"{change} of wheel{'s' if len(places) > 1 else ''} {', '.join(places)}"
+        for change, places in changes.items()
+    ]
 
 
 def _error_words(errors: KindErrors) -> str:
@@ -241,7 +282,7 @@ def _rounded(wheel: Mapping[str, object]) -> dict[str, object]:
 
 def _sections(result: GeometryResult) -> dict[str, object]:
     """Return what is calibrated, as sections of a configuration and of a file of columns."""
-    values, first = result.fit.values, result.drives[0]
+    values, first = result.entered.values, result.drives[0]
     arm_m = first.truth.arm_m
     marker = {
         key: round(factor * values[name] + before, DECIMALS)

@@ -1,7 +1,7 @@
 """Geometry of the wheels from recorded drives with ground truth or positions: one function, one result."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
@@ -15,6 +15,7 @@ from rover_hil.drives.arrays import Array
 from rover_hil.ready.wheels.geometry import (
     BASE,
     BASES,
+    MARKER,
     RADIUS,
     RADIUS_OF,
     STEERING_RATIO,
@@ -50,6 +51,9 @@ DIFFERS = 0.01
 """Probability that one of all comparisons of kinds differs by chance."""
 LEAST_DIFFERENCE = 0.003
 """Numbers that differ by less hold for all kinds; of an angle in rad."""
+MOST_LOST = 0.05
+"""Share of the gain on validation drives that may be lost where numbers that do not differ are held."""
+WRONG_TOGETHER = "the described numbers of the wheels are wrong together"
 LEAST_GAIN = 0.2
 """Share of what is left of a kind of motion that a number of its own explains, where it matters."""
 
@@ -100,8 +104,9 @@ class GeometryResult:
         drives: That the numbers are from.
         kinds: Of their motion.
         fit: The numbers.
+        entered: The same fit with those numbers held as described that do not differ, see `_entered`.
         described: Numbers of the marker where those of the wheels stay as described.
-        errors: Of the validation drives.
+        errors: Of the validation drives, with the numbers that are entered.
         differences: Numbers that differ between kinds of motion, the one that explains most first.
         gyro: Its scale and bias; None without one.
     """
@@ -110,6 +115,7 @@ class GeometryResult:
     drives: Sequence[RecordedDrive]
     kinds: Sequence[str]
     fit: TrajectoryFit
+    entered: TrajectoryFit
     described: Mapping[str, float]
     errors: Sequence[DriveError]
     differences: Sequence[KindDifference]
@@ -132,8 +138,19 @@ class GeometryResult:
 
     @property
     def corrected(self) -> RoverSettings:
-        """The description of the rover with the numbers."""
-        return self.geometry.corrected(self.fit.values)
+        """The description of the rover with the numbers that are entered."""
+        return self.geometry.corrected(self.entered.values)
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether validation drives are better with the numbers, of which none differs by itself."""
+        kinds = self.by_kind
+        return (
+            not self.differences
+            and not any(each.differs for each in self.shown)
+            and any(each.is_better for each in kinds)
+            and not any(each.is_worse for each in kinds)
+        )
 
     @property
     def problem(self) -> str:
@@ -156,7 +173,7 @@ class GeometryResult:
         if not self.errors:
             return "there is no drive to validate them on: give two or more drives"
         is_better = any(each.is_better for each in self.by_kind)
-        if not is_better and all(abs(each.value) <= each.half_width for each in self.shown):
+        if not is_better and not any(each.differs for each in self.shown):
             return "the described numbers are confirmed: none differs from them by more than its interval"
         worse = [each.kind for each in self.by_kind if each.is_worse]
         if worse:
@@ -166,6 +183,9 @@ class GeometryResult:
             return f"the described numbers are better in validation drives of this kind: {kinds}{more}"
         if not is_better:
             return "the described numbers are as good in validation drives"
+        if self.is_shared:
+            wanted = dict.fromkeys(each.number.shown_by for each in (*self.shown, *self.not_shown))
+            return f"{WRONG_TOGETHER}, but these drives do not show which of them: drive {'; '.join(wanted)}"
         return ""
 
 
@@ -202,16 +222,66 @@ def geometry_from_drives(
     # By the corrected wheels: wrong ones bend straights.
     kinds = [kind_of(moves, size_m) for moves in common.moves(fit.values)]
     described = fit_trajectories(problem, fixed=[each.name for each in numbers if each.is_geometry])
+
+    def validated(before: TrajectoryFit, after: TrajectoryFit) -> list[DriveError]:
+        return _errors(drives, validation, kinds, geometry, (before, after))
+
+    entered = _entered(problem, described, fit, validated)
     return GeometryResult(
         geometry=geometry,
         drives=drives,
         kinds=kinds[: len(drives)],
         fit=fit,
+        entered=entered,
         described=described.values,
-        errors=_errors(drives, validation, kinds, geometry, (described, fit)),
+        errors=validated(described, entered),
         differences=_differences(common, numbers, kinds, fit),
         gyro=fit_gyro(problem, fit),
     )
+
+
+def _entered(
+    problem: TrajectoryProblem,
+    described: TrajectoryFit,
+    fit: TrajectoryFit,
+    validated: Callable[[TrajectoryFit, TrajectoryFit], Sequence[DriveError]],
+) -> TrajectoryFit:
+    """Return a fit in which the numbers that do not differ from the description are held there.
+
+    Numbers have errors in common, so that several may be needed although none differs by itself: where
+    validation drives show it with all of them held, the one that differs most is fitted again, and so on.
+
+    Args:
+        problem: The drives.
+        described: Fit of the marker alone.
+        fit: Of all numbers.
+        validated: Returns the errors of the validation drives with two fits.
+    """
+    if not any(each.differs for each in fit.estimates if each.number.is_geometry):
+        return fit
+    unshown = [each.number.name for each in fit.estimates if not each.is_shown]
+    held = [
+        each
+        for each in fit.estimates
+        if each.is_shown and not each.differs and (each.number.is_geometry or each.number.name in MARKER)
+    ]
+    held.sort(key=lambda each: abs(each.value) / each.half_width)
+    before_m, best_m = _missed_m(validated(described, fit))
+    while held:
+        restricted = fit_trajectories(problem, fixed=[*unshown, *(each.number.name for each in held)])
+        left_m = _missed_m(validated(fit, restricted))[1]
+        if left_m - best_m <= MOST_LOST * (before_m - best_m):
+            return restricted
+        held.pop()
+    return fit
+
+
+def _missed_m(errors: Sequence[DriveError]) -> tuple[float, float]:
+    """Return the mean error at the end of all segments, before and after; 0 without drives."""
+    if not errors:
+        return 0.0, 0.0
+    before_m, after_m = np.concatenate([each.missed_m for each in errors]).mean(axis=0).tolist()
+    return before_m, after_m
 
 
 def _is_unknown(estimate: Estimate) -> bool:

@@ -30,6 +30,7 @@ BASES = (BASE, TRACK, WHEELBASE)
 """Numbers that rotations depend on, and distances do not."""
 STEERING_ZERO, STEERING_RATIO, STEERING_DELAY = "steering zero", "steering ratio", "delay of the steering"
 MARKER_X, MARKER_Y, MARKER_YAW, DELAY = "marker x", "marker y", "marker yaw", "delay of the ground truth"
+MARKER = (MARKER_X, MARKER_Y, MARKER_YAW)
 RADIUS_OF = "radius, "
 """Followed by the name of a contrast."""
 

@@ -87,7 +87,10 @@ def recorded_of(drive: Drive) -> RecordedDrive:
     """
     path = drive.log.path
     if drive.channels.has_computed_wheels:
-        raise LogError(f"log {path}: the angles of its wheels are computed from a path, not measured")
+        raise LogError(
+            f"log {path}: the angles of its wheels are computed from a path, not measured: import the wheels "
+            "themselves ([[wheel]], with steering where one steers)"
+        )
     kinematics = make_kinematics(drive.config.rover)
     stepped = wheel_steps(drive.channels, kinematics, STEP_S, LEAST_STEPS)
     if stepped is None:

@@ -76,6 +76,11 @@ class Estimate:
     half_width: float
     is_shown: bool
 
+    @property
+    def differs(self) -> bool:
+        """Whether the interval of a number that is shown does not contain the description."""
+        return self.is_shown and abs(self.value) > self.half_width
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrajectoryFit:

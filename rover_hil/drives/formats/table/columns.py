@@ -16,6 +16,13 @@ from rover_hil.drives.formats.fixes import FixNoise, MarkerPlace
 from rover_hil.drives.presets import columns_file, presets
 
 TURN_RAD = 2.0 * math.pi
+ASSUMED_ROVER = {
+    "kinematics": "wheels",
+    "wheels": [{"x_m": 0.0, "y_m": y_m, "radius_m": 0.1} for y_m in (0.2, -0.2)],
+}
+ASSUMED_LIMITS = {"wheel_speed_rad_s": 100, "wheel_acceleration_rad_s2": 500}
+"""Of a rover whose motion is measured, not its wheels: angles of wheels only carry it."""
+ASSUMED_TEXT = "{ x_m = 0.0, y_m = 0.2, radius_m = 0.1 }, { x_m = 0.0, y_m = -0.2, radius_m = 0.1 }"
 ColumnName = Annotated[str, Field(min_length=1, max_length=255)] | Annotated[int, Field(ge=1, le=10_000)]
 """Name in the header, or number from 1."""
 Positive = Annotated[float, Field(gt=0)]
@@ -321,7 +328,8 @@ class Columns(Settings):
 
     Attributes:
         rover: A configuration whose wheels and limits are those of the rover: a TOML file, beside this one or
-            from the current folder, or a shipped one. Or the section [rover] itself.
+            from the current folder, or a shipped one. Or the section [rover] itself. Without it, where the
+            motion is not that of wheels, `ASSUMED_ROVER` stands for it.
         limits: With a section [rover]: how fast its wheels may turn.
         rate_hz: With a section [rover]: cycles of the estimate per second.
         delimiter: Between cells; default: the one of tab, semicolon, comma and spaces that makes numbers.
@@ -337,7 +345,7 @@ class Columns(Settings):
         truth: True pose.
     """
 
-    rover: str | RoverSettings
+    rover: str | RoverSettings | None = None
     limits: LimitSettings | None = None
     rate_hz: Annotated[float, Field(ge=1, le=1000)] = 50.0
     delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
@@ -359,7 +367,13 @@ class Columns(Settings):
             )
         if self.increments is not None and self.increments.turn_by_gyro and self.imu is not None:
             raise ValueError("[imu] gives a gyro, and increments.turn_by_gyro another one: leave one out")
-        if isinstance(self.rover, str) != (self.limits is None):
+        if self.rover is None and self.wheel:
+            raise ValueError(
+                "[[wheel]] needs the rover: name its configuration (rover = 'my_rover.toml'), or add "
+                f"rover = {{ kinematics = 'wheels', wheels = [{ASSUMED_TEXT}] }} with its own numbers, and "
+                "limits = { wheel_speed_rad_s = 100, wheel_acceleration_rad_s2 = 500 }"
+            )
+        if (self.rover is None or isinstance(self.rover, str)) != (self.limits is None):
             raise ValueError("give [limits] with a section [rover], and only then")
         return self
 
@@ -394,12 +408,11 @@ def rover_of(columns: Columns, path: Path) -> Config:
     if isinstance(columns.rover, str):
         beside = path.parent / columns.rover
         return load_config(str(beside) if beside.is_file() else columns.rover)
-    assert columns.limits is not None  # noqa: S101 the model has checked it
     table = {
         "schema": "rover-hil-config/1",
         "loop": {"rate_hz": columns.rate_hz},
-        "rover": columns.rover.model_dump(),
-        "limits": columns.limits.model_dump(),
+        "rover": ASSUMED_ROVER if columns.rover is None else columns.rover.model_dump(),
+        "limits": ASSUMED_LIMITS if columns.limits is None else columns.limits.model_dump(),
         "roles": {"wheels": "wheels"},
         "devices": {"wheels": {"type": "can_wheels", "interface": "virtual", "channel": "table",
                                "mapping": "generic_wheel"}},

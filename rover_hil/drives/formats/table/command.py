@@ -1,5 +1,6 @@
 """`rover-hil import table`: tables of any rover become logs."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -37,7 +38,7 @@ def import_tables(
         Path | None,
         typer.Option(
             "--propose",
-            help="Write to this file what the columns of the first table may hold, to be edited.",
+            help="Write to this file what the columns of the tables may hold, to be edited.",
         ),
     ] = None,
     force: ForceOption = False,
@@ -57,7 +58,7 @@ def import_tables(
     """
     limits = LimitSettings(most_memory_gb, most_minutes)
     if propose_to is not None:
-        return _propose_columns(files[0], limits, out=propose_to, force=force, as_json=as_json)
+        return _propose_columns(files, limits, out=propose_to, force=force, as_json=as_json)
     if columns_path is None or out is None:
         raise ConfigError(
             "--columns and --out are needed: name the file that says which column holds what, and the log; "
@@ -75,11 +76,14 @@ def import_tables(
     return EXIT_OK
 
 
-def _propose_columns(file: Path, limits: LimitSettings, *, out: Path, force: bool, as_json: bool) -> int:
-    """Write what the columns of a table may hold; returns the exit code."""
+def _propose_columns(
+    files: Sequence[Path], limits: LimitSettings, *, out: Path, force: bool, as_json: bool
+) -> int:
+    """Write what the columns of tables may hold; returns the exit code."""
+    file = files[0]
     check_file(out, force=force, option="--propose")
     guesses = read_in_child(
-        file, limits.of(file), lambda _: propose(file), show_steps(f"reading {file.name}")
+        file, limits.of(file), lambda _: propose(file, files[1:]), show_steps(f"reading {file.name}")
     )
     write_file(out, proposal_text(file, guesses), option="--propose")
     if as_json:
@@ -88,6 +92,7 @@ def _propose_columns(file: Path, limits: LimitSettings, *, out: Path, force: boo
     console = Terminal(soft_wrap=True)
     for guess in guesses:
         doubt = "? " if guess.is_doubtful else ""
-        console.print(f"{doubt}column {guess.column}: {guess.key}: {guess.reason}", markup=False)
+        key = f"{guess.key}: " if guess.key else ""
+        console.print(f"{doubt}column {guess.column}: {key}{guess.reason}", markup=False)
     console.print(f"written: {out}; edit what follows '# ?', and enter the rover")
     return EXIT_OK

@@ -38,6 +38,7 @@ from rover_hil.drives.formats.table.columns import (
     TimeColumn,
     angle_unit,
 )
+from rover_hil.drives.formats.table.unused import unused_parts
 from rover_hil.drives.quality.oddities import NO_FAULT, REPAIRED, TOLD, Oddity
 
 FIX = "correct the cell or the file of columns"
@@ -191,11 +192,24 @@ class DriveTable:
                 drive.oddities.append(
                     Oddity(what="rows missing between others", count=missing, done=NO_FAULT)
                 )
+        if isinstance(self.table, CsvTable):
+            drive.oddities += self._unused(self.table)
         for column in _all_columns(self.columns):
             name = self.name_of(self.table, column)
             empty = int(np.isnan(self.table.numbers(name, fix=FIX)).sum())
             if empty:
                 drive.oddities.append(Oddity(what="empty cells", where=name, count=empty, done=NO_FAULT))
+
+    def _unused(self, table: CsvTable) -> Iterator[Oddity]:
+        parts = [
+            part for part in (self.columns.imu, self.columns.fixes, self.columns.truth) if part is not None
+        ]
+        used = list(_all_columns(self.columns))
+        for part in parts:
+            if part.file == table.path.name:  # the same table once more, with times of its own
+                used += [value for _, value in part if isinstance(value, Column)]
+        files = [part.file for part in parts if part.file is not None]
+        return unused_parts(table, {self.name_of(table, column) for column in used}, files)
 
     def name_of(self, table: Table, column: Column) -> str:
         """Return the name of a column given by name or number.

@@ -55,6 +55,10 @@ UNITS = {
 TIMES = ("s", "ms", "us", "ns")
 USUAL_M_S = (0.03, 30.0)
 """Speed of a rover in most of a drive; a unit that makes it another one is none."""
+SEPARATE = 0.99
+"""Cosine between distance and rotation up to which a drive shows which of them turns a wheel."""
+LEAST_SIDE = 0.03
+"""Share of a wheel's motion that a rotation must explain, so that it is at one side."""
 EXPLAINED = 0.5
 """Of the squares of a wheel's steps, so much is explained by the motion of the path that it is a wheel of."""
 
@@ -64,7 +68,7 @@ class Guess:
     """What a column may hold.
 
     Attributes:
-        key: Its place in the file of columns, such as "time" or "wheel.1.step".
+        key: Its place in the file of columns, such as "time" or "wheel.1.step"; "" where nothing is proposed.
         column: Number from 1.
         settings: Further keys, TOML values.
         reason: Why.
@@ -85,6 +89,13 @@ class _Path(NamedTuple):
 
     ahead: Array
     turn: Array
+
+
+class _Drive(NamedTuple):
+    """A table with the motion of its pose, by number of the column."""
+
+    values: Mapping[int, Array]
+    path: _Path
 
 
 class _Columns:
@@ -132,12 +143,66 @@ class _Columns:
         self.values.pop(guess.column, None)
 
 
-def propose(path: Path) -> list[Guess]:
+def propose(path: Path, others: Sequence[Path] = ()) -> list[Guess]:
     """Return guesses for the columns of a table, each with its reason.
 
+    Args:
+        path: The table.
+        others: Further drives with the same columns: what one does not show, another may.
+
     Raises:
-        LogError: The table cannot be read, or no column can be its time.
+        LogError: A table cannot be read or has other columns, or no column can be the time.
     """
+    tables = [_read(each) for each in (path, *others)]
+    for other in tables[1:]:
+        if list(other.names) != list(tables[0].names):
+            raise LogError(f"{other.path} has other columns than {path}: give tables of one kind at a time")
+    all_values = [_Columns(table).values for table in tables]
+    columns, path_moves = _Columns(tables[0]), None
+    for table in tables:  # the first that shows which columns are the pose
+        columns = _Columns(table)
+        times_s = _take_time(table.path, columns)
+        path_moves = _take_pose(columns, times_s)
+        if path_moves is not None:
+            break
+    else:
+        columns = _Columns(tables[0])
+        times_s = _take_time(path, columns)
+        _take_pose(columns, times_s)
+    _take_gyro(columns, times_s, None if path_moves is None else path_moves.turn)
+    _take_increments(columns, times_s)
+    _take_wheels(columns, [] if path_moves is None else _drives(columns, all_values))
+    _take_body(columns)
+    taken = {guess.column for guess in columns.guesses}
+    unused = [
+        Guess("", number, {}, f"'{name}' is not used", is_doubtful=True)
+        for number, name in enumerate(tables[0].names, start=1)
+        if number not in taken
+    ]
+    return sorted([*columns.guesses, *unused], key=lambda guess: guess.column)
+
+
+def _drives(columns: _Columns, tables: Sequence[Mapping[int, Array]]) -> list[_Drive]:
+    """Return the tables with the motion of the pose that was guessed."""
+    pose = {guess.key: guess for guess in columns.guesses if guess.key.startswith("truth.")}
+    x, y, yaw = (pose[f"truth.{key}"].column for key in ("x", "y", "yaw"))
+    per_unit = SI_PER_UNIT[pose["truth.yaw"].settings["unit"].strip('"')]
+    return [
+        _Drive(values, _moves(values, x, y, yaw, per_unit))
+        for values in tables
+        if {x, y, yaw} <= values.keys()
+    ]
+
+
+def _moves(values: Mapping[int, Array], x: int, y: int, yaw: int, per_unit: float) -> _Path:
+    """Return the motion of a pose by the numbers of its columns and the unit of its yaw."""
+    yaw_rad = values[yaw] * per_unit
+    turn: Array = np.diff(np.unwrap(yaw_rad), prepend=np.nan)
+    steps = np.diff(values[x] + 1j * values[y], prepend=np.nan) * np.exp(-1j * yaw_rad)
+    return _Path(np.real(steps * np.exp(-1j * np.angle(np.nansum(steps)))), turn)
+
+
+def _read(path: Path) -> Table:
     table = read_table(path, delimiter=None, header_lines=None)
     if isinstance(table, FlightTable):
         raise LogError(
@@ -152,13 +217,7 @@ def propose(path: Path) -> list[Guess]:
     columns = _Columns(table)
     if len(next(iter(columns.values.values()), ())) < 3:
         raise LogError(f"{path} has fewer than three rows of numbers: nothing can be proposed")
-    times_s = _take_time(path, columns)
-    path_moves = _take_pose(columns, times_s)
-    _take_gyro(columns, times_s, None if path_moves is None else path_moves.turn)
-    _take_increments(columns, times_s)
-    _take_wheels(columns, path_moves)
-    _take_body(columns)
-    return sorted(columns.guesses, key=lambda guess: guess.column)
+    return table
 
 
 def _take_time(path: Path, columns: _Columns) -> Array:
@@ -230,12 +289,10 @@ def _take_pose(columns: _Columns, times_s: Array) -> _Path | None:
         _take_named_pose(columns)
         return None
     length, x, y, yaw, per_unit = best
-    yaw_rad = columns.values[yaw] * per_unit
-    turn: Array = np.diff(np.unwrap(yaw_rad), prepend=np.nan)
-    steps = np.diff(columns.values[x] + 1j * columns.values[y], prepend=np.nan) * np.exp(-1j * yaw_rad)
-    ahead = np.real(steps * np.exp(-1j * np.angle(np.nansum(steps))))
+    moves = _moves(columns.values, x, y, yaw, per_unit)
+    lengths = np.abs(np.diff(columns.values[x] + 1j * columns.values[y], prepend=np.nan))
     reason = f"the course of x and y less this yaw is constant (mean vector {length:.2f} long)"
-    unit, is_only = _length_unit(np.abs(steps), times_s)
+    unit, is_only = _length_unit(lengths, times_s)
     for key, number in (("x", x), ("y", y)):
         known = columns.unit(number)
         columns.take(
@@ -243,7 +300,7 @@ def _take_pose(columns: _Columns, times_s: Array) -> _Path | None:
         )
     angle_unit = "rad" if per_unit == 1.0 else "deg"
     columns.take(Guess("truth.yaw", yaw, {"unit": f'"{angle_unit}"'}, reason, is_doubtful=False))
-    return _Path(ahead, turn)
+    return moves
 
 
 def _take_named_pose(columns: _Columns) -> None:
@@ -327,7 +384,7 @@ def _take_increments(columns: _Columns, times_s: Array) -> None:
         )
 
 
-def _take_wheels(columns: _Columns, path: _Path | None) -> None:
+def _take_wheels(columns: _Columns, drives: Sequence[_Drive]) -> None:
     if any(guess.key.startswith("increments") for guess in columns.guesses):
         return
     moving = {number: values for number, values in columns.values.items() if np.ptp(values) > 0.0}
@@ -349,26 +406,42 @@ def _take_wheels(columns: _Columns, path: _Path | None) -> None:
             reason += f", that start again after {wrap:.0f}"
         is_speed = "/" in unit or unit == "rpm"
         kind = "speed" if is_speed else ("position" if is_position else "step")
-        steps = np.diff(values, prepend=np.nan) if kind == "position" else values
-        side, sign, evidence = _side_of(columns.side(number), steps, path)
+        side, sign, evidence = _side_of(
+            columns.side(number), [each for each in drives if number in each.values], number, kind
+        )
         if sign < 0:
             settings["sign"] = "-1"
         key = f"wheel.{place}.{kind}"
         columns.take(Guess(key, number, settings, reason + evidence, is_doubtful=True, side=side))
 
 
-def _side_of(named: str, steps: Array, path: _Path | None) -> tuple[str, int, str]:
-    """Return the side of a wheel, its sign, and what shows them: the path rather than the name."""
+def _side_of(named: str, drives: Sequence[_Drive], number: int, kind: str) -> tuple[str, int, str]:
+    """Return the side of a wheel, its sign, and what shows them: the paths rather than the name.
+
+    Args:
+        named: The side by the name; "" for none.
+        drives: Their motion.
+        number: Of the column.
+        kind: What it holds: "position", "step" or "speed".
+    """
     by_name = f"; by its name a {named} wheel" if named else ""
-    if path is None:
+    if not drives:
         return named, 1, by_name
-    known = np.isfinite(steps) & np.isfinite(path.ahead)
-    moves = np.column_stack([_smoothed(each[known]) for each in path])
-    turned = _smoothed(steps[known])
+    parts = []
+    for values, path in drives:
+        steps = np.diff(values[number], prepend=np.nan) if kind == "position" else values[number]
+        known = np.isfinite(steps) & np.isfinite(path.ahead)
+        parts.append(np.column_stack([_smoothed(each[known]) for each in (*path, steps)]))
+    together = np.concatenate(parts)
+    moves, turned = together[:, :2], together[:, 2]
+    if _relation_about_zero(moves) > SEPARATE:
+        return named, 1, f"{by_name}; an even bend does not show its side: give drives of other motions, too"
     (ahead, turn), *_ = np.linalg.lstsq(moves, turned, rcond=None)
     rest = float(np.sum((turned - moves @ (ahead, turn)) ** 2))
     if rest > (1.0 - EXPLAINED) * float(np.sum(turned**2)) or ahead == 0.0 or turn == 0.0:
         return named, 1, by_name
+    if abs(turn) * np.linalg.norm(moves[:, 1]) < LEAST_SIDE * np.linalg.norm(turned):
+        return named, 1 if ahead > 0.0 else -1, f"{by_name}; alike in turns to both sides, as in the middle"
     side, sign = ("right" if turn / ahead > 0.0 else "left"), (1 if ahead > 0.0 else -1)
     change = "faster" if side == "right" else "slower"
     evidence = f"; {change} in turns to the left, as a {side} wheel"
@@ -419,6 +492,12 @@ def _relation(cause: Array, effect: Array) -> tuple[float, float]:
     return abs(product) / math.sqrt(squares[0] * squares[1]), product / squares[0]
 
 
+def _relation_about_zero(moves: Array) -> float:
+    """Return the cosine between two columns: 1 where one is a multiple of the other."""
+    sizes = np.linalg.norm(moves, axis=0)
+    return float(abs(moves[:, 0] @ moves[:, 1]) / max(float(sizes.prod()), 1e-30))
+
+
 def _wheel_lines(wheels: Sequence[Guess]) -> list[str]:
     """Return a wheel of [rover] for each guessed one, y by its side; two where none is guessed."""
     if not wheels:
@@ -433,16 +512,25 @@ def _wheel_lines(wheels: Sequence[Guess]) -> list[str]:
 
 def proposal_text(path: Path, guesses: Sequence[Guess]) -> str:
     """Return the file of columns for guesses, with their reasons as comments, `# ?` for doubtful ones."""
-    lines = [
-        f"# Proposed for {path.name}. Check every line; what follows '# ?' is doubtful.",
-        "# ? the rover is not in the table: enter its wheels, in the order of [[wheel]], and their limits",
+    wheels = [guess for guess in guesses if guess.key.startswith("wheel.")]
+    rover = [
         'rover = { kinematics = "wheels", wheels = [',
-        *_wheel_lines([guess for guess in guesses if guess.key.startswith("wheel.")]),
+        *_wheel_lines(wheels),
         "] }",
         "limits = { wheel_speed_rad_s = 100, wheel_acceleration_rad_s2 = 500 }",
     ]
+    why = "# ? the rover is not in the table: enter its wheels, in the order of [[wheel]], and their limits"
+    if not wheels and any(guess.key.startswith(("increments.", "body.")) for guess in guesses):
+        why = "# the motion needs no wheels; to describe the rover all the same, enter it and remove '# '"
+        rover = [f"# {line}" for line in rover]
+    lines = [
+        f"# Proposed for {path.name}. Check every line; what follows '# ?' is doubtful.",
+        why,
+        *rover,
+    ]
     by_section: dict[str, list[tuple[str, Guess]]] = {}
-    for guess in sorted(guesses, key=lambda each: each.key != "time"):
+    lines += [f"# ? column {guess.column}: {guess.reason}" for guess in guesses if not guess.key]
+    for guess in sorted(filter(lambda each: each.key, guesses), key=lambda each: each.key != "time"):
         section, _, key = guess.key.rpartition(".")
         by_section.setdefault(section, []).append((key, guess))
     for section, keys in by_section.items():

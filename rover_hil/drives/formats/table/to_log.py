@@ -45,6 +45,11 @@ def write_table_as_log(
     kinematics = make_kinematics(rover.rover)
     drive = read_drive_table(path, columns, rover)
     contents = Contents(notes=drive.notes, oddities=drive.oddities)
+    if columns.rover is None:
+        contents.notes.append(
+            "no [rover] is described: two wheels of radius 0.1 m, 0.4 m apart, stand for it; the motion does "
+            "not depend on them"
+        )
     held = {row.section for row in drive.rows}
     has_both = any(wheel.speed and (wheel.position or wheel.step) for wheel in columns.wheel)
     contents.evidence = Evidence(
