@@ -412,6 +412,7 @@ class GroundMotionEstimator:
         )
 
     def _invalid(self, from_ns: int, to_ns: int, reason: str) -> GroundMotion:
+        """Return that the pair measures nothing; what contradicts the rig does so until it is gone."""
         return GroundMotion(
             from_ns=from_ns,
             to_ns=to_ns,
@@ -427,7 +428,7 @@ class GroundMotionEstimator:
             direction_sd_rad=self._wheels.direction_sd_rad,
             rig_fault=self._wheels.fault,
             unconfirmed=self._wheels.unconfirmed,
-            invalid_because=reason,
+            invalid_because=reason if self._wheels.text in reason else self._wheels.text,
             is_open=self._t_ns == from_ns,
         )
 

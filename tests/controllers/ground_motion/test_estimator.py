@@ -249,6 +249,15 @@ def test_camera_upside_down_is_reported() -> None:
     assert "upside down" in drive.motions[-1].invalid_because
 
 
+def test_what_contradicts_the_rig_does_so_while_the_rover_stands() -> None:
+    drive, wide = Drive(), wide_ground()
+    for frame in range(60):
+        view = patch_at(wide, min(frame, 55) * 0.9 * WHEEL_M)
+        drive.show(np.asarray(view[::-1, ::-1].copy(), np.uint8), 0.0 if frame > 55 else WHEEL_M, noisy=False)
+
+    assert all("upside down" in motion.invalid_because for motion in drive.motions[50:])
+
+
 def test_camera_turned_by_a_quarter_is_reported() -> None:
     drive = Drive()
     noise = np.random.default_rng(1).standard_normal((GROUND.shape[0], GROUND.shape[1] + 400))
