@@ -127,8 +127,8 @@ class GroundReport:
         slip_sd: Its standard deviation; None likewise.
         drift_rad: Angle from the course of rolling wheels to the true one, left positive; None likewise.
         reason: Why the motion is not valid; empty where it is.
-        unconfirmed: What the drive has not confirmed about the camera so far, and how it does; empty for
-            nothing.
+        unconfirmed: What the drive has not confirmed about the camera so far, and how it does, and which
+            motion the ground leaves open; empty for nothing.
     """
 
     t_ns: int

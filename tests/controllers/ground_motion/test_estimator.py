@@ -379,3 +379,14 @@ def test_ribs_that_several_motions_explain_are_reported() -> None:
 
     assert REPEATS in {motion.invalid_because for motion in drive.motions}
     assert not any(motion.is_valid for motion in drive.motions)
+
+
+def test_ribs_that_one_motion_explains_are_measured_and_stated() -> None:
+    drive, wide = Drive(), wide_ground().astype(np.float32)
+    rows = np.arange(len(wide), dtype=np.float32)[:, None]
+    ribs = 128.0 + 0.3 * (wide - 128.0) + 60.0 * np.cos(2.0 * np.pi * rows / 18.0)
+    for frame in range(20):
+        drive.show(patch_at(np.asarray(np.clip(ribs, 0, 255), np.uint8), frame * WHEEL_M))
+
+    assert all(motion.is_valid for motion in drive.motions[5:])
+    assert f"repeats every {18e3 * GROUND.pixel_m:.0f} mm" in drive.motions[-1].unconfirmed
