@@ -12,6 +12,7 @@ from controllers.estimation.filter.late_readings import LateReadings
 from controllers.estimation.filter.motion_history import MotionHistory, Step
 from controllers.estimation.filter.pose_filter import PoseFilter
 from controllers.estimation.filter.reader import Situation, late
+from controllers.estimation.filter.skid import SkidBound
 from controllers.estimation.filter.transition import Turn
 from controllers.estimation.ground.follower import GroundFollower
 from controllers.estimation.ground.travel import GroundTravel
@@ -40,7 +41,7 @@ from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.estimation.wheels.stuck_encoder import StuckEncoders
 from controllers.estimation.wheels.unobserved_motion import UnobservedMotion
 from controllers.fault import Bound, Cause, Fault
-from controllers.motion.kinematics import Kinematics
+from controllers.motion.kinematics import Kinematics, SkidSteerKinematics
 from controllers.motion.steering import SteeringAngles
 from controllers.roles import DeviceRoles
 from drivers.clock import nanoseconds
@@ -157,6 +158,9 @@ class Estimator:
             self.positions,
             self.contradiction,
         )
+        self._skid = (
+            SkidBound(self.budget, self._reach) if isinstance(kinematics, SkidSteerKinematics) else None
+        )
         self._stuck = StuckEncoders(settings, kinematics.wheel_count)
         self._stuck_fault: Fault | None = None
         # Poses and a camera decide between gyro and wheels themselves, see `YawWatch`.
@@ -251,7 +255,7 @@ class Estimator:
             self._slip.follow(self.pose_filter)
         turns = tuple(self.ground.compare(now_ns, is_at_standstill=self.standstill.is_at_standstill))
         if self._unwatched is not None and any(turn.accepted for turn in turns):
-            self._unwatched.agree()
+            self._unwatched.agree(is_rotation=self.ground.sees_rotation)
             self.budget.clear(UNWATCHED_YAW)
         innovations += turns
         innovations += self.standstill.correct_bias(self._roles.gyro)
@@ -361,6 +365,8 @@ class Estimator:
             self.positions.drive(complex(moved.x_m, moved.y_m), step.turn_rad)
             self._dead_reckoning.add(step, math.sqrt(self.pose_filter.gyro_bias_rad2_s2))
         self._path_m += math.hypot(increment.x_m, increment.y_m)
+        if self._skid is not None:
+            self._skid.drive(increment, self.assumption.prior.sd)
         self._find_stuck_encoders(increment)
         self._account_for_unwatched_yaw(increment)
 

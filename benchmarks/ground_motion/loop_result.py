@@ -68,7 +68,8 @@ class Result(NamedTuple):
         way: The true way.
         reports: What was reported, by cycles.
         reasons: Other reasons of the ground motion, by frames.
-        unconfirmed: What the mission has not confirmed about the camera by its end; empty for nothing.
+        unconfirmed: What the mission has not confirmed about the camera by its end, and which motion the
+            ground leaves open; empty for nothing.
     """
 
     frames: int
@@ -97,9 +98,12 @@ class Result(NamedTuple):
         return self.mode is Mode.FINISHED and not self.stops and is_near and has_slip
 
     def names(self, causes: Iterable[str]) -> bool:
-        """Return whether one of the causes was reported, for longer than the false alarms of right rigs."""
-        found = [each for each in (*self.reports, *self.reasons) if each.times >= LEAST_TIMES]
-        return any(cause in each.text for each in found for cause in causes)
+        """Return whether one of the causes was reported, for longer than the false alarms of right rigs.
+
+        Or is in the report of the mission, as ground that leaves some motion open.
+        """
+        found = [each.text for each in (*self.reports, *self.reasons) if each.times >= LEAST_TIMES]
+        return any(cause in text for text in (*found, self.unconfirmed) for cause in causes)
 
     @property
     def blames_camera(self) -> bool:

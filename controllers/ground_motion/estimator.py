@@ -408,10 +408,11 @@ class GroundMotionEstimator:
             scale_sd=self._wheels.scale_sd,
             direction_sd_rad=self._wheels.direction_sd_rad,
             rig_fault=self._wheels.fault,
-            unconfirmed=self._wheels.unconfirmed,
+            unconfirmed=_listed(self._wheels.unconfirmed, self._repeating.limit),
         )
 
     def _invalid(self, from_ns: int, to_ns: int, reason: str) -> GroundMotion:
+        """Return that the pair measures nothing; what contradicts the rig does so until it is gone."""
         return GroundMotion(
             from_ns=from_ns,
             to_ns=to_ns,
@@ -426,10 +427,14 @@ class GroundMotionEstimator:
             scale_sd=self._wheels.scale_sd,
             direction_sd_rad=self._wheels.direction_sd_rad,
             rig_fault=self._wheels.fault,
-            unconfirmed=self._wheels.unconfirmed,
-            invalid_because=reason,
+            unconfirmed=_listed(self._wheels.unconfirmed, self._repeating.limit),
+            invalid_because=reason if self._wheels.text in reason else self._wheels.text,
             is_open=self._t_ns == from_ns,
         )
+
+
+def _listed(*texts: str) -> str:
+    return "; ".join(text for text in texts if text)
 
 
 def _moved(motion: PatchMotion) -> tuple[float, float]:

@@ -31,8 +31,9 @@ class GroundMotion:
         direction_sd_rad: Standard deviation of the shared direction of the travel, 0.
         rig_fault: What contradicts the rig, and by how much the travel of all earlier pairs may be wrong by
             it; None for nothing.
-        unconfirmed: What the drive has not confirmed about the rig so far, and how it does; "" for nothing.
-            It is no fault: `scale_sd` holds it.
+        unconfirmed: What the drive has not confirmed about the rig so far, and how it does, and which motion
+            the ground leaves open; "" for nothing. It is no fault: `scale_sd` holds the first, and a pair for
+            which the second matters is not valid.
         invalid_because: Why the pair measures nothing; "" where it is valid. The motion is then 0.
         is_open: The frame was left out, and the next pair begins at `from_ns`, too.
     """

@@ -39,6 +39,18 @@ class RepeatingGround:
         moves_aside = wheel_m is not None and abs(wheel_m[1]) > abs(wheel_m[0])
         return self._periods_m[int(moves_aside)]
 
+    @property
+    def limit(self) -> str:
+        """Which motion between two frames the ground leaves open, ahead or aside; "" for none."""
+        periods_m = [period_m for period_m in self._periods_m if period_m]
+        if not periods_m:
+            return ""
+        period_mm = 1e3 * min(periods_m)
+        return (
+            f"the ground's pattern repeats every {period_mm:.0f} mm: take a frame before the rover has moved "
+            "by that"
+        )
+
     def _period_m(self, structure: Patch, axis: int) -> float:
         shared = self._shared[axis]
         alike = _correlation(structure, axis) / shared

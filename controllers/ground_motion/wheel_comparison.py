@@ -99,6 +99,11 @@ class WheelComparison:
         return self._mounting.text
 
     @property
+    def text(self) -> str:
+        """What contradicts the rig, by the wheels or by the gyro; "" for nothing."""
+        return self._rig_watch.text or self._mounting.text
+
+    @property
     def fault(self) -> Fault | None:
         """What contradicts the rig, or does not confirm it, and by how much the travel may be wrong by it."""
         return self._rig_watch.fault
@@ -156,9 +161,7 @@ class WheelComparison:
         if not self._mounting.text:
             self._update_rig(pair)
         self._ambiguities.append(pair.motion.ambiguity)
-        if doubt := self._rig_watch.text or self._mounting.text:
-            return doubt
-        return REPEATS if self._is_ambiguous(pair) else ""
+        return self.text or (REPEATS if self._is_ambiguous(pair) else "")
 
     def _is_ambiguous(self, pair: ComparedPair) -> bool:
         """Return whether several motions explain the ground.

@@ -215,7 +215,7 @@ def test_a_turn_in_the_pictures_that_agrees_with_the_gyro_makes_the_yaw_more_cer
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     agreed = start().run(10.0)[-1]
-    monkeypatch.setattr(UnwatchedTurn, "agree", lambda _: None)
+    monkeypatch.setattr(UnwatchedTurn, "agree", lambda _, is_rotation: None)
     alone = start().run(10.0)[-1]
     assert agreed.estimate.covariance[5] < 0.4 * alone.estimate.covariance[5]
 

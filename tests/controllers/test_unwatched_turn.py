@@ -108,10 +108,20 @@ def test_a_watched_gyro_shows_once_that_it_measures_turns() -> None:
     assert unwatched.error_rad == 0.0
 
 
+@pytest.mark.parametrize("is_rotation", [False, True])
+def test_another_sensor_that_sees_the_rotation_shows_the_same(is_rotation: bool) -> None:
+    """The wheels skid, and show twice the rotation; noise of two sensors that stand shows nothing."""
+    unwatched = UnwatchedTurn(SLIP_M, is_watched=True)
+    unwatched.add(evidence(0.1, 0.2, 0.0))
+    unwatched.agree(is_rotation=is_rotation)
+    unwatched.add(evidence(0.1, 0.2, 0.0))
+    assert (unwatched.error_rad == 0.0) is is_rotation
+
+
 def test_an_agreement_with_another_sensor_begins_anew() -> None:
     unwatched, other = UnwatchedTurn(SLIP_M), UnwatchedTurn(SLIP_M)
     ahead(unwatched, 1.0)
-    unwatched.agree()
+    unwatched.agree(is_rotation=False)
     assert unwatched.error_rad == 0.0
     ahead(unwatched, 0.3)
     ahead(other, 0.3)

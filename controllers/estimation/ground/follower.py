@@ -98,6 +98,11 @@ class GroundFollower:
         self.is_measured = self._travel.is_valid(now_ns)
 
     @property
+    def sees_rotation(self) -> bool:
+        """Return whether the turn that was last compared with that by the gyro is none of noise."""
+        return self._travel is not None and self._travel.sees_rotation
+
+    @property
     def measured_slip(self) -> complex:
         """What is added to the wheels' travel while the motion is measured, as a share; left imaginary."""
         return self._frame.measured_slip

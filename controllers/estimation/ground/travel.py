@@ -127,8 +127,8 @@ class GroundReport:
         slip_sd: Its standard deviation; None likewise.
         drift_rad: Angle from the course of rolling wheels to the true one, left positive; None likewise.
         reason: Why the motion is not valid; empty where it is.
-        unconfirmed: What the drive has not confirmed about the camera so far, and how it does; empty for
-            nothing.
+        unconfirmed: What the drive has not confirmed about the camera so far, and how it does, and which
+            motion the ground leaves open; empty for nothing.
     """
 
     t_ns: int
@@ -147,6 +147,9 @@ class GroundTravel:
     Args:
         settings: Times of the camera.
         meter: Measures the motion.
+
+    Attributes:
+        sees_rotation: Whether the turn that was last compared with that by the gyro is none of noise.
     """
 
     def __init__(self, settings: GroundMotionSettings, meter: GroundMeter) -> None:
@@ -161,6 +164,7 @@ class GroundTravel:
         self._rates_rad_s: Rates | None = None
         self._recent: deque[GroundPair] = deque()
         self._turned: list[GroundPair] = []
+        self.sees_rotation = False
         self._t_ns = 0
 
     def exposed_ns(self, frame: FrameSample, t_ns: int) -> int:
@@ -256,8 +260,10 @@ class GroundTravel:
         if not pairs or pairs[-1].motion.to_ns - pairs[0].motion.from_ns < TURN_NS:
             return
         self._turned = []
-        residual_rad = sum(pair.motion.turn_rad - pair.turn_rad for pair in pairs)
+        seen_rad = sum(pair.motion.turn_rad for pair in pairs)
+        residual_rad = seen_rad - sum(pair.turn_rad for pair in pairs)
         variance = sum(pair.motion.turn_sd_rad for pair in pairs) ** 2
+        self.sees_rotation = seen_rad**2 > DEVIATIONS**2 * variance
         nis = residual_rad**2 / variance if variance > 0.0 else math.inf
         yield Innovation(
             measured=Measured(camera, "turn"),

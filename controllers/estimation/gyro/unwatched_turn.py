@@ -26,7 +26,8 @@ class UnwatchedTurn:
     Where headings watch the yaw, they measure what slip adds. Then a gyro only has to show once that it has
     the sign and scale of the wheels; until then the turn by the wheels may be the right one where their slip
     does not explain the difference. Were all of the difference counted, uneven slip on a straight drive would
-    leave the yaw to the headings and their deviation.
+    leave the yaw to the headings and their deviation. A camera that has seen a rotation as the gyro measures
+    it shows the same, also where wheels skid.
 
     Args:
         slip_distance_m: The correlation of the slip falls to 37 % over this distance.
@@ -43,10 +44,15 @@ class UnwatchedTurn:
         self._distance_m = 0.0
         self.error_rad = 0.0
 
-    def agree(self) -> None:
-        """Take that another sensor has measured the same turn as the gyro: both begin anew."""
+    def agree(self, *, is_rotation: bool) -> None:
+        """Take that another sensor has measured the same turn as the gyro: both begin anew.
+
+        Args:
+            is_rotation: Whether that turn was none of noise.
+        """
         self._since, self._window = _Difference(), _Difference()
         self.error_rad = 0.0
+        self._is_confirmed |= is_rotation and self._is_watched
 
     def drive(self, distance_m: float) -> None:
         """Add a distance driven, not negative; the turn on it follows."""
@@ -61,8 +67,7 @@ class UnwatchedTurn:
         for part in (self._since, self._window):
             part.add(turn, distance_m, keep)
         if self._window.agrees:
-            self.agree()
-            self._is_confirmed = self._is_watched
+            self.agree(is_rotation=True)
             return True
         if self._window.distance_m > self._slip_distance_m:
             self._window = _Difference()

@@ -10,6 +10,7 @@ from controllers.ftrace.frame import Frame, Reading
 from controllers.ftrace.matching import GroundMatch
 from controllers.ftrace.parameters import FTraceParameters
 from controllers.ftrace.rut.confidence import confidence, within
+from controllers.ftrace.rut.fixed_picture import FixedPicture
 from controllers.ftrace.rut.front_wheel_trace import FrontWheelTrace
 from controllers.ftrace.rut.path_filter import PathFilter
 from controllers.ftrace.rut.presence import Presence
@@ -24,7 +25,6 @@ from controllers.ground_motion.pair_sum import PairSum
 from controllers.ground_motion.prior import MotionPrior
 from controllers.ground_motion.reference_frames import rotated
 from controllers.ground_motion.rig_tolerance import RigTolerance
-from controllers.ground_motion.static_pattern import StaticPattern
 from drivers.samples import Image
 
 RIGHT_WITHIN_RAD = math.radians(5.0)
@@ -66,16 +66,14 @@ class RutTracker:
         self._yaw = HeadingDrifts(tolerance.yaw_sd_deg, parameters.ground_motion.mounting)
         self._match = GroundMatch(ground, parameters.matching)
         self._light = StaticShading(visible, ground.centre, shading.lit_share, shading)
-        fixed = parameters.fixed
-        self._fixed_structure = StaticPattern(ground.shape, fixed.pattern)
-        self._fixed_detail = StaticPattern(self._finder.shape, fixed.pattern)
+        self._fixed = FixedPicture(view.structure, ground.shape, self._finder.shape, parameters.fixed)
         self._front = FrontWheelTrace(ground.rig, self._finder.block_m, self._search.touching_widths)
         self._path = PathFilter(ground.rig.behind_m, parameters.path)
         self._odometry = PathFilter(ground.rig.behind_m, parameters.path)
         hidden_m = float(np.argmax(ground.visible[:, ground.centre])) * RESOLUTION_M
         self._strips = TraceStrips(self._finder.s_m, self._front.exists, parameters.strips)
         self._presence = Presence(
-            hidden_m + parameters.presence.least_length_m, fixed.known_m, parameters.presence
+            hidden_m + parameters.presence.least_length_m, parameters.fixed.known_m, parameters.presence
         )
         self._previous: Image | None = None
         self._offset_m = 0.0
@@ -96,7 +94,9 @@ class RutTracker:
         if frame.usable:
             self._light.update(log_grey, motion)
             detail = self._finder.detail(log_grey - self._light.field)
-            detail, structure = self._without_fixed(detail, structure, 0.0 if motion is None else moved_m)
+            if motion is not None and moved_m > 0.0:
+                self._fixed.update(detail, log_grey, moved_m)
+            detail, structure = self._fixed.without(detail, log_grey, structure)
             sections = self._finder.cross_sections(detail, self._finder.roughness(structure))
             found = not goes_back and self._find(sections, moved_m)
         if not found:
@@ -129,18 +129,6 @@ class RutTracker:
         aside_m = abs(frame.turn_rad[2] * complex(*self._ground.rig.point_m))
         if aside_m < self._numbers.direction.straight * motion.forward_m:
             self._yaw.add(complex(motion.forward_m, motion.left_m))
-
-    def _without_fixed(self, detail: Patch, structure: Patch, moved_m: float) -> tuple[Patch, Patch]:
-        """Return a frame less what is fixed in the picture, as a dark band is.
-
-        The mean of a trace that is driven straight is fixed as well. Prints and irregular edges remain of it.
-        """
-        if moved_m > 0.0:
-            self._fixed_detail.update(detail, moved_m / RESOLUTION_M)
-            self._fixed_structure.update(structure, moved_m / RESOLUTION_M)
-        if self._fixed_detail.moved_pixels * RESOLUTION_M < self._numbers.fixed.known_m:
-            return detail, structure
-        return detail - self._fixed_detail.mean, structure - self._fixed_structure.mean
 
     def _theta_sd_rad(self, path: PathFilter) -> float:
         """Return the standard deviation of the angle.

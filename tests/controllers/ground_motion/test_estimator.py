@@ -249,6 +249,15 @@ def test_camera_upside_down_is_reported() -> None:
     assert "upside down" in drive.motions[-1].invalid_because
 
 
+def test_what_contradicts_the_rig_does_so_while_the_rover_stands() -> None:
+    drive, wide = Drive(), wide_ground()
+    for frame in range(60):
+        view = patch_at(wide, min(frame, 55) * 0.9 * WHEEL_M)
+        drive.show(np.asarray(view[::-1, ::-1].copy(), np.uint8), 0.0 if frame > 55 else WHEEL_M, noisy=False)
+
+    assert all("upside down" in motion.invalid_because for motion in drive.motions[50:])
+
+
 def test_camera_turned_by_a_quarter_is_reported() -> None:
     drive = Drive()
     noise = np.random.default_rng(1).standard_normal((GROUND.shape[0], GROUND.shape[1] + 400))
@@ -370,3 +379,14 @@ def test_ribs_that_several_motions_explain_are_reported() -> None:
 
     assert REPEATS in {motion.invalid_because for motion in drive.motions}
     assert not any(motion.is_valid for motion in drive.motions)
+
+
+def test_ribs_that_one_motion_explains_are_measured_and_stated() -> None:
+    drive, wide = Drive(), wide_ground().astype(np.float32)
+    rows = np.arange(len(wide), dtype=np.float32)[:, None]
+    ribs = 128.0 + 0.3 * (wide - 128.0) + 60.0 * np.cos(2.0 * np.pi * rows / 18.0)
+    for frame in range(20):
+        drive.show(patch_at(np.asarray(np.clip(ribs, 0, 255), np.uint8), frame * WHEEL_M))
+
+    assert all(motion.is_valid for motion in drive.motions[5:])
+    assert f"repeats every {18e3 * GROUND.pixel_m:.0f} mm" in drive.motions[-1].unconfirmed

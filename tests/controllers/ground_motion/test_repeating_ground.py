@@ -43,6 +43,16 @@ def test_ribs_across_the_motion_repeat(ground: GroundPatch) -> None:
     assert repeating.period_m(ASIDE) == 0.0
 
 
+@pytest.mark.parametrize("is_aside", [False, True])
+def test_the_motion_that_a_pattern_leaves_open_is_stated(ground: GroundPatch, is_aside: bool) -> None:
+    rows, columns = ground.shape
+    line = np.cos(2.0 * np.pi * np.arange(columns if is_aside else rows) / PERIOD_PIXELS)
+    pattern = np.broadcast_to(line if is_aside else line[:, None], ground.shape)
+    period_mm = 1e3 * PERIOD_PIXELS * ground.pixel_m
+    assert f"pattern repeats every {period_mm:.0f} mm" in taken(ground, np.asarray(pattern)).limit
+    assert taken(ground, ribs(ground, 5.0)).limit == ""
+
+
 def test_random_ground_and_an_empty_picture_do_not_repeat(ground: GroundPatch) -> None:
     for pattern in (ribs(ground, 5.0), np.zeros(ground.shape, np.float32)):
         assert taken(ground, pattern).period_m(AHEAD) == 0.0
