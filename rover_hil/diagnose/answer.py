@@ -38,7 +38,11 @@ class Answer:
 
 def answer_of(diagnosis: Diagnosis) -> Answer:
     """Return the three sentences."""
-    return Answer(worth=_worth(diagnosis), cause=_cause(diagnosis), next_step=_next_step(diagnosis))
+    return Answer(
+        worth=_worth(diagnosis),
+        cause=_cause(diagnosis),
+        next_step=_for_ground_truth(diagnosis) or _next_step(diagnosis),
+    )
 
 
 def _worth(diagnosis: Diagnosis) -> str:
@@ -229,6 +233,16 @@ def _of_estimate(diagnosis: Diagnosis) -> str:
     return "No error of wheels, sensors or standard deviation is shown"
 
 
+def _for_ground_truth(diagnosis: Diagnosis) -> str:
+    """Return what would replace ground truth that comes from the wheels; "" where there is other."""
+    if diagnosis.errors is not None or not any(each.copied for each in diagnosis.drives):
+        return ""
+    return (
+        "Give places that something else has measured, as [truth] or [fixes] (an overhead camera, GNSS, "
+        "marks, positions computed from ranges): those of these drives come from the wheels."
+    )
+
+
 def _next_step(diagnosis: Diagnosis) -> str:
     """Return what to do next, in one sentence."""
     if diagnosis.causes:
@@ -241,7 +255,10 @@ def _next_step(diagnosis: Diagnosis) -> str:
         return f"Enter the corrected numbers (--config FILE --enter, or paste them){more}."
     settings = diagnosis.settings
     if settings is not None and settings.is_accepted:
-        return "Enter the settings of the ground and the filter (--config FILE --enter, or paste them)."
+        return (
+            "Enter the settings of the ground and the filter into a configuration (--config FILE --enter, or "
+            "paste them); a file of columns does not take them."
+        )
     if any(_of_gyro(diagnosis.geometry)):
         return "Calibrate the gyro with `rover-hil calibrate mounting`, and diagnose new drives."
     harmful = next(

@@ -88,7 +88,7 @@ def diagnose_drives(
     if twin is not None and target is not None and columns is None:
         entries += twin.entries(config.require_simulation())
     edited = "" if target is None or not enter else _edited(target, entries, columns)
-    entered = _entered(target, entries, enters=enter)
+    entered = _entered(target, entries, columns, enters=enter)
     record = record_of(diagnosis, twin)
     write_files(out, {JSON_NAME: strict_json(record, indent=2).decode() + "\n"})
     if target is not None and entries and enter:
@@ -195,12 +195,17 @@ def _edited(target: str, entries: Sequence[Entry], columns: Columns | None) -> s
     return text
 
 
-def _entered(target: str | None, entries: Sequence[Entry], *, enters: bool) -> str:
+def _entered(target: str | None, entries: Sequence[Entry], columns: Columns | None, *, enters: bool) -> str:
     """Return what is entered, each number before and after; to be called before the file is written."""
     if target is None or not enters:
         return "--config FILE --enter enters what was accepted" if entries else ""
     if not entries:
-        return f"nothing was accepted, {target} is unchanged"
+        what = (
+            "nothing was accepted"
+            if columns is None
+            else "no number of the wheels was accepted, and a file of columns takes no others"
+        )
+        return f"{what}: {target} is unchanged"
     names = ", ".join(dict.fromkeys(f"[{each.section}]" for each in entries))
     # Those of the wheels are in the part about the geometry.
     changes = [

@@ -31,13 +31,12 @@ from rover_hil.diagnose.gap_answer import gap_answer
 from rover_hil.diagnose.geometry import GeometryPart, fit_geometry
 from rover_hil.diagnose.intervals import Interval, mean_of
 from rover_hil.diagnose.recorded import (
-    COPIED_DISTANCE,
     Measurements,
     NotShown,
     measurements_of,
     not_shown,
 )
-from rover_hil.diagnose.replayed_drive import ReplayedDrive, replay_drive, replay_of
+from rover_hil.diagnose.replayed_drive import COPIED_DISTANCE, ReplayedDrive, replay_drive, replay_of
 from rover_hil.diagnose.trajectory_errors import Trajectory, absolute_errors
 from rover_hil.drives.arrays import Array, rms
 from rover_hil.drives.quality.clock_check import CLOCK, clock_findings

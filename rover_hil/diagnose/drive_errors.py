@@ -1,7 +1,7 @@
 """Errors of odometry and estimate against the ground truth: of each drive, and of all together."""
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,9 +78,9 @@ class Errors:
         per_100_m: Mean error of the place at the end of such a part, for 100 m, by name of the track.
         part_rad: Angle of the parts behind `per_rotation`.
         per_rotation_rad: Mean yaw error of such a part, for one rotation, in its direction: positive where
-            the track turns too far.
-        per_rotation_to_rad: The same of the rotations to the `LEFT` and to the `RIGHT`, by name of the track.
-            Parts that turn back and forth are none of them.
+            the track turns too far. Parts that turn back and forth count only where all do.
+        per_rotation_to_rad: The same of the rotations to the `LEFT` and to the `RIGHT`, by name of the track;
+            none of parts that turn back and forth.
     """
 
     of_drives: Mapping[str, Mapping[str, TrackErrors]]
@@ -150,24 +150,22 @@ def errors_of(compared: Mapping[str, Compared]) -> Errors | None:
             parts_m = np.abs(relative_errors(own, true, pairs).place_m)
             of_100_m.append((100.0 / part_m * parts_m).tolist())
             pairs = pairs_by_rotation(odometry, part_rad)
-            of_rotation.append(math.tau / part_rad * _rotations(own, true, pairs))
-            turned_rad.append(_turned(own, pairs) / part_rad if of_rotation[-1].size else np.zeros(0))
+            of_rotation.append(_rotations(own, true, pairs))
+            turned_rad.append(_turned(own, pairs) if of_rotation[-1].size else np.zeros(0))
         together[name] = TrackErrors(
             ate_m=rms(np.concatenate(absolute)),
             rpe_m=_rms(np.concatenate(legs_m)),
             rpe_rad=_rms(np.concatenate(turns_rad)),
         )
         per_100_m[name] = mean_of(of_100_m, 0.0)
-        per_rotation[name] = mean_of([each.tolist() for each in of_rotation])
-        to_sides[name] = {
-            side: mean_of(
-                [
-                    errors[sign * turned > ONE_WAY].tolist()
-                    for errors, turned in zip(of_rotation, turned_rad, strict=True)
-                ]
-            )
-            for side, sign in ((LEFT, 1.0), (RIGHT, -1.0))
-        }
+        to_left, to_right = (
+            _one_way(of_rotation, [sign * each for each in turned_rad], part_rad) for sign in (1.0, -1.0)
+        )
+        to_sides[name] = {LEFT: mean_of(to_left), RIGHT: mean_of(to_right)}
+        both = [left + right for left, right in zip(to_left, to_right, strict=True)]
+        per_rotation[name] = mean_of(
+            both if any(both) else [(math.tau / part_rad * each).tolist() for each in of_rotation]
+        )
     return Errors(
         of_drives=of_drives,
         together=together,
@@ -209,6 +207,15 @@ def _rotations(own: Trajectory, true: Trajectory, pairs: tuple[np.ndarray, np.nd
     if errors.yaw_rad is None or own.yaw_rad is None:
         return np.zeros(0)
     return errors.yaw_rad * np.sign(_turned(own, pairs))
+
+
+def _one_way(errors_rad: Sequence[Array], turned_rad: Sequence[Array], part_rad: float) -> list[list[float]]:
+    """Return the errors of the parts of each drive that turn one way, the positive one, for one rotation."""
+    found = []
+    for errors, turned in zip(errors_rad, turned_rad, strict=True):
+        is_one_way = turned > ONE_WAY * part_rad
+        found.append((math.tau * errors[is_one_way] / turned[is_one_way]).tolist())
+    return found
 
 
 def _turned(own: Trajectory, pairs: tuple[np.ndarray, np.ndarray]) -> Array:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import LogError
-from rover_hil.diagnose.replayed_drive import ReplayedDrive
+from rover_hil.diagnose.replayed_drive import COPIED_DISTANCE, ReplayedDrive
 from rover_hil.diagnose.trajectory_errors import Trajectory
 from rover_hil.drives.toml_text import toml_text
 from rover_hil.ready.procedure import Entry, Facts
@@ -85,6 +85,8 @@ def fit_geometry(drives: Sequence[ReplayedDrive]) -> GeometryPart:
     """Return what `calibrate wheels` finds in those drives that have known places."""
     with_truth = [each for each in drives if each.truth is not None]
     if not with_truth:
+        if any(each.copied for each in drives):
+            return GeometryPart(reason=f"the ground truth is left out, because {COPIED_DISTANCE}")
         return GeometryPart(reason="no drive has ground truth or positions")
     recorded: dict[str, RecordedDrive] = {}
     reasons = []

@@ -8,7 +8,7 @@ import numpy as np
 
 from controllers.motion.kinematics import make_kinematics
 from rover_hil.diagnose.geometry import GeometryPart
-from rover_hil.diagnose.replayed_drive import ReplayedDrive
+from rover_hil.diagnose.replayed_drive import COPIED_DISTANCE, ReplayedDrive
 from rover_hil.drives.quality.oddities import Evidence, unseen
 from rover_hil.ready.wheels.motion_kinds import BY_HAND, KINDS
 
@@ -23,7 +23,6 @@ SOURCES = {
 }
 """Channels by their name for the user."""
 
-COPIED_DISTANCE = "the distances of the wheels are those of the ground truth, step by step"
 OTHER_KINDS = "whether the numbers hold in other kinds of motion"
 
 

@@ -29,6 +29,7 @@ from rover_hil.recording.reader import LogReader
 from rover_hil.run.replay import estimate_again
 
 MARKS = "marks measured by hand"
+COPIED_DISTANCE = "the distances of the wheels are those of the ground truth, step by step"
 TRIANGLE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 LEAST_CYCLES = 10
 SAME_YAW = 1e-6

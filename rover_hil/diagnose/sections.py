@@ -215,7 +215,7 @@ def _covariance(diagnosis: Diagnosis) -> Section:
     title = "Is the standard deviation honest?"
     covariance, settings = diagnosis.covariance, diagnosis.settings
     if covariance is None:
-        why = "it needs ground truth with yaw that the estimate has not used"
+        why = "it needs ground truth with a yaw that neither the estimate nor the wheels have used"
         return Section(title=title, lines=[f"cannot be known: {why}"])
     table: list[Row] = [("motion", "standard deviation", "too small by", "95 %")]
     kinds = {**by_kind(diagnosis.normalised), TOGETHER: covariance}
@@ -270,7 +270,7 @@ def _slip(diagnosis: Diagnosis) -> Section:
         for kind, slip in diagnosis.slip.items()
     ]
     if not lines:
-        lines = ["cannot be known: it needs ground truth with yaw"]
+        lines = ["cannot be known: it needs ground truth with a yaw that is not from the wheels"]
     lines.append(f"missing effect, by `rover-hil gap rover`: {diagnosis.gap}")
     return Section(title="Slip by kind of motion", lines=lines)
 

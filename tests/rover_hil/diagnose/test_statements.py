@@ -92,18 +92,27 @@ def circles(bias_rad_s: float, scale: float) -> Compared:
     return Compared(t_s=t_s, true=true, tracks={ODOMETRY: track, ESTIMATE: track})
 
 
+def back_and_forth(scale: float) -> Compared:
+    """Return rotations that change their side every third of one: their errors cancel over whole ones."""
+    t_s = np.arange(0.0, 400.0, 0.1)
+    yaw = 2.1 * np.abs((t_s / 10.0) % 2.0 - 1.0)
+    true, track = (Trajectory(np.asarray(0.002 * t_s, np.complex128), each) for each in (yaw, scale * yaw))
+    return Compared(t_s=t_s, true=true, tracks={ODOMETRY: track, ESTIMATE: track})
+
+
 def test_errors_to_the_left_and_to_the_right_are_not_averaged() -> None:
     errors = errors_of({"bias": circles(0.01, 1.0)})
     assert errors is not None
     left, right = (errors.per_rotation_to_rad[ODOMETRY][side] for side in (LEFT, RIGHT))
-    assert (left.value, right.value) == pytest.approx((0.2, -0.2), rel=0.1)
+    assert (left.value, right.value) == pytest.approx((0.2, -0.2), rel=0.15)
     words = rotation_words(errors, ODOMETRY)
     assert re.search(
         r"1\d deg .* too far per rotation to the left, and 1\d deg .* too little to the right", words
     )
-    errors = errors_of({"scale": circles(0.0, 1.05)})
+    errors = errors_of({"scale": circles(0.0, 1.05), "back and forth": back_and_forth(1.05)})
     assert errors is not None
     assert re.fullmatch(r"1\d deg \(.*\) too far per rotation", rotation_words(errors, ODOMETRY))
+    assert math.degrees(errors.per_rotation_rad[ODOMETRY].value) == pytest.approx(17.1, rel=0.05)
 
 
 def test_geometry_waits_for_exchanged_wheels(command: Command) -> None:
