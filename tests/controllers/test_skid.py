@@ -31,12 +31,20 @@ class Bench:
         bounds = WheelBounds(self._kinematics, (), 5.0, has_gyro=True)
         self._skid = SkidBound(ErrorBudget(self._filter, bounds), bounds)
 
-    def drive(self, left_m: float, right_m: float, *, is_measured: bool = False, steps: int = 100) -> float:
+    def drive(
+        self,
+        left_m: float,
+        right_m: float,
+        *,
+        is_measured: bool = False,
+        steps: int = 100,
+        kept: float = 1.0,
+    ) -> float:
         """Let the rows of wheels roll so far; return the standard deviation of the position, in m."""
         angles_rad = [each / steps / ROVER.wheel_radius_m for each in (left_m, right_m)] * 2
         x_m, y_m, turn_rad = self._kinematics.body_motion(angles_rad)
         increment = BodyIncrement(
-            x_m=x_m,
+            x_m=kept * x_m,
             y_m=y_m,
             turn_rad=turn_rad,
             duration_s=0.02,
@@ -51,6 +59,11 @@ class Bench:
 @pytest.mark.parametrize("rows_m", [(1.0, 1.0), (-1.0, -1.0), (0.2, 1.0), (0.0, 0.0)])
 def test_rows_that_roll_one_way_add_nothing(rows_m: tuple[float, float]) -> None:
     assert Bench().drive(*rows_m) < 1e-5
+
+
+def test_a_straight_way_that_compensation_shortens_adds_nothing() -> None:
+    bench = Bench()
+    assert bench.drive(1.0, 1.0, kept=0.5) < 1e-5
 
 
 def test_a_rotation_on_the_spot_adds_slip_of_what_a_row_moves_the_rover() -> None:

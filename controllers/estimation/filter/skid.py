@@ -41,7 +41,11 @@ class SkidBound:
             slip_sd: Standard deviation of the slip that nothing measures, as a share of the wheels' travel.
         """
         x_m, _, _ = self._reach.greatest(increment.turned_rad)
-        rolled_m = increment.x_m if increment.rolled_m is None else increment.rolled_m.real
+        # By the wheels: compensation may have taken a part of the way for slip.
+        rolled_m = sum(
+            effect_m * angle_rad
+            for (effect_m, _, _), angle_rad in zip(self._reach.effects, increment.turned_rad, strict=False)
+        )
         against_m = x_m - abs(rolled_m)
         is_skidding = against_m > LEAST_SHARE * x_m
         if increment.is_measured is not self._was_measured or (x_m and not is_skidding):
