@@ -92,6 +92,8 @@ class Verdict:
     effects: Sequence[FoundEffect] = ()
     base_parameters: Sequence[FittedBase] = ()
     confidence_set: Sequence[Sequence[str]] = ()
+    probabilities: Sequence[Mapping[str, float | Sequence[str]]] = ()
+    order: Mapping[str, Sequence[str]] = field(default_factory=dict)
     rejected: Sequence[Mapping[str, str]] = ()
     unnamed: Sequence[Mapping[str, str | float]] = ()
     next_run: str = ""
