@@ -6,7 +6,7 @@ within the tolerance of the best; the probability of an explanation is the share
 Of explanations of one size the winner is drawn by their odds in that draw, so that explanations that the runs
 hardly distinguish are not decided by chance.
 This is how stacking compares predictive distributions (Yao et al., Bayesian Analysis 13, 2018), with the
-winner in place of the weights, since effects are named and not averaged.
+winner where it has weights, since effects are named and not averaged.
 
 "None of these" wins a draw where the winner leaves more than the tolerance and the same explanation with an
 unknown correlated force at the ports predicts the units better.
@@ -48,6 +48,14 @@ class Candidate:
     fit: MachineFit
     is_listed: bool
     tried: int = 1
+
+    @property
+    def moved(self) -> list[str]:
+        """The base parameters that it says are far from what was known of them; none beside another law."""
+        if not self.is_listed:
+            return []
+        released = [card.releases for card in self.machine.effects if card.name in self.names]
+        return [*far_parameters(self.fit.fit), *(name for name in released if name is not None)]
 
     @property
     def size(self) -> int:
@@ -94,12 +102,11 @@ class Decision:
         return alone + self.kept.get(effect, 0.0)
 
     def base_probability(self, parameter: str) -> float:
-        """Return the share of the draws whose winner moves a base parameter far from what was known of it."""
-        return sum(
-            self.share(one)
-            for one, item in enumerate(self.candidates)
-            if item.is_listed and parameter in far_parameters(item.fit.fit)
-        )
+        """Return the share of the draws whose winner moves a base parameter far from what was known of it.
+
+        An effect that sets the parameter free moves it, too: this is the same explanation.
+        """
+        return sum(self.share(one) for one, item in enumerate(self.candidates) if parameter in item.moved)
 
     def ranked(self) -> list[tuple[float, Candidate]]:
         """Return the explanations that win a draw, the most probable first."""

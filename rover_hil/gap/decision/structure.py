@@ -51,13 +51,14 @@ def _by_run(errors: Array, site: Indices, count: Array) -> Array:
 
 
 def structure_of(problem: Problem, found: MachineFit) -> float:
-    """Return the root mean square of the part of the errors that neighbouring samples share.
+    """Return the size of the errors that are structure, of the worst channel, over its tolerance.
 
-    It is that of the worst channel, over its tolerance. Channels that round to coarse steps have none.
+    Structure is what neighbouring samples share and what is more than the noise of the sensor: noise that is
+    slow is shared, but has the declared size; noise that is declared too small is not shared. The size is the
+    root of the smaller of the two squares. Channels that round to coarse steps have none.
     """
     greatest = 0.0
-    at = found.decorrelated
-    residual, site, channel = at.fit.residual, found.noise.site, found.noise.channel
+    residual, site, channel = found.decorrelated.fit.residual, found.noise.site, found.noise.channel
     for index, one in enumerate(problem.observations.channels):
         if one.quantum > MACHINES.tests.coarse * (one.sigma or 0.0) or problem.observations.is_steady:
             continue
@@ -67,6 +68,8 @@ def structure_of(problem: Problem, found: MachineFit) -> float:
         if not pairs.any():
             continue
         shared = float(np.mean(errors[1:][pairs] * errors[:-1][pairs]))
+        noise = (1.0 + MACHINES.tests.sigma_uncertainty) * float(found.declared_sd[index])
+        excess = float(np.mean((found.errors[here] * float(found.declared_sd[index])) ** 2)) - noise**2
         tolerance = one.tolerance or MACHINES.budget.tolerance * one.noise_sd
-        greatest = max(greatest, math.sqrt(max(shared, 0.0)) / tolerance)
+        greatest = max(greatest, math.sqrt(max(min(shared, excess), 0.0)) / tolerance)
     return greatest

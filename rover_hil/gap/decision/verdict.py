@@ -189,15 +189,20 @@ def _objections(findings: MachineFindings) -> list[str]:
             found.append(f"the interval of {item.name} of {name} contains its value without the effect")
         if abs(size.value - item.nominal) > MACHINES.decide.most_sizes * item.prior_sd:
             found.append(f"{item.name} of {name} is more than ten times as large as declared")
-    is_rest_small = all(one.is_good_enough for one in findings.budget_after)
-    is_structured = findings.structure > MACHINES.decide.structure
-    if findings.p_remaining <= MACHINES.tests.alpha and (is_structured or not is_rest_small):
+    if _leaves_error(findings):
         found.append("a model error remains")
     found += [f"the term {name} explains as much" for name in findings.rival_terms[:2]]
     confirmed = [one for one in findings.drafts if one.is_confirmed]
-    if confirmed and is_structured:
+    if confirmed and findings.structure > MACHINES.decide.structure:
         found.append(f"the test runs confirm that {confirmed[0].equation} is missing too")
     return found
+
+
+def _leaves_error(findings: MachineFindings) -> bool:
+    """Return True where an error of the model remains that is neither chance nor noise that is slow."""
+    is_large = not all(one.is_good_enough for one in findings.budget_after)
+    is_structured = findings.structure > MACHINES.decide.structure
+    return findings.p_remaining <= MACHINES.tests.alpha and (is_structured or is_large)
 
 
 def _on_test_runs(findings: MachineFindings) -> list[str]:
@@ -436,7 +441,7 @@ def _warnings(findings: MachineFindings) -> list[str]:
         warnings.append(
             "no random force keeps the machine on its runs: sizes are not compared with a second weighting"
         )
-    if findings.p_remaining <= MACHINES.tests.alpha:
+    if _leaves_error(findings):
         warnings.append(
             "a model error remains: intervals hold for the model as it is, sizes may be off by more"
         )

@@ -90,6 +90,7 @@ def doubted(rows: Sequence[FittedBase], probability_of: Callable[[str], float]) 
 
 
 def _doubted(row: FittedBase, probability: float) -> FittedBase:
+    row = replace(row, probability=probability)
     if probability >= MACHINES.decide.partly:
         return row
     why = f"{row.why or 'not decided'}; its probability is {probability:.0%}"
@@ -148,7 +149,8 @@ def _answer(
             return answer, [[*own, *shared], *([*own, *names] for names in rivals)]
         if not named:
             return (Answer.NOT_IDENTIFIABLE, []) if is_agreement else (verdict.verdict, members)
-    is_whole = not open_ and (is_agreement or _is_tolerable(verdict))
+    is_sure = all(one.probability is None or one.probability >= MACHINES.decide.named for one in named)
+    is_whole = not open_ and is_sure and (is_agreement or _is_tolerable(verdict))
     return (Answer.NAMED if is_whole else Answer.PARTLY_NAMED), [own]
 
 

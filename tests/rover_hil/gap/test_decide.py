@@ -5,13 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rover_hil.gap import effects
 from rover_hil.gap.data.problem import Problem, observe
-from rover_hil.gap.decision.decide import winners_of
+from rover_hil.gap.decision.decide import NONE, Candidate, Decision, winners_of
+from rover_hil.gap.decision.structure import structure_of
 from rover_hil.gap.evidence.units import Units, observation_units, predict_units
 from rover_hil.gap.fit.machine_fit import MachineFits
 from rover_hil.gap.parameters import MACHINES
 from rover_hil.gap.verdict import Answer
 from rover_hil.gap.workflow import analyse
+from sim_backends.models.interface import Run
 from tests.rover_hil.gap.axis import axis_model, measured_runs
 
 NO_LUCK = np.zeros((1, 3))
@@ -82,3 +85,33 @@ def test_an_error_below_the_tolerance_is_not_explained() -> None:
     verdict = analyse(loose, measured_runs(dry=2.5)).verdict
     assert (verdict.verdict, verdict.effects) == (Answer.NO_GAP, [])
     assert verdict.sentence.startswith("No gap above the tolerance")
+
+
+def base_structure(runs: list[Run]) -> float:
+    model = axis_model(has_friction=False)
+    problem = Problem(model, observe(model, runs))
+    return structure_of(problem, MachineFits(problem, model.effects).base())
+
+
+def test_slow_noise_of_the_declared_size_is_no_structure_and_a_missing_law_is() -> None:
+    assert base_structure(measured_runs(persistence=0.6)) == 0.0
+    assert base_structure(measured_runs(dry=1.0)) > 1.0
+
+
+def test_slow_noise_of_a_sensor_does_not_object_to_a_name() -> None:
+    verdict = analyse(axis_model(), measured_runs(dry=2.5, persistence=0.6)).verdict
+    assert verdict.verdict is Answer.NAMED, verdict.sentence
+    assert not any("a model error remains" in one for one in verdict.warnings)
+
+
+def test_an_effect_that_sets_a_base_parameter_free_is_the_parameter_itself() -> None:
+    model = axis_model(has_friction=False)
+    model = replace(model, port_effects=(*model.port_effects, effects.wrong_parameter("gain", size=2.0)))
+    problem = Problem(model, observe(model, measured_runs()))
+    fits = MachineFits(problem, model.effects)
+    found = [fits.base(), fits.best(("wrong_gain",), {}, fits.base().fit.point)]
+    candidates = [Candidate(names=one.names, machine=model, fit=one, is_listed=True) for one in found]
+    units = observation_units(problem, found[0])
+    decision = Decision(candidates=tuple(candidates), units=units, winners=np.array([0, 1, 1, NONE]), best=1)
+    assert decision.base_probability("gain") == 0.5
+    assert decision.base_probability("damping") == 0.0
