@@ -182,9 +182,9 @@ class DecideParameters:
     partly: float = 0.8  # least probability of a name where something else remains
     whole_set: float = 0.95  # probability of a set
     most_sizes: float = 10.0  # greatest size of a name, in its declared size
-    # Greatest structure in the errors that a name leaves: root mean square of the part of them that
-    # neighbouring samples share, over the tolerance. 0.3 of a tolerance of one sensor noise is a tenth of the
-    # variance. Two laws whose predictions differ by less, in sensor noises, are one.
+    # Greatest structure in the errors that a name leaves: root mean square of what neighbouring samples share
+    # and the noise of the sensor does not explain, over the tolerance. 0.3 of a tolerance of one sensor noise
+    # is a tenth of the variance. Two laws whose predictions differ by less, in sensor noises, are one.
     structure: float = 0.3
 
 

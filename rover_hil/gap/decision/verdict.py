@@ -113,6 +113,8 @@ def _named_part(findings: MachineFindings) -> list[str]:
     is_rest_large = not all(one.is_good_enough for one in findings.budget_after)
     if is_rest_large and any(one.is_confirmed for one in findings.drafts):
         return []  # what remains is a law, and the effects may imitate a part of it
+    if _is_small_without(findings):
+        return []  # nothing is added below the tolerance
     return [name for name in findings.best.names if decision.probability(name) >= MACHINES.decide.partly]
 
 
@@ -181,6 +183,8 @@ def _objections(findings: MachineFindings) -> list[str]:
         count, kind = decision.units.count, decision.units.kind
         found.append(f"{count} {kind} are too few for a name, {MACHINES.decide.least_units} are needed")
     found += _on_test_runs(findings)
+    if _is_small_without(findings):
+        found.append("the error on the test runs is within the tolerance without it, too")
     cards = {card.name: card for card in findings.machine.effects}
     for name in best.names:
         item = cards[name].parameters[0]
@@ -203,6 +207,20 @@ def _leaves_error(findings: MachineFindings) -> bool:
     is_large = not all(one.is_good_enough for one in findings.budget_after)
     is_structured = findings.structure > MACHINES.decide.structure
     return findings.p_remaining <= MACHINES.tests.alpha and (is_structured or is_large)
+
+
+def _is_small_without(findings: MachineFindings) -> bool:
+    """Return True where a model whose noise is learned errs less than its tolerance with nominal parameters.
+
+    Where the noise is declared, the budget of the fit to the other runs has shown this before the search.
+    """
+    holdout = findings.holdout
+    if holdout is None or not findings.best.evidence.is_learned:
+        return False
+    most = {one.channel: one.tolerance for one in findings.budget_before}
+    return all(
+        one.before**2 - one.noise_floor**2 <= most[name] ** 2 for name, one in holdout.channels.items()
+    )
 
 
 def _on_test_runs(findings: MachineFindings) -> list[str]:
