@@ -8,7 +8,8 @@ from rover_hil.gap.decision.analysis import MachineFindings
 from rover_hil.gap.decision.decide import Decision
 from rover_hil.gap.evidence.error_budget import ChannelError
 from rover_hil.gap.evidence.score import Score, one_sided_z
-from rover_hil.gap.evidence.sizes import near
+from rover_hil.gap.evidence.sizes import Size, near
+from rover_hil.gap.fit.base_parameters import HALF_WIDTHS
 from rover_hil.gap.parameters import MACHINES
 from rover_hil.gap.search.orders import order_at_ports
 from rover_hil.gap.search.search import best_shapes, ranked_scores
@@ -113,8 +114,6 @@ def _named_part(findings: MachineFindings) -> list[str]:
     is_rest_large = not all(one.is_good_enough for one in findings.budget_after)
     if is_rest_large and any(one.is_confirmed for one in findings.drafts):
         return []  # what remains is a law, and the effects may imitate a part of it
-    if _is_small_without(findings):
-        return []  # nothing is added below the tolerance
     return [name for name in findings.best.names if decision.probability(name) >= MACHINES.decide.partly]
 
 
@@ -183,13 +182,11 @@ def _objections(findings: MachineFindings) -> list[str]:
         count, kind = decision.units.count, decision.units.kind
         found.append(f"{count} {kind} are too few for a name, {MACHINES.decide.least_units} are needed")
     found += _on_test_runs(findings)
-    if _is_small_without(findings):
-        found.append("the error on the test runs is within the tolerance without it, too")
     cards = {card.name: card for card in findings.machine.effects}
     for name in best.names:
         item = cards[name].parameters[0]
         size = findings.size(name, item.name)
-        if size.low <= item.nominal <= size.high:
+        if _contains(size, item.nominal, findings.best.evidence.least_gain):
             found.append(f"the interval of {item.name} of {name} contains its value without the effect")
         if abs(size.value - item.nominal) > MACHINES.decide.most_sizes * item.prior_sd:
             found.append(f"{item.name} of {name} is more than ten times as large as declared")
@@ -202,25 +199,22 @@ def _objections(findings: MachineFindings) -> list[str]:
     return found
 
 
+def _contains(size: Size, null: float, least_gain: float | None) -> bool:
+    """Return True where the runs do not exclude the null of a size.
+
+    Where no tolerance decides between explanations, the interval is as wide as the gain that is asked of an
+    effect, in standard deviations, instead of one of 95 %.
+    """
+    wider = 1.0 if least_gain is None else math.sqrt(least_gain) / HALF_WIDTHS
+    low, high = (size.value + wider * (end - size.value) for end in (size.low, size.high))
+    return low <= null <= high
+
+
 def _leaves_error(findings: MachineFindings) -> bool:
     """Return True where an error of the model remains that is neither chance nor noise that is slow."""
     is_large = not all(one.is_good_enough for one in findings.budget_after)
     is_structured = findings.structure > MACHINES.decide.structure
     return findings.p_remaining <= MACHINES.tests.alpha and (is_structured or is_large)
-
-
-def _is_small_without(findings: MachineFindings) -> bool:
-    """Return True where a model whose noise is learned errs less than its tolerance with nominal parameters.
-
-    Where the noise is declared, the budget of the fit to the other runs has shown this before the search.
-    """
-    holdout = findings.holdout
-    if holdout is None or not findings.best.evidence.is_learned:
-        return False
-    most = {one.channel: one.tolerance for one in findings.budget_before}
-    return all(
-        one.before**2 - one.noise_floor**2 <= most[name] ** 2 for name, one in holdout.channels.items()
-    )
 
 
 def _on_test_runs(findings: MachineFindings) -> list[str]:
