@@ -186,8 +186,10 @@ def _objections(findings: MachineFindings) -> list[str]:
     for name in best.names:
         item = cards[name].parameters[0]
         size = findings.size(name, item.name)
-        if _contains(size, item.nominal, findings.best.evidence.least_gain):
-            found.append(f"the interval of {item.name} of {name} contains its value without the effect")
+        least_z = math.sqrt(findings.best.evidence.least_gain or 0.0)
+        if _contains(size, item.nominal, least_z):
+            at = f", at {least_z:.2g} standard deviations," if least_z else ""
+            found.append(f"the interval of {item.name} of {name}{at} contains its value without the effect")
         if abs(size.value - item.nominal) > MACHINES.decide.most_sizes * item.prior_sd:
             found.append(f"{item.name} of {name} is more than ten times as large as declared")
     if _leaves_error(findings):
@@ -199,13 +201,13 @@ def _objections(findings: MachineFindings) -> list[str]:
     return found
 
 
-def _contains(size: Size, null: float, least_gain: float | None) -> bool:
+def _contains(size: Size, null: float, least_z: float) -> bool:
     """Return True where the runs do not exclude the null of a size.
 
     Where no tolerance decides between explanations, the interval is as wide as the gain that is asked of an
-    effect, in standard deviations, instead of one of 95 %.
+    effect, in standard deviations.
     """
-    wider = 1.0 if least_gain is None else math.sqrt(least_gain) / HALF_WIDTHS
+    wider = max(least_z / HALF_WIDTHS, 1.0)
     low, high = (size.value + wider * (end - size.value) for end in (size.low, size.high))
     return low <= null <= high
 
