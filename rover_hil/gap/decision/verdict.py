@@ -186,7 +186,8 @@ def _objections(findings: MachineFindings) -> list[str]:
     for name in best.names:
         item = cards[name].parameters[0]
         size = findings.size(name, item.name)
-        least_z = math.sqrt(findings.best.evidence.least_gain or 0.0)
+        is_alone = decision is None or len(decision.members()) == 1
+        least_z = math.sqrt(findings.best.evidence.least_gain or 0.0) if is_alone else 0.0
         if _contains(size, item.nominal, least_z):
             at = f", at {least_z:.2g} standard deviations," if least_z else ""
             found.append(f"the interval of {item.name} of {name}{at} contains its value without the effect")
