@@ -125,7 +125,7 @@ class FreeTermParameters:
 
     most_fitted: int = 5  # the best to first order; 8 until fits were made faster
     threshold: float = 0.6  # place of a threshold, over the largest and the smallest value of its source
-    same_law: float = 0.97  # cosine from which a term is the same law as an effect
+    same_law: float = 0.97  # cosine above which a term is the same law as an effect
     alike: float = 0.9  # the same, of a term at an output
     most_drafts: int = 3  # that are reported
 
@@ -184,7 +184,7 @@ class DecideParameters:
     most_sizes: float = 10.0  # greatest size of a name, in its declared size
     # Greatest structure in the errors that a name leaves: root mean square of what neighbouring samples share
     # and the noise of the sensor does not explain, over the tolerance. 0.3 of a tolerance of one sensor noise
-    # is a tenth of the variance. Two laws whose predictions differ by less, in sensor noises, are one.
+    # is a tenth of the variance. Orders whose predictions differ by less, in noises, are one.
     structure: float = 0.3
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rover_hil.drives.arrays import rms
 from rover_hil.gap.data.problem import Problem, observe
 from rover_hil.gap.decision.decide import Candidate, Decision, decide
 from rover_hil.gap.decision.first_answer import first_answer
@@ -152,7 +151,8 @@ def analyse_machine(
     advance("comparing with free-form terms")
     listed = search.candidates()
     terms = missing_terms(machine, problem, base) if has_ports(machine) else []
-    decision = decide(problem, [*_listed(findings, listed), *_unlisted(machine, terms, listed)], found.best)
+    candidates = [*_listed(findings, listed), *_unlisted(machine, terms)]
+    decision = decide(problem, candidates, found.best, base)
     findings = replace(findings, found=found, decision=decision, locations=_locations(problem, base))
     chosen = decision.chosen
     if chosen.is_listed and chosen.machine is not machine:
@@ -203,30 +203,20 @@ def _in_order(findings: MachineFindings, machine: Machine) -> tuple[MachineFindi
     return replace(findings, machine=machine, problem=problem), MachineFits(problem, machine.effects)
 
 
-def _unlisted(machine: Machine, terms: Sequence[FittedTerm], listed: Sequence[MachineFit]) -> list[Candidate]:
-    """Return the terms that are in no list; one that predicts what an effect of the list predicts is this."""
+def _unlisted(machine: Machine, terms: Sequence[FittedTerm]) -> list[Candidate]:
+    """Return the terms that are in no list."""
     if not has_ports(machine):
         return []
-    found = [
-        one
-        for one in terms
-        if not any(_are_same(one.fit, other) for other in listed if len(other.names) == len(one.fit.names))
-    ]
     return [
         Candidate(
             names=one.fit.names,
             machine=machine.with_effects([*machine.port_effects, one.term.effect]),
             fit=one.fit,
             is_listed=False,
-            tried=len(found),
+            tried=len(terms),
         )
-        for one in found
+        for one in terms
     ]
-
-
-def _are_same(one: MachineFit, other: MachineFit) -> bool:
-    """Return True where two explanations differ by less than a name may leave."""
-    return rms(one.errors - other.errors) < MACHINES.decide.structure
 
 
 def _without_wrong_priors(
@@ -294,13 +284,6 @@ def _rivals_at_outputs(findings: MachineFindings, fits: MachineFits) -> tuple[st
         if part is not None:
             found += equal_terms(machine, findings.problem, part, best)[:1]
     return tuple(found)
-
-
-def likeness(one: MachineFit, other: MachineFit, base: MachineFit) -> float:
-    """Return the cosine of what two explanations change in the predictions of the base model."""
-    first, second = base.errors - one.errors, base.errors - other.errors
-    length = float(np.linalg.norm(first) * np.linalg.norm(second))
-    return abs(float(first @ second)) / max(length, 1e-300)
 
 
 def _followed(findings: MachineFindings, fits: MachineFits) -> MachineFindings:

@@ -11,6 +11,7 @@ from rover_hil.gap.evidence.score import Score, one_sided_z
 from rover_hil.gap.evidence.sizes import Size, near
 from rover_hil.gap.fit.base_parameters import HALF_WIDTHS
 from rover_hil.gap.parameters import MACHINES
+from rover_hil.gap.search.drafts import DraftTerm
 from rover_hil.gap.search.orders import order_at_ports
 from rover_hil.gap.search.search import best_shapes, ranked_scores
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
@@ -112,7 +113,7 @@ def _named_part(findings: MachineFindings) -> list[str]:
     if decision is None:
         return []
     is_rest_large = not all(one.is_good_enough for one in findings.budget_after)
-    if is_rest_large and any(one.is_confirmed for one in findings.drafts):
+    if is_rest_large and _confirmed(findings):
         return []  # what remains is a law, and the effects may imitate a part of it
     return [name for name in findings.best.names if decision.probability(name) >= MACHINES.decide.partly]
 
@@ -196,10 +197,15 @@ def _objections(findings: MachineFindings) -> list[str]:
     if _leaves_error(findings):
         found.append("a model error remains")
     found += [f"the term {name} explains as much" for name in findings.rival_terms[:2]]
-    confirmed = [one for one in findings.drafts if one.is_confirmed]
+    confirmed = _confirmed(findings)
     if confirmed and findings.structure > MACHINES.decide.structure:
         found.append(f"the test runs confirm that {confirmed[0].equation} is missing too")
     return found
+
+
+def _confirmed(findings: MachineFindings) -> list[DraftTerm]:
+    """Return the drafts that the test runs confirm; more of a law that is in the answer is no other law."""
+    return [one for one in findings.drafts if one.is_confirmed and not one.is_law_of(findings.best.names)]
 
 
 def _contains(size: Size, null: float, least_z: float) -> bool:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.gap.data.problem import Problem
-from rover_hil.gap.evidence.evidence import MachineFit
+from rover_hil.gap.evidence.evidence import MachineFit, Names
 from rover_hil.gap.evidence.sizes import size_of
 from rover_hil.gap.fit.holdout import Holdout, hold_out
 from rover_hil.gap.parameters import MACHINES
@@ -31,7 +31,7 @@ class DraftTerm:
         high: Upper end.
         unit: Of the coefficient.
         code: Line that adds it to a model as an effect.
-        closest: The most similar effect of the model; empty where it has none.
+        closest: The most similar effect of the model, named or not; empty where there is none.
         cosine: Their similarity, 0..1, in what they change and the base parameters do not.
         closure: Share of the gap on the test runs that it closes; None where there is none.
         improved: Share of the test runs that it improves.
@@ -48,6 +48,10 @@ class DraftTerm:
     cosine: float
     closure: float | None
     improved: float
+
+    def is_law_of(self, names: Names) -> bool:
+        """Return True where it is the same law as one of some effects."""
+        return self.closest in names and self.cosine > MACHINES.terms.same_law
 
     @property
     def is_confirmed(self) -> bool:
