@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rover_hil.gap.data.problem import Problem, observe
-from rover_hil.gap.decision.decide import Candidate, Decision, decide
+from rover_hil.gap.decision.decide import Candidate, Decision, decide, size_of_fit
 from rover_hil.gap.decision.first_answer import first_answer
 from rover_hil.gap.decision.structure import structure_of
 from rover_hil.gap.evidence.error_budget import ChannelError, error_budget
@@ -151,8 +151,8 @@ def analyse_machine(
     advance("comparing with free-form terms")
     listed = search.candidates()
     terms = missing_terms(machine, problem, base) if has_ports(machine) else []
-    candidates = [*_listed(findings, listed), *_unlisted(machine, terms)]
-    decision = decide(problem, candidates, found.best, base)
+    candidates = [*_listed(findings, listed), *_unlisted(machine, terms, listed, base)]
+    decision = decide(problem, candidates, found.best)
     findings = replace(findings, found=found, decision=decision, locations=_locations(problem, base))
     chosen = decision.chosen
     if chosen.is_listed and chosen.machine is not machine:
@@ -203,20 +203,41 @@ def _in_order(findings: MachineFindings, machine: Machine) -> tuple[MachineFindi
     return replace(findings, machine=machine, problem=problem), MachineFits(problem, machine.effects)
 
 
-def _unlisted(machine: Machine, terms: Sequence[FittedTerm]) -> list[Candidate]:
-    """Return the terms that are in no list."""
+def _unlisted(
+    machine: Machine, terms: Sequence[FittedTerm], listed: Sequence[MachineFit], base: MachineFit
+) -> list[Candidate]:
+    """Return the terms that are in no list.
+
+    One that is the same law as an explanation of the list, and needs no fewer causes, is this explanation:
+    copies of a law in the draws would make it more probable.
+    """
     if not has_ports(machine):
         return []
+    found = [
+        one
+        for one in terms
+        if not any(
+            size_of_fit(other) <= size_of_fit(one.fit) and is_same_law(one.fit, other, base)
+            for other in listed
+        )
+    ]
     return [
         Candidate(
             names=one.fit.names,
             machine=machine.with_effects([*machine.port_effects, one.term.effect]),
             fit=one.fit,
             is_listed=False,
-            tried=len(terms),
+            tried=len(found),
         )
-        for one in terms
+        for one in found
     ]
+
+
+def is_same_law(one: MachineFit, other: MachineFit, base: MachineFit) -> bool:
+    """Return True where two explanations change the predictions of the base model alike."""
+    first, second = base.errors - one.errors, base.errors - other.errors
+    length = float(np.linalg.norm(first) * np.linalg.norm(second))
+    return abs(float(first @ second)) > MACHINES.terms.same_law * length
 
 
 def _without_wrong_priors(

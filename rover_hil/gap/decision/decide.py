@@ -4,8 +4,7 @@ Every explanation that the search visited predicts each unit of observation from
 weighted at random (Bayesian bootstrap, Rubin 1981). In each draw the winner is the smallest explanation
 within the tolerance of the best; the probability of an explanation is the share of the draws that it wins.
 Of explanations of one size the winner is drawn by their odds in that draw, so that explanations that the runs
-hardly distinguish are not decided by chance. A law in no list that is the same law as an effect counts as
-this effect.
+hardly distinguish are not decided by chance.
 This is how stacking compares predictive distributions (Yao et al., Bayesian Analysis 13, 2018), with the
 winner where it has weights, since effects are named and not averaged.
 
@@ -127,18 +126,8 @@ class Decision:
         return found
 
 
-def is_same_law(one: MachineFit, other: MachineFit, base: MachineFit) -> bool:
-    """Return True where two explanations change the predictions of the base model alike."""
-    first, second = base.errors - one.errors, base.errors - other.errors
-    length = float(np.linalg.norm(first) * np.linalg.norm(second))
-    return abs(float(first @ second)) > MACHINES.terms.same_law * length
-
-
-def decide(problem: Problem, candidates: Sequence[Candidate], best: MachineFit, base: MachineFit) -> Decision:
-    """Return the decision between explanations.
-
-    `best` gives the correlation time of the errors, `base` is the fit without effects.
-    """
+def decide(problem: Problem, candidates: Sequence[Candidate], best: MachineFit) -> Decision:
+    """Return the decision between explanations; `best` gives the correlation time of the errors."""
     units = observation_units(problem, best)
     predicted = [predict_units(one.fit, units) for one in candidates]
     rng = np.random.default_rng(0)
@@ -151,7 +140,6 @@ def decide(problem: Problem, candidates: Sequence[Candidate], best: MachineFit, 
     sizes = np.array([one.size for one in candidates])
     tolerances = _tolerances(problem.observations)
     winners = winners_of(densities, excess, sizes, tolerances, best.evidence.least_gain, luck)
-    winners = counted_as(candidates, base)[winners]
     chosen = int(np.argmax(np.bincount(winners, minlength=len(candidates))))
     winner = candidates[chosen]
     kept: dict[str, float] = {}
@@ -171,26 +159,6 @@ def decide(problem: Problem, candidates: Sequence[Candidate], best: MachineFit, 
         }
         winners = np.where(is_none, NONE, winners)
     return Decision(candidates=tuple(candidates), units=units, winners=winners, best=chosen, kept=kept)
-
-
-def counted_as(candidates: Sequence[Candidate], base: MachineFit) -> NDArray[np.intp]:
-    """Return the number of the explanation that each counts as.
-
-    One in no list counts as the best of the list that is the same law and needs no more causes.
-    """
-    found = np.arange(len(candidates), dtype=np.intp)
-    listed = [(place, one) for place, one in enumerate(candidates) if one.is_listed]
-    for index, one in enumerate(candidates):
-        if one.is_listed:
-            continue
-        same = [
-            place
-            for place, other in listed
-            if other.size <= one.size and is_same_law(one.fit, other.fit, base)
-        ]
-        if same:
-            found[index] = min(same, key=lambda place: candidates[place].fit.merit)
-    return found
 
 
 def _without(candidates: Sequence[Candidate], one: Candidate, effect: str) -> int | None:

@@ -13,9 +13,11 @@ from benchmarks.gap_machines.small_carts import SmallCart, make_cart, make_model
 from drivers.errors import ConfigError
 from rover_hil.gap import effects
 from rover_hil.gap.data.table import read_table
+from rover_hil.gap.decision.analysis import analyse_machine
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.next_run.allowed import Allowed, InputRange, read_allowed
 from rover_hil.gap.next_run.criterion import separation_of
+from rover_hil.gap.next_run.hypotheses import NO_EFFECT, SOMETHING_ELSE, hypotheses_of
 from rover_hil.gap.next_run.planned import PlannedRun, planned_runs, require_durations
 from rover_hil.gap.next_run.prediction import Prediction
 from rover_hil.gap.next_run.proposal import Proposal
@@ -116,6 +118,14 @@ def test_without_a_gap_there_is_no_next_run() -> None:
     assert analysis.verdict.verdict is Answer.NO_GAP
     assert analysis.proposal is None
     assert analysis.verdict.next_run == ""
+
+
+def test_before_a_decision_the_effects_with_the_best_scores_are_the_explanations() -> None:
+    findings = analyse_machine(axis_model(), measured_runs(), [], 0, lambda _: None)
+    assert findings.decision is None
+    found, _ = hypotheses_of(findings)
+    assert [one.name for one in (found[0], found[-1])] == [NO_EFFECT, SOMETHING_ELSE]
+    assert sum(one.weight for one in found) == pytest.approx(1.0)
 
 
 def _prediction(mean: float, spread: float = 0.0) -> Prediction:
