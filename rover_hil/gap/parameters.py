@@ -112,6 +112,7 @@ class MachineSearchParameters:
     most_rounds: int = 10  # of adding and removing
     twins: float = 0.9  # cosine from which two effects are alternatives of each other
     pair_top: int = 16  # effects by score, of which pairs are formed
+    most_orders: int = 6  # explanations that are fitted with their effects in another order
     same: float = 0.98  # cosine from which two effects are not fitted together
     set_share: float = 0.9  # least share of the gain of the best explanation for an alternative
     set_level: float = 0.95  # of the test that an alternative is as good as the best
@@ -124,10 +125,9 @@ class FreeTermParameters:
 
     most_fitted: int = 5  # the best to first order; 8 until fits were made faster
     threshold: float = 0.6  # place of a threshold, over the largest and the smallest value of its source
-    same_law: float = 0.97  # cosine from which a term is the same law as an effect
+    same_law: float = 0.97  # cosine above which a term is the same law as an effect
     alike: float = 0.9  # the same, of a term at an output
     most_drafts: int = 3  # that are reported
-    most_runners_up: int = 4  # explanations that are reported besides the best
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,6 +167,25 @@ class MachineVerdictParameters:
     # Score of an effect by the noise of the samples that counts as detectable; a convention, not calibrated.
     power_z: float = 4.0
     resamples: int = 1000  # of the locked runs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DecideParameters:
+    """The one decision: explanations compared over resampled units of observation."""
+
+    draws: int = 2000  # Dirichlet weights of the units
+    least_units: int = 6  # with fewer, nothing is named
+    most_stretches: int = 12  # units that runs are cut into where there are fewer than six
+    # Values that would know the size of the errors of one channel in one unit as well as its declared noise.
+    size_freedom: float = 4.0
+    named: float = 0.95  # least probability of a name
+    partly: float = 0.8  # least probability of a name where something else remains
+    whole_set: float = 0.95  # probability of a set
+    most_sizes: float = 10.0  # greatest size of a name, in its declared size
+    # Greatest structure in the errors that a name leaves: root mean square of what neighbouring samples share
+    # and the noise of the sensor does not explain, over the tolerance. 0.3 of a tolerance of one sensor noise
+    # is a tenth of the variance. Orders whose predictions differ by less, in noises, are one.
+    structure: float = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -222,21 +241,9 @@ class ErrorSourceParameters:
 class HypothesisParameters:
     """Explanations that the next run shall separate."""
 
-    # Probability that the cause is in no list, after a name or a set; these four are a convention, printed
-    # with the result.
-    else_named: float = 0.1
-    else_partly_named: float = 0.3  # the same after PARTLY_NAMED
-    else_unnamed: float = 0.5  # the same after UNNAMED
-    else_not_identifiable: float = 0.2  # the same after NOT_IDENTIFIABLE
     most: int = 5  # explanations
     # Effects to take as explanations where the search accepted none, the best to first order.
     top_scores: int = 3
-    least_weight: float = 0.02  # of an explanation
-    # Of a cause in no list: laws that are drawn, besides a random force; the share of these laws that are
-    # powers of a state and not thresholds; the range of exponents. Conventions.
-    laws: int = 12
-    law_powers: float = 0.75
-    law_exponents: tuple[float, float] = (0.2, 4.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -268,6 +275,7 @@ class DecisionParameters:
     """What the next run is expected to decide."""
 
     draws: int = 100  # simulated decisions for each explanation
+    weights: int = 200  # Dirichlet weights of the runs in each simulated decision
     # Greatest probability that is stated: the list of explanations itself is uncertain.
     most_certain: float = 0.99
     most_blocks: int = 120  # means of neighbouring samples that are compared in a run, over all channels
@@ -285,6 +293,8 @@ class ProposalParameters:
     # Probability of a right verdict, where the cause is in the list, that counts as separated.
     settled: float = 0.8
     repeats: tuple[int, int, int, int] = (2, 3, 5, 8)
+    # Least rise of the probability of a right verdict by a run that is proposed.
+    least_gain: float = 0.1
     # Distance of two explanations, in standard deviations, below which a run does not separate them.
     pair_apart: float = 2.0
     # Of a machine given by equations: runs planned, linearised, repeated.
@@ -309,6 +319,7 @@ class MachinesParameters:
     equations: EquationParameters = EquationParameters()
     tracking: TrackingParameters = TrackingParameters()
     verdict: MachineVerdictParameters = MachineVerdictParameters()
+    decide: DecideParameters = DecideParameters()
     first: FirstAnswerParameters = FirstAnswerParameters()
     scatter: RunScatterParameters = RunScatterParameters()
     linter: LinterParameters = LinterParameters()

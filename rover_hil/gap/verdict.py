@@ -58,6 +58,7 @@ class FittedBase:
         is_named: The runs prove that the nominal value is wrong and this one right.
         why: Of a value that is far from the nominal one but not named: what is not proven.
         equals: Explanations with the nominal value that explain the runs as well.
+        probability: Share of the draws of the decision whose winner moves it; None where none was asked for.
     """
 
     name: str
@@ -70,6 +71,7 @@ class FittedBase:
     is_named: bool = False
     why: str = ""
     equals: Sequence[Sequence[str]] = ()
+    probability: float | None = None
 
     def sentence(self) -> str:
         """Return the value with its interval beside what the model was given."""
@@ -92,6 +94,8 @@ class Verdict:
     effects: Sequence[FoundEffect] = ()
     base_parameters: Sequence[FittedBase] = ()
     confidence_set: Sequence[Sequence[str]] = ()
+    probabilities: Sequence[Mapping[str, float | Sequence[str]]] = ()
+    order: Mapping[str, Sequence[str]] = field(default_factory=dict)
     rejected: Sequence[Mapping[str, str]] = ()
     unnamed: Sequence[Mapping[str, str | float]] = ()
     next_run: str = ""

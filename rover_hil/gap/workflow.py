@@ -14,7 +14,7 @@ from rover_hil.gap.decision.analysis import analyse_machine
 from rover_hil.gap.decision.base_trial import machine_bases, machine_trial
 from rover_hil.gap.decision.verdict import decide_machine
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.fit.base_parameters import Trial, judged, with_base_parameters
+from rover_hil.gap.fit.base_parameters import Trial, doubted, judged, with_base_parameters
 from rover_hil.gap.fit.called_machine import CalledMachine, called_machine
 from rover_hil.gap.fit.released_fit import released_fit
 from rover_hil.gap.fit.steady import steady_machine
@@ -106,6 +106,8 @@ def _with_base_parameters(analysis: Analysis, seed: int, advance: Callable[[str]
     fitted, problem = released_fit(machine.problem, fitted)
     trial_of: Callable[[str], Trial] = partial(machine_trial, machine, problem, fitted, machine.locked, seed)
     rows = judged(machine_bases(machine, fitted), trial_of)
+    if machine.decision is not None:
+        rows = doubted(rows, machine.decision.base_probability)
     return replace(analysis, verdict=with_base_parameters(verdict, rows))
 
 

@@ -6,13 +6,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rover_hil.gap.data.problem import Problem, observe
+from rover_hil.gap.decision.decide import Candidate, Decision, decide, size_of_fit
 from rover_hil.gap.decision.first_answer import first_answer
+from rover_hil.gap.decision.structure import structure_of
 from rover_hil.gap.evidence.error_budget import ChannelError, error_budget
 from rover_hil.gap.evidence.evidence import MachineFit
 from rover_hil.gap.evidence.gap_tests import gap_p
 from rover_hil.gap.evidence.localise import ResidualLocation, localise_residuals
 from rover_hil.gap.evidence.score import Score
 from rover_hil.gap.evidence.sizes import Size, size_of
+from rover_hil.gap.fit.base_parameters import far_parameters
 from rover_hil.gap.fit.called_machine import CalledMachine
 from rover_hil.gap.fit.descent import residual_of
 from rover_hil.gap.fit.holdout import Holdout, hold_out
@@ -20,11 +23,12 @@ from rover_hil.gap.fit.machine_fit import MachineFits
 from rover_hil.gap.fit.released_fit import released_fit
 from rover_hil.gap.fit.run_scatter import RunScatter, run_scatter
 from rover_hil.gap.parameters import MACHINES
-from rover_hil.gap.search.drafts import DraftTerm, find_drafts
-from rover_hil.gap.search.free_terms import FittedTerm, free_terms, search_terms, strength_of
+from rover_hil.gap.search.drafts import DraftTerm, confirmed_drafts, missing_terms
+from rover_hil.gap.search.free_terms import FittedTerm
+from rover_hil.gap.search.orders import other_orders
 from rover_hil.gap.search.output_terms import equal_terms, equations_of, term_scores
 from rover_hil.gap.search.residual_equations import Equation
-from rover_hil.gap.search.search import Found, MachineSearch, score_effects
+from rover_hil.gap.search.search import EffectEvidence, Found, MachineSearch, score_effects
 from rover_hil.gap.search.tracking import Tracked, track
 from sim_backends.models.interface import Machine, Run
 from sim_backends.models.parameter_key import ParameterKey
@@ -48,9 +52,12 @@ class MachineFindings:
         budget_after: Error budget with it.
         p_remaining: Probability of what it leaves if only the sensors err.
         scatter: What base parameters of each run's own explain of the misfit of the best explanation.
+        structure: Structure in the errors of the best explanation, over the tolerance; see `structure_of`.
         p_within_runs: Probability of what these leave if only the sensors err; 1 where effects are named.
         holdout: Result on the locked runs; None without explanation.
-        rival_terms: Free-form terms that the runs do not distinguish from the explanation.
+        evidence: Of each effect of the explanation.
+        decision: Between all explanations; None without a gap.
+        rival_terms: Terms at outputs that explain what an effect explains, of a machine without equations.
         drafts: Terms that are missing, where no effect explains the gap.
         draft_failure: Why missing terms were not searched to the end; empty where they were.
         equations: Terms of the outputs instead of drafts, for a machine that has no equations.
@@ -58,8 +65,6 @@ class MachineFindings:
         tracked: The machine on its runs, with the force that keeps it there; None without a gap, without
             ports, or where no such force is found.
         other_weighting: Sizes of the effects by the other weighting, random forces at the ports.
-        runners_up: Further fits of the search with no more effects than the explanation, the best first.
-        unlisted: Fits of free-form terms that are rivals or drafts, each with the model that has the term.
     """
 
     machine: Machine
@@ -74,8 +79,11 @@ class MachineFindings:
     budget_after: tuple[ChannelError, ...]
     p_remaining: float = 1.0
     scatter: RunScatter
+    structure: float = 0.0
     p_within_runs: float = 1.0
     holdout: Holdout | None = None
+    evidence: tuple[EffectEvidence, ...] = ()
+    decision: Decision | None = None
     rival_terms: tuple[str, ...] = ()
     drafts: tuple[DraftTerm, ...] = ()
     draft_failure: str = ""
@@ -83,13 +91,18 @@ class MachineFindings:
     locations: tuple[ResidualLocation, ...] = ()
     tracked: Tracked | None = None
     other_weighting: Mapping[ParameterKey, float] = field(default_factory=dict)
-    runners_up: tuple[MachineFit, ...] = ()
-    unlisted: tuple[tuple[Machine, MachineFit], ...] = ()
 
     @property
     def share(self) -> float:
         """Share of the excess error that the explanation takes away on left-out runs."""
         return self.best.explained(self.base)[0] if self.best.names else 0.0
+
+    @property
+    def is_tolerable(self) -> bool:
+        """True where the base model errs less than its tolerance with parameters as they were known."""
+        if not self.base.evidence.has_budget or self.base.evidence.is_learned:
+            return False
+        return all(one.is_good_enough for one in self.budget_before) and not far_parameters(self.base.fit)
 
     def size(self, effect: str, parameter: str) -> Size:
         """Return a size of the explanation with its interval."""
@@ -131,12 +144,22 @@ def analyse_machine(
     announce(first_answer(findings.p_gap, budget, findings.scores))
     if findings.p_gap > MACHINES.tests.alpha:
         return findings
+    if findings.is_tolerable:
+        own = findings.scatter.fit
+        return replace(findings, p_within_runs=gap_p(own, problem, score_effects(fits, own), rng))
     found = search.run()
-    findings = replace(
-        findings, found=found, runners_up=_runners_up(fits, found), locations=_locations(problem, base)
-    )
-    findings = _with_best(findings, fits, found.best)
-    if found.best.names:
+    advance("comparing with free-form terms")
+    listed = search.candidates()
+    terms = missing_terms(machine, problem, base) if has_ports(machine) else []
+    candidates = [*_listed(findings, listed), *_unlisted(machine, terms, listed, base)]
+    decision = decide(problem, candidates, found.best)
+    findings = replace(findings, found=found, decision=decision, locations=_locations(problem, base))
+    chosen = decision.chosen
+    if chosen.is_listed and chosen.machine is not machine:
+        findings, fits = _in_order(findings, chosen.machine)
+        machine, problem, search = chosen.machine, findings.problem, MachineSearch(fits, advance)
+    findings = _with_best(findings, fits, chosen.fit if chosen.is_listed else base)
+    if findings.best.names:
         advance("opening the locked runs")
         findings = _validated(findings, fits, locked, rng)
     if not findings.best.names:
@@ -145,20 +168,76 @@ def analyse_machine(
             return findings
         problem, own = findings.problem, findings.scatter.fit
         findings = replace(findings, p_within_runs=gap_p(own, problem, score_effects(fits, own), rng))
-    else:
-        advance("comparing with free-form terms")
-        findings = _with_rivals(findings, fits)
     left = _free_scores(problem, findings.best)
-    findings = replace(findings, p_remaining=gap_p(findings.best, problem, [], rng, left))
+    findings = replace(
+        findings,
+        p_remaining=gap_p(findings.best, problem, [], rng, left),
+        structure=structure_of(problem, findings.best),
+    )
     advance("estimating the unknown forces")
     findings = _followed(findings, fits)
     if findings.p_remaining <= MACHINES.tests.alpha:
         advance("searching a missing term")
-        findings = _with_any_drafts(findings, fits, locked, rng)
+        findings = _with_any_drafts(findings, fits, locked, rng, terms)
     if findings.best.names:
+        evidence, rivals = search.evidence(findings.best), _rivals_at_outputs(findings, fits)
+        findings = replace(findings, evidence=tuple(evidence), rival_terms=rivals)
         best, problem = released_fit(problem, findings.best)
         findings = replace(findings, best=best, problem=problem)
     return findings
+
+
+def _listed(findings: MachineFindings, fits: Sequence[MachineFit]) -> list[Candidate]:
+    """Return explanations by effects of the model, with their effects in any order."""
+    machine = findings.machine
+    options: list[tuple[Machine, MachineFit]] = [(machine, one) for one in fits]
+    if isinstance(machine, StateModel):
+        options += other_orders(machine, findings.problem, fits)
+    return [Candidate(names=one.names, machine=own, fit=one, is_listed=True) for own, one in options]
+
+
+def _in_order(findings: MachineFindings, machine: Machine) -> tuple[MachineFindings, MachineFits]:
+    """Return what was found as of a model whose effects act in another order."""
+    before = findings.problem
+    problem = Problem(machine, before.observations, before.held, before.released)
+    return replace(findings, machine=machine, problem=problem), MachineFits(problem, machine.effects)
+
+
+def _unlisted(
+    machine: Machine, terms: Sequence[FittedTerm], listed: Sequence[MachineFit], base: MachineFit
+) -> list[Candidate]:
+    """Return the terms that are in no list.
+
+    One that is the same law as an explanation of the list, and needs no fewer causes, is this explanation:
+    copies of a law in the draws would make it more probable.
+    """
+    if not has_ports(machine):
+        return []
+    found = [
+        one
+        for one in terms
+        if not any(
+            size_of_fit(other) <= size_of_fit(one.fit) and is_same_law(one.fit, other, base)
+            for other in listed
+        )
+    ]
+    return [
+        Candidate(
+            names=one.fit.names,
+            machine=machine.with_effects([*machine.port_effects, one.term.effect]),
+            fit=one.fit,
+            is_listed=False,
+            tried=len(found),
+        )
+        for one in found
+    ]
+
+
+def is_same_law(one: MachineFit, other: MachineFit, base: MachineFit) -> bool:
+    """Return True where two explanations change the predictions of the base model alike."""
+    first, second = base.errors - one.errors, base.errors - other.errors
+    length = float(np.linalg.norm(first) * np.linalg.norm(second))
+    return abs(float(first @ second)) > MACHINES.terms.same_law * length
 
 
 def _without_wrong_priors(
@@ -179,13 +258,6 @@ def _without_wrong_priors(
         return findings, unreleased
     findings = replace(findings, problem=problem, base=base, best=base, scatter=scatter, p_gap=p_gap)
     return replace(findings, budget_before=budget, budget_after=budget, scores=tuple(scores)), fits
-
-
-def _runners_up(fits: MachineFits, found: Found) -> tuple[MachineFit, ...]:
-    known = {found.best.names, *(one.names for one in found.alternatives)}
-    most = max(len(found.best.names), 1)
-    others = [one for names, one in fits.tried.items() if 0 < len(names) <= most and names not in known]
-    return tuple(sorted(others, key=lambda one: one.merit)[: MACHINES.terms.most_runners_up])
 
 
 def _budget(problem: Problem, found: MachineFit, scatter: RunScatter) -> tuple[ChannelError, ...]:
@@ -223,48 +295,16 @@ def _free_scores(problem: Problem, at: MachineFit) -> list[Score]:
     return term_scores(machine, problem, at) if isinstance(machine, CalledMachine) else []
 
 
-def _with_rivals(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
-    """Add the free-form terms that replace the only effect of an explanation as well as it explains."""
-    machine = findings.machine
-    if findings.problem.observations.is_steady:
-        return findings
-    if isinstance(machine, CalledMachine):
-        return replace(findings, rival_terms=_rivals_at_outputs(machine, findings, fits))
-    if len(findings.best.names) != 1 or not has_ports(machine):
-        return findings
-    base, best = findings.base, findings.best
-    terms = free_terms(machine, findings.problem, base)
-    rivals = []
-    for one in search_terms(machine, findings.problem, terms, base):
-        if one.objection or likeness(one.fit, best, base) > MACHINES.terms.same_law:
-            continue
-        if one.fit.is_within_noise or (one.fit.merit <= best.merit and one.fit.is_equal(best)):
-            rivals.append(one)
-    names = tuple(strength_of(machine, one.term)[0] for one in rivals)
-    return replace(findings, rival_terms=names, unlisted=_with_terms(machine, rivals))
-
-
-def _rivals_at_outputs(
-    machine: CalledMachine, findings: MachineFindings, fits: MachineFits
-) -> tuple[str, ...]:
-    best, found = findings.best, []
+def _rivals_at_outputs(findings: MachineFindings, fits: MachineFits) -> tuple[str, ...]:
+    machine, best = findings.machine, findings.best
+    if findings.problem.observations.is_steady or not isinstance(machine, CalledMachine):
+        return ()
+    found: list[str] = []
     for name in best.names:
         part = fits.tried.get(tuple(one for one in best.names if one != name))
         if part is not None:
             found += equal_terms(machine, findings.problem, part, best)[:1]
     return tuple(found)
-
-
-def _with_terms(machine: StateModel, terms: Sequence[FittedTerm]) -> tuple[tuple[Machine, MachineFit], ...]:
-    """Return fits of free-form terms, each with the model that has the term among its effects."""
-    return tuple((machine.with_effects([*machine.port_effects, one.term.effect]), one.fit) for one in terms)
-
-
-def likeness(one: MachineFit, other: MachineFit, base: MachineFit) -> float:
-    """Return the cosine of what two explanations change in the predictions of the base model."""
-    first, second = base.errors - one.errors, base.errors - other.errors
-    length = float(np.linalg.norm(first) * np.linalg.norm(second))
-    return abs(float(first @ second)) / max(length, 1e-300)
 
 
 def _followed(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
@@ -285,11 +325,18 @@ def _followed(findings: MachineFindings, fits: MachineFits) -> MachineFindings:
 
 
 def _with_any_drafts(
-    findings: MachineFindings, fits: MachineFits, locked: Sequence[Run], rng: np.random.Generator
+    findings: MachineFindings,
+    fits: MachineFits,
+    locked: Sequence[Run],
+    rng: np.random.Generator,
+    of_base: Sequence[FittedTerm],
 ) -> MachineFindings:
-    """Search the terms that explain what is left; what is known before is kept, however that search ends."""
+    """Search the terms that explain what is left; what is known before is kept, however that search ends.
+
+    `of_base` are the terms that explain what the model leaves without effects.
+    """
     try:
-        return _with_drafts(findings, fits, locked, rng)
+        return _with_drafts(findings, fits, locked, rng, of_base)
     except KeyboardInterrupt:
         return replace(findings, draft_failure="interrupted by ctrl-C")
     except MemoryError:
@@ -299,18 +346,16 @@ def _with_any_drafts(
 
 
 def _with_drafts(
-    findings: MachineFindings, fits: MachineFits, locked: Sequence[Run], rng: np.random.Generator
+    findings: MachineFindings,
+    fits: MachineFits,
+    locked: Sequence[Run],
+    rng: np.random.Generator,
+    of_base: Sequence[FittedTerm],
 ) -> MachineFindings:
-    """Add the free-form terms that explain what is left."""
-    machine = findings.machine
+    machine, best = findings.machine, findings.best
     if isinstance(machine, CalledMachine):
-        found_equations = equations_of(machine, findings.problem, fits, findings.best, rng)
-        return replace(findings, equations=found_equations)
+        return replace(findings, equations=equations_of(machine, findings.problem, fits, best, rng))
     if not has_ports(machine):
         return findings
-    found = find_drafts(machine, findings.problem, locked, findings.best)
-    return replace(
-        findings,
-        drafts=tuple(draft for draft, _ in found),
-        unlisted=(*findings.unlisted, *_with_terms(machine, [term for _, term in found])),
-    )
+    terms = missing_terms(machine, findings.problem, best) if best.names else of_base
+    return replace(findings, drafts=confirmed_drafts(machine, locked, best, terms, rng))

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from rover_hil.gap.data.problem import Problem
-from rover_hil.gap.decision.analysis import MachineFindings, likeness
+from rover_hil.gap.decision.analysis import MachineFindings, is_same_law
 from rover_hil.gap.evidence.evidence import MachineFit
 from rover_hil.gap.evidence.score import one_sided_z
 from rover_hil.gap.evidence.sizes import size_of
@@ -172,6 +172,6 @@ def _terms(
         (strength_of(machine, one.term)[0],)
         for one in search_terms(machine, held, terms, part)
         if not one.objection
-        and (likeness(one.fit, found, part) <= MACHINES.terms.same_law or not found.is_equal(one.fit))
+        and not (is_same_law(one.fit, found, part) and found.is_equal(one.fit))
         and is_as_good(one.fit)
     ]

@@ -1,18 +1,24 @@
 """The verdict on a machine and its sentence."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 from rover_hil.gap.decision.analysis import MachineFindings
+from rover_hil.gap.decision.decide import Decision
 from rover_hil.gap.evidence.error_budget import ChannelError
 from rover_hil.gap.evidence.score import Score, one_sided_z
+from rover_hil.gap.evidence.sizes import Size, near
+from rover_hil.gap.fit.base_parameters import HALF_WIDTHS
 from rover_hil.gap.parameters import MACHINES
+from rover_hil.gap.search.drafts import DraftTerm
+from rover_hil.gap.search.orders import order_at_ports
 from rover_hil.gap.search.search import best_shapes, ranked_scores
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
-from sim_backends.state_model.model import has_ports
+from sim_backends.state_model.model import StateModel, has_ports
 
 DRAFT_KEYS = (
-    "coefficient", "low", "high", "unit", "code", "force_before", "force_after", "force_unit", "is_confirmed",
+    "coefficient", "low", "high", "unit", "code", "closure", "improved", "is_confirmed",
 )  # fmt: skip
 """What `verdict.json` states of a draft, besides its term."""
 
@@ -21,17 +27,16 @@ def decide_machine(findings: MachineFindings) -> Verdict:
     """Return the verdict on the findings."""
     answer, reasons = _answer(findings)
     is_named = answer.is_name
-    found = findings.found
-    members = [findings.best.names] if is_named else []
-    if is_named and found is not None:
-        members += [one.names for one in found.alternatives]
+    members = _members(findings, answer)
     return Verdict(
         verdict=answer,
         sentence=_sentence(findings, answer, reasons) + _draft_failure(findings),
         p_gap=findings.p_gap,
         where=_where(findings),
-        effects=_effects(findings) if is_named else [],
-        confidence_set=[list(names) for names in members],
+        effects=_effects(findings, answer) if is_named else [],
+        confidence_set=members,
+        probabilities=_probabilities(findings),
+        order=_order(findings, answer) if is_named else {},
         rejected=_rejected(findings, answer),
         unnamed=_unnamed(findings),
         detectable=_detectable(findings),
@@ -73,50 +78,199 @@ def _where(findings: MachineFindings) -> list[dict[str, str | float | int]]:
 
 
 def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
-    if findings.p_gap > MACHINES.tests.alpha:
+    if findings.p_gap > MACHINES.tests.alpha or findings.is_tolerable:
         unsure = [one for one in findings.budget_before if not one.is_good_enough]
         if unsure and findings.base.evidence.has_budget:
             return Answer.NOT_IDENTIFIABLE, [one.sentence() for one in unsure]
         unjudged = _unjudged(findings)
-        return (Answer.NOT_IDENTIFIABLE, [unjudged]) if unjudged else (Answer.NO_GAP, [])
-    found, holdout = findings.found, findings.holdout
-    if found is None or not findings.best.names or holdout is None:
+        if unjudged:
+            return Answer.NOT_IDENTIFIABLE, [unjudged]
+        return Answer.NO_GAP, _scatter_words(findings) if findings.p_gap <= MACHINES.tests.alpha else []
+    decision = findings.decision
+    if decision is None or not findings.best.names or findings.holdout is None:
         return _without_name(findings)
-    share = _explained(findings)
-    if share < MACHINES.verdict.half:
-        sizes = "; ".join(_size_text(one) for one in _effects(findings))
-        return Answer.UNNAMED, [
-            f"the best, {_join(findings.best.names)} ({sizes}), explains {share:.0%} of it"
-        ]
-    reasons = _reservations(findings)
-    if len(found.alternatives) + 1 > MACHINES.verdict.most_members:
-        return Answer.NOT_IDENTIFIABLE, ["more than four explanations fit the runs equally well"]
-    if reasons:
+    certainty = min(decision.probability(name) for name in findings.best.names)
+    objections = _objections(findings)
+    members = decision.members()
+    is_listed = all(one.is_listed for one in members)
+    is_whole = decision.none <= 1.0 - MACHINES.decide.named
+    if certainty >= MACHINES.decide.named and is_whole and not objections:
+        return Answer.NAMED, []
+    is_few = is_listed and 1 < len(members) <= MACHINES.verdict.most_members
+    if is_few and is_whole and all(one.names for one in members) and not objections:
+        return Answer.NAMED_SET, []
+    reasons = [*_doubts(decision, findings.best.names), *objections]
+    if _named_part(findings):
         return Answer.PARTLY_NAMED, reasons
-    return (Answer.NAMED_SET if found.alternatives else Answer.NAMED), []
+    if is_listed and len(members) > MACHINES.verdict.most_members:
+        return Answer.NOT_IDENTIFIABLE, ["more than four explanations fit the runs equally well"]
+    return Answer.UNNAMED, [f"the best, {_join(findings.best.names)}, is not certain: {'; '.join(reasons)}"]
 
 
-def _explained(findings: MachineFindings) -> float:
-    """Return the share of the gap that the best explains, on locked runs where that is defined."""
-    closure = None if findings.holdout is None else findings.holdout.closure
-    return findings.best.evidence.share_of_gap(closure, findings.share, findings.p_remaining)
+def _named_part(findings: MachineFindings) -> list[str]:
+    """Return the effects of the best explanation that are probable enough to be named with a reservation."""
+    decision = findings.decision
+    if decision is None:
+        return []
+    is_rest_large = not all(one.is_good_enough for one in findings.budget_after)
+    if is_rest_large and _confirmed(findings):
+        return []  # what remains is a law, and the effects may imitate a part of it
+    return [name for name in findings.best.names if decision.probability(name) >= MACHINES.decide.partly]
+
+
+def _members(findings: MachineFindings, answer: Answer) -> list[list[str]]:
+    """Return the explanations of the verdict, the most probable first."""
+    decision = findings.decision
+    if decision is None or not answer.is_name:
+        return []
+    if answer is Answer.PARTLY_NAMED:
+        return [_named_part(findings)]
+    if answer is Answer.NAMED:
+        return [list(findings.best.names)]
+    return [list(one.names) for one in decision.members()]
+
+
+def _order(findings: MachineFindings, answer: Answer) -> dict[str, list[str]]:
+    """Return the named effects that act at one place, in their order."""
+    machine = findings.machine
+    return order_at_ports(machine, _names(findings, answer)) if isinstance(machine, StateModel) else {}
+
+
+def _names(findings: MachineFindings, answer: Answer) -> Sequence[str]:
+    """Return the effects whose sizes the verdict states."""
+    return _named_part(findings) if answer is Answer.PARTLY_NAMED else findings.best.names
+
+
+def _order_words(findings: MachineFindings, answer: Answer) -> str:
+    """Return the order of the effects in words, and whether the runs decide it."""
+    order, decision = _order(findings, answer), findings.decision
+    if not order or decision is None:
+        return ""
+    own = sum(share for share, one in decision.ranked() if one.machine is findings.machine)
+    all_ = sum(share for share, one in decision.ranked() if one.names == findings.best.names)
+    sure = "" if own >= MACHINES.decide.named * all_ else ", which the runs do not decide"
+    return "".join(f" Order at {port}: {', then '.join(names)}{sure}." for port, names in order.items())
+
+
+def _probabilities(findings: MachineFindings) -> list[dict[str, float | list[str]]]:
+    """Return the probability of each explanation; one without effects is that none of them is right."""
+    decision = findings.decision
+    if decision is None:
+        return []
+    found: list[dict[str, float | list[str]]] = [
+        {"effects": list(one.names), "probability": share} for share, one in decision.ranked()
+    ]
+    return [*found, {"effects": ["none of these"], "probability": decision.none}]
+
+
+def _doubts(decision: Decision, names: Sequence[str]) -> list[str]:
+    """Return what else is probable, in words."""
+    found = []
+    for share, one in decision.ranked():
+        if one.names != names and share > 1.0 - MACHINES.decide.named:
+            law = "" if one.is_listed else "the term "
+            found.append(f"{law}{_join(one.names) or 'no effect'} has a probability of {share:.0%}")
+    if decision.none > 1.0 - MACHINES.decide.named:
+        found.append(f"that none of these is right has a probability of {decision.none:.0%}")
+    return found
+
+
+def _objections(findings: MachineFindings) -> list[str]:
+    """Return what speaks against a name although it is probable; each can only lower the verdict."""
+    decision, best = findings.decision, findings.best
+    found: list[str] = []
+    if decision is not None and decision.units.count < MACHINES.decide.least_units:
+        count, kind = decision.units.count, decision.units.kind
+        found.append(f"{count} {kind} are too few for a name, {MACHINES.decide.least_units} are needed")
+    found += _on_test_runs(findings)
+    cards = {card.name: card for card in findings.machine.effects}
+    for name in best.names:
+        item = cards[name].parameters[0]
+        size = findings.size(name, item.name)
+        is_alone = decision is None or len(decision.members()) == 1
+        least_z = math.sqrt(findings.best.evidence.least_gain or 0.0) if is_alone else 0.0
+        if _contains(size, item.nominal, least_z):
+            at = f", at {least_z:.2g} standard deviations," if least_z else ""
+            found.append(f"the interval of {item.name} of {name}{at} contains its value without the effect")
+        if abs(size.value - item.nominal) > MACHINES.decide.most_sizes * item.prior_sd:
+            found.append(f"{item.name} of {name} is more than ten times as large as declared")
+    if _leaves_error(findings):
+        found.append("a model error remains")
+    found += [f"the term {name} explains as much" for name in findings.rival_terms[:2]]
+    confirmed = _confirmed(findings)
+    if confirmed and findings.structure > MACHINES.decide.structure:
+        found.append(f"the test runs confirm that {confirmed[0].equation} is missing too")
+    return found
+
+
+def _confirmed(findings: MachineFindings) -> list[DraftTerm]:
+    """Return the drafts that the test runs confirm; more of a law that is in the answer is no other law."""
+    return [one for one in findings.drafts if one.is_confirmed and not one.is_law_of(findings.best.names)]
+
+
+def _contains(size: Size, null: float, least_z: float) -> bool:
+    """Return True where the runs do not exclude the null of a size.
+
+    Where no tolerance decides between explanations, the interval is as wide as the gain that is asked of an
+    effect, in standard deviations.
+    """
+    wider = max(least_z / HALF_WIDTHS, 1.0)
+    low, high = (size.value + wider * (end - size.value) for end in (size.low, size.high))
+    return low <= null <= high
+
+
+def _leaves_error(findings: MachineFindings) -> bool:
+    """Return True where an error of the model remains that is neither chance nor noise that is slow."""
+    is_large = not all(one.is_good_enough for one in findings.budget_after)
+    is_structured = findings.structure > MACHINES.decide.structure
+    return findings.p_remaining <= MACHINES.tests.alpha and (is_structured or is_large)
+
+
+def _on_test_runs(findings: MachineFindings) -> list[str]:
+    """Return the channels whose error on the test runs is above the tolerance."""
+    holdout = findings.holdout
+    if holdout is None or not findings.best.evidence.has_budget:
+        return []
+    found = []
+    for one in findings.budget_after:
+        channel = holdout.channels.get(one.channel)
+        if channel is None:
+            continue
+        error = math.sqrt(max(channel.after**2 - channel.noise_floor**2, 0.0))
+        # The noise below it is known to a tenth, and so is what is left above it.
+        if error > (1.0 + MACHINES.tests.sigma_uncertainty) * one.tolerance:
+            unit = "" if one.unit == "1" else f" {one.unit}"
+            found.append(
+                f"an error of {error:.3g}{unit} of {one.channel} remains on the test runs, more than the "
+                f"tolerance of {one.tolerance:.3g}{unit}"
+            )
+    return found
 
 
 def _without_name(findings: MachineFindings) -> tuple[Answer, list[str]]:
     """Return the answer where no effect is named, with the reason."""
-    if findings.p_within_runs > MACHINES.tests.alpha:
-        units = {one.name: one.unit for one in findings.machine.parameters}
-        differ = f"parameters differ between runs ({findings.scatter.sentence(units)})"
+    for differ in _scatter_words(findings):
         if all(one.is_good_enough for one in findings.budget_before):
             return Answer.NO_GAP, [differ]
-        return Answer.UNNAMED, [f"{differ}, which explains it: give them a `scatter_sd`"]
-    withdrawn = () if findings.found is None else findings.found.best.names
+        # The file of a model can declare the scatter, the configuration of a rover cannot.
+        advice = ": give them a `scatter_sd`" if isinstance(findings.machine, StateModel) else ""
+        return Answer.UNNAMED, [f"{differ}, which explains it{advice}"]
+    decision = findings.decision
+    withdrawn = () if decision is None or findings.holdout is None else decision.chosen.names
     unjudged = _unjudged(findings)
     if unjudged:
         return Answer.NOT_IDENTIFIABLE, [unjudged]
     if withdrawn:
         return Answer.UNNAMED, [f"the best, {_join(withdrawn)}, {_on_locked_runs(findings)}"]
-    return Answer.UNNAMED, []
+    return Answer.UNNAMED, [] if decision is None else _doubts(decision, ())
+
+
+def _scatter_words(findings: MachineFindings) -> list[str]:
+    """Return that parameters of single runs explain the gap, where they do."""
+    if findings.p_within_runs <= MACHINES.tests.alpha:
+        return []
+    which = findings.scatter.sentence({one.name: one.unit for one in findings.machine.parameters})
+    return [f"parameters differ between runs ({which})" if which else "parameters differ between runs"]
 
 
 def _unjudged(findings: MachineFindings) -> str:
@@ -137,25 +291,8 @@ def _on_locked_runs(findings: MachineFindings) -> str:
     return f"improves {improved:.0%} of the locked runs only"
 
 
-def _reservations(findings: MachineFindings) -> list[str]:
-    """Return why the names are not certain or not complete."""
-    reasons: list[str] = []
-    holdout = findings.holdout
-    is_rest_small = all(one.is_good_enough for one in findings.budget_after)
-    closure = None if holdout is None else holdout.closure
-    is_on_locked = findings.best.evidence.has_budget
-    if closure is None and is_on_locked:
-        reasons.append("the gap on the locked runs is too small to prove it")
-    elif closure is not None and is_on_locked and closure < MACHINES.verdict.whole and not is_rest_small:
-        reasons.append(f"it closes {closure:.0%} of the gap on locked runs only")
-    elif findings.p_remaining <= MACHINES.tests.alpha and not is_rest_small:
-        reasons.append("a model error remains")
-    reasons += [f"the term {name} explains as much" for name in findings.rival_terms[:2]]
-    return reasons
-
-
 def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str]) -> str:
-    before = _errors(findings.budget_before)
+    before, after = _errors(findings.budget_before), _errors(findings.budget_after, findings.budget_before)
     if answer is Answer.NO_GAP:
         return _agreement(findings, before, reasons)
     if not findings.best.names and answer is Answer.NOT_IDENTIFIABLE:
@@ -165,28 +302,42 @@ def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str])
         why = f"; {reasons[0]}" if reasons else "; the runs do not agree on a cause"
         if all(one.is_good_enough for one in findings.budget_after):
             why += "; the error is below the tolerance of the model"
-        draft = f". A missing term would be: {findings.drafts[0].equation}" if findings.drafts else ""
-        return f"{head}{why}{draft}."
+        return f"{_draft_words(findings)}{head}{why}."
     if answer is Answer.NOT_IDENTIFIABLE:
         return f"{head}; {'; '.join(reasons)}."
-    names = _join(findings.best.names)
-    if findings.found is not None and findings.found.alternatives:
-        others = [_join(one.names) for one in findings.found.alternatives]
-        names = f"{' or '.join([names, *others])}, which these runs do not distinguish"
+    sets = [_join(one) for one in _members(findings, answer)]
+    names = sets[0] if len(sets) == 1 else f"{' or '.join(sets)}, which these runs do not distinguish"
     verb = "Missing" if answer is not Answer.PARTLY_NAMED else "Probably missing"
     closure = None if findings.holdout is None else findings.holdout.closure
     closed = "" if closure is None else f" It closes {closure:.0%} of the gap on locked runs."
-    sizes = "; ".join(_size_text(one) for one in _effects(findings))
-    rest = f" Afterwards {_errors(findings.budget_after)}."
+    if closure is not None and closure < 0.0:
+        closed = " It does not close the gap on locked runs."
+    sizes = "; ".join(_size_text(one) for one in _effects(findings, answer))
+    rest = f" Afterwards {after}."
     but = f" But {'; '.join(reasons)}." if reasons else ""
     releases = {card.name: card.releases for card in findings.machine.effects}
     # The base parameter that an effect releases has taken the gap on itself: nothing seems to be missing.
     before = "" if all(releases[name] for name in findings.best.names) else f" Before, {before}."
-    return f"{verb}: {names} ({sizes}).{closed}{before}{rest}{but}"
+    return f"{verb}: {names} ({sizes}).{_order_words(findings, answer)}{closed}{before}{rest}{but}"
+
+
+def _draft_words(findings: MachineFindings) -> str:
+    """Return the first draft, as the beginning of a sentence without a name; empty for none."""
+    if not findings.drafts:
+        return ""
+    first = findings.drafts[0]
+    closed = "" if first.closure is None else f", it closes {first.closure:.0%} of the gap on the test runs"
+    sure = "is probably missing" if first.is_confirmed else "may be missing, the test runs do not confirm it"
+    text = _equation(first.equation, first.coefficient, first.unit)
+    return f"A term that is in no list {sure}: {text}{closed}. "
 
 
 def _agreement(findings: MachineFindings, before: str, reasons: Sequence[str]) -> str:
     name = findings.machine.name
+    if not reasons and findings.p_gap <= MACHINES.tests.alpha:
+        return (
+            f"No gap above the tolerance: the error of {name} is more than chance, but below it ({before})."
+        )
     if reasons:
         return f"No common gap: {reasons[0]}, and the error of {name} is below its tolerance ({before})."
     return (
@@ -195,17 +346,24 @@ def _agreement(findings: MachineFindings, before: str, reasons: Sequence[str]) -
     )
 
 
-def _errors(budget: Sequence[ChannelError]) -> str:
-    """Return the greatest error, in its noise, in words; the page has those of all channels."""
-    greatest = max(budget, key=lambda error: error.model_error / error.sensor_noise)
+def _errors(budget: Sequence[ChannelError], before: Sequence[ChannelError] = ()) -> str:
+    """Return the greatest error in words, or that of the channel where it was greatest before.
+
+    The page has those of all channels.
+    """
+    greatest = max(before or budget, key=lambda error: error.model_error / error.sensor_noise).channel
+    shown = next(one for one in budget if one.channel == greatest)
+    if before:
+        above = [one.channel for one in budget if one.model_error > one.tolerance and one is not shown]
+        return f"{shown.sentence()}{f'; {_join(above)} above the tolerance' if above else ''}"
     of_all = f", the greatest of {len(budget)} channels" if len(budget) > 1 else ""
-    return f"{greatest.sentence()}{of_all}"
+    return f"{shown.sentence()}{of_all}"
 
 
-def _effects(findings: MachineFindings) -> list[FoundEffect]:
+def _effects(findings: MachineFindings, answer: Answer) -> list[FoundEffect]:
     cards = {card.name: card for card in findings.machine.effects}
     found = []
-    for name in findings.best.names:
+    for name in _names(findings, answer):
         parameters = {}
         for item in cards[name].parameters:
             size = findings.size(name, item.name)
@@ -228,15 +386,15 @@ def _rejected(findings: MachineFindings, answer: Answer) -> list[dict[str, str]]
     kept = set(findings.best.names)
     if findings.found is None:
         return [{"name": card.name, "why": "there is no gap to explain"} for card in findings.machine.effects]
-    kept |= {name for one in findings.found.alternatives for name in one.names}
+    if findings.decision is not None and answer is Answer.NAMED_SET:
+        kept |= {name for one in findings.decision.members() for name in one.names}
     withdrawn = set(findings.found.best.names) - kept
     objections = {
         **findings.found.objections,
         **dict.fromkeys(withdrawn, f"withdrawn: {_on_locked_runs(findings)}"),
     }
     if answer is Answer.UNNAMED:
-        weak = f"explains only a part of the gap: {_explained(findings):.0%}"
-        objections |= dict.fromkeys(kept, weak)
+        objections |= dict.fromkeys(kept, "not certain")
         kept = set()
     scores = {one.direction.name: one for one in best_shapes(findings.scores)}
     return [
@@ -289,7 +447,10 @@ def _budget(findings: MachineFindings) -> dict[str, dict[str, float | str | None
 
 def _weightings(findings: MachineFindings) -> dict[str, dict[str, float]]:
     return {
-        key.text: {"output_error": findings.best.fit.point[key], "random_force": value}
+        key.text: {
+            "output_error": findings.size(key.effect, key.name).value,
+            "random_force": near(key, value, findings.size(key.effect, key.name).value),
+        }
         for key, value in findings.other_weighting.items()
         if key in findings.best.fit.point
     }
@@ -301,7 +462,7 @@ def _warnings(findings: MachineFindings) -> list[str]:
         warnings.append(
             "no random force keeps the machine on its runs: sizes are not compared with a second weighting"
         )
-    if findings.p_remaining <= MACHINES.tests.alpha:
+    if _leaves_error(findings):
         warnings.append(
             "a model error remains: intervals hold for the model as it is, sizes may be off by more"
         )
@@ -317,7 +478,8 @@ def _warnings(findings: MachineFindings) -> list[str]:
         if key not in findings.best.fit.point:
             continue
         size = findings.size(key.effect, key.name)
-        if not size.low <= value <= size.high:
+        other = near(key, value, size.value)
+        if not size.low <= other <= size.high:
             warnings.append(
                 f"{key.name} of {key.effect} depends on the weighting: {size.value:.3g} by the output error, "
                 f"{value:.3g} with random forces at the ports"

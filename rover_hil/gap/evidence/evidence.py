@@ -30,6 +30,8 @@ class Evidence:
         slow: Channels whose errors are so slow that they may be errors of the model.
         neighbours: How the errors of neighbouring samples depend on each other; None where they do not count.
         has_budget: The error of each channel is compared with a tolerance.
+        least_gain: What each effect of an explanation must gain in twice the logarithm of the density of
+            units of observation; None where it must lower the error by more than the tolerance.
     """
 
     freedom = math.inf
@@ -37,6 +39,7 @@ class Evidence:
     slow: tuple[str, ...] = ()
     neighbours: Autoregression | None = None
     has_budget = True
+    least_gain: float | None = None
 
     def merit(self, found: "MachineFit") -> float:
         """Return minus two log-likelihood of what counts; smaller is better.
@@ -175,6 +178,7 @@ class LearnedEvidence(Evidence):
     """The same; the noise is learned from the runs, so that a small rest proves nothing."""
 
     is_learned = True
+    least_gain = MACHINES.noise.z**2
 
     def __init__(self, slow: tuple[str, ...], neighbours: Autoregression) -> None:
         self.slow, self.neighbours = slow, neighbours
@@ -227,6 +231,7 @@ class RowEvidence(Evidence):
     """The likelihood of all values, of runs that have few; their noise is known by replicates."""
 
     has_budget = False
+    least_gain = MACHINES.steady.first_z**2
 
     def __init__(self, freedom: float) -> None:
         self.freedom = freedom

@@ -20,21 +20,33 @@ class LeftOut:
     """What each run says about a fit when it is left out, by linearisation.
 
     Attributes:
-        squares: Squared error of each run predicted by the others, its own unknowns fitted, in units of the
-            declared noise.
-        counts: Values of each run.
+        channel_squares: Squared error of each run predicted by the others, its own unknowns fitted, in units
+            of the declared noise: runs x channels.
+        channel_counts: Values of each run: runs x channels.
         moved: Change of each parameter of all runs when one is left out, in prior deviations.
         by_samples: Standard error of each parameter from the samples, in prior deviations.
         informed: Part of the variance of each parameter that comes from each run; priors have the rest.
         keys: These parameters.
     """
 
-    squares: Array
-    counts: Array
+    channel_squares: Array
+    channel_counts: Array
     moved: Array
     by_samples: Array
     informed: Array
     keys: tuple[ParameterKey, ...]
+
+    @property
+    def squares(self) -> Array:
+        """Squared error of each run over all channels."""
+        total: Array = self.channel_squares.sum(axis=1)
+        return total
+
+    @property
+    def counts(self) -> Array:
+        """Values of each run."""
+        total: Array = self.channel_counts.sum(axis=1)
+        return total
 
     def scatter(self, index: int) -> tuple[float, float]:
         """Return the scatter of a parameter over runs, over that of samples, and its degrees of freedom.
@@ -70,16 +82,23 @@ def leave_one_run_out(found: Fit, noise: SensorNoise, declared_sd: Array, owner:
         change = -np.linalg.solve(without, is_free * (matrix.T @ error))
         outside = (error - matrix @ change)[:rows] * scale[owner == run]
         moved.append(change)
-        squares.append(float(outside @ outside))
+        squares.append(by_channel(outside, noise, owner == run))
         informed.append(np.sum((matrix @ covariance) ** 2, axis=0))
+    ones = np.ones(owner.size)
     return LeftOut(
-        squares=np.array(squares),
-        counts=np.array([float(rows) for *_, rows in parts]),
+        channel_squares=np.array(squares),
+        channel_counts=np.array([by_channel(ones[owner == run], noise, owner == run) for run in runs]),
         moved=np.array(moved),
         by_samples=np.sqrt(np.diag(covariance)),
         informed=np.array(informed) / np.diag(covariance),
         keys=tuple(found.free[index].key for index in shared),
     )
+
+
+def by_channel(values: Array, noise: SensorNoise, here: Mask) -> Array:
+    """Return the sum of the squares of some rows in each channel."""
+    sums = np.bincount(noise.channel[here], weights=values**2, minlength=noise.channel_sd.size)
+    return sums.astype(np.float64)
 
 
 def shared_parameters(found: Fit) -> list[int]:

@@ -1,9 +1,13 @@
 """Sizes of the effects of a machine, with intervals over runs."""
 
+import math
 from dataclasses import dataclass
 
 from rover_hil.gap.evidence.evidence import MachineFit
 from sim_backends.models.parameter_key import ParameterKey
+
+PHASE = "phase"
+"""Name of a parameter that returns to itself after a rotation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,4 +25,13 @@ def size_of(found: MachineFit, key: ParameterKey) -> Size:
     item = next(one for one in found.fit.free if one.key == key)
     value = found.fit.point[key]
     half = found.evidence.half_width(found, index) * item.sd
-    return Size(value=value, low=max(value - half, item.lower), high=min(value + half, item.upper))
+    low, high = max(value - half, item.lower), min(value + half, item.upper)
+    turns = near(key, value, 0.0) - value
+    return Size(value=value + turns, low=low + turns, high=high + turns)
+
+
+def near(key: ParameterKey, value: float, other: float) -> float:
+    """Return a value; of a phase, in rad, the one within half a rotation of another."""
+    if key.name != PHASE:
+        return value
+    return value - 2.0 * math.pi * round((value - other) / (2.0 * math.pi))

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 
+from rover_hil.gap.evidence.fit import Fit
 from rover_hil.gap.parameters import MACHINES
 from rover_hil.gap.verdict import Answer, FittedBase, Verdict
 
@@ -45,6 +46,15 @@ class Trial:
         )
 
 
+def far_parameters(fit: Fit) -> list[str]:
+    """Return the base parameters that a fit moves far from what was known of them."""
+    return [
+        item.key.name
+        for item, pull in zip(fit.free, fit.pull, strict=True)
+        if item.key.is_base and abs(float(pull)) > FAR_SD
+    ]
+
+
 def judged(rows: Sequence[FittedBase], trial_of: Callable[[str], Trial]) -> list[FittedBase]:
     """Return base parameters, those far from their nominal value with what the runs prove of them."""
     return [_judged(one, trial_of) if _is_far(one) else one for one in rows]
@@ -74,6 +84,19 @@ def _judged(row: FittedBase, trial_of: Callable[[str], Trial]) -> FittedBase:
     return replace(row, is_named=True)
 
 
+def doubted(rows: Sequence[FittedBase], probability_of: Callable[[str], float]) -> list[FittedBase]:
+    """Return base parameters; those that something else replaces too often are not the finding."""
+    return [_doubted(row, probability_of(row.name)) if _is_far(row) else row for row in rows]
+
+
+def _doubted(row: FittedBase, probability: float) -> FittedBase:
+    row = replace(row, probability=probability)
+    if probability >= MACHINES.decide.partly:
+        return row
+    why = f"{row.why or 'not decided'}; its probability is {probability:.0%}"
+    return replace(row, is_named=False, equals=(), why=why)
+
+
 def far(rows: Sequence[FittedBase]) -> list[FittedBase]:
     """Return the base parameters that must be reported, the farthest first."""
     return sorted(filter(_is_far, rows), key=lambda one: -abs(one.pull))
@@ -93,9 +116,12 @@ def with_base_parameters(verdict: Verdict, rows: Sequence[FittedBase]) -> Verdic
     named, open_ = [one for one in reported if one.is_named], [one for one in reported if not one.is_named]
     answer, members = _answer(verdict, named, open_)
     head = _head(named, open_)
-    return replace(
-        verdict, verdict=answer, confidence_set=members, sentence=f"{head} {_rest(verdict, named)}"
-    )
+    if named and answer is not Answer.NAMED:
+        head = head.replace("Wrong", "Probably wrong", 1)
+    sentences = [head, _rest(verdict, named)]
+    if verdict.draft and not named:
+        sentences.reverse()  # a missing term is the finding, and may have moved the value
+    return replace(verdict, verdict=answer, confidence_set=members, sentence=" ".join(sentences))
 
 
 def _answer(
@@ -123,7 +149,8 @@ def _answer(
             return answer, [[*own, *shared], *([*own, *names] for names in rivals)]
         if not named:
             return (Answer.NOT_IDENTIFIABLE, []) if is_agreement else (verdict.verdict, members)
-    is_whole = not open_ and (is_agreement or _is_tolerable(verdict))
+    is_sure = all(one.probability is None or one.probability >= MACHINES.decide.named for one in named)
+    is_whole = not open_ and is_sure and (is_agreement or _is_tolerable(verdict))
     return (Answer.NAMED if is_whole else Answer.PARTLY_NAMED), [own]
 
 

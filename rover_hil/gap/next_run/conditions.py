@@ -26,8 +26,9 @@ def propose_conditions(findings: MachineFindings, answer: Answer) -> str:
         findings: Of the model.
         answer: The verdict on them; a name that is decided has no rival.
     """
-    alternatives = () if findings.found is None else findings.found.alternatives
-    others = alternatives if answer is Answer.NAMED else (*alternatives, *findings.runners_up)
+    decision = findings.decision
+    ranked = [] if decision is None or answer is Answer.NAMED else decision.ranked()
+    others = [one.fit for _, one in ranked if one.names != findings.best.names]
     if findings.best.names and others:
         return _between(findings, findings.best, others[0])
     scores = best_shapes(findings.scores)

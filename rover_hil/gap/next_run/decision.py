@@ -11,7 +11,7 @@ from rover_hil.gap.data.problem import predict_points
 from rover_hil.gap.next_run.hypotheses import Hypothesis
 from rover_hil.gap.next_run.prediction import Planning, Prediction, clipped
 from rover_hil.gap.next_run.refit import NewRun
-from rover_hil.gap.next_run.rules import Flags, kept_by_search
+from rover_hil.gap.next_run.rules import Flags, simulated_decisions
 from rover_hil.gap.noise.random_force import root_of
 from rover_hil.gap.parameters import MACHINES
 from sim_backends.models.interface import Array
@@ -40,34 +40,9 @@ class Outcome:
     by_hypothesis: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Laws:
-    """Drawn laws that nobody listed, as causes of "something else".
-
-    Attributes:
-        planning: Planned runs under each law.
-        predictions: Of each run, by law.
-    """
-
-    planning: Planning
-    predictions: Sequence[Sequence[Prediction]]
-
-    def draws(self) -> list[int]:
-        """Return how many decisions are simulated with each law."""
-        ends = np.cumsum([0.0, *(one.weight for one in self.planning.hypotheses)]) * MACHINES.decision.draws
-        return [int(one) for one in np.diff(np.round(ends))]
-
-
-def without_run(hypotheses: Sequence[Hypothesis]) -> Outcome:
-    """Return the probabilities as they are now."""
-    now = np.stack([one.fit.left_out.squares for one in hypotheses])[:, None, :]
-    return _outcome(hypotheses, [now for _ in hypotheses], [], room=0.0)
-
-
 def simulate_runs(
     planning: Planning,
     predictions: Sequence[Sequence[Prediction]],
-    laws: Laws | None,
     rng: np.random.Generator,
 ) -> list[Outcome]:
     """Return the probabilities after each planned run.
@@ -77,18 +52,10 @@ def simulate_runs(
     under each explanation, fitted again by linearisation, decide by the rules of the search.
     """
     tables: list[list[Array]] = [[] for _ in planning.planned]
-    for index, hypothesis in enumerate(planning.hypotheses):
-        unlisted = laws.draws() if laws is not None and hypothesis.is_else else []
-        count = MACHINES.decision.draws - sum(unlisted)
-        parts = [_integrated(planning, predictions, index, count, rng)] if count else []
-        if laws is not None:
-            parts += [
-                _integrated(laws.planning, laws.predictions, law, draws, rng)
-                for law, draws in enumerate(unlisted)
-                if draws
-            ]
-        for site, by_part in enumerate(zip(*parts, strict=True)):
-            tables[site].append(_table(planning.hypotheses, predictions[site], [_joined(by_part)]))
+    for index in range(len(planning.hypotheses)):
+        data = _integrated(planning, predictions, index, MACHINES.decision.draws, rng)
+        for site, new in enumerate(data):
+            tables[site].append(_table(planning.hypotheses, predictions[site], [new]))
     return [
         _outcome(planning.hypotheses, own, [float(some[0].mean_rows.size)])
         for own, some in zip(tables, predictions, strict=True)
@@ -113,10 +80,6 @@ def _integrated(
         noise = prediction.excess * rng.standard_normal(means.shape)
         found.append((means + errors + noise, _rest(prediction, draws, rng)))
     return found
-
-
-def _joined(parts: Sequence[Data]) -> Data:
-    return np.concatenate([data for data, _ in parts]), np.concatenate([rest for _, rest in parts])
 
 
 def _table(hypotheses: Sequence[Hypothesis], predictions: Sequence[Prediction], new: Sequence[Data]) -> Array:
@@ -160,20 +123,18 @@ def _drawn_rows(planning: Planning, index: int, draws: int, rng: np.random.Gener
     return rows
 
 
-def _outcome(
-    hypotheses: Sequence[Hypothesis], tables: Sequence[Array], counts: Sequence[float], room: float = 1.0
-) -> Outcome:
+def _outcome(hypotheses: Sequence[Hypothesis], tables: Sequence[Array], counts: Sequence[float]) -> Outcome:
     """Return the shares of right and wrong decisions."""
     number = np.concatenate((hypotheses[0].fit.left_out.counts, counts))
     is_listed = np.array([one.machine is hypotheses[-1].machine for one in hypotheses[:-1]])
     right, wrong, variance = [], 0.0, 0.0
     for truth, own in enumerate(tables):
-        kept = kept_by_search(hypotheses, own, number)
+        kept = simulated_decisions(hypotheses, own, number)
         draws = own.shape[1]
         others = is_listed & (np.arange(is_listed.size) != truth)
         is_wrong: Flags = kept.is_alone[others].any(axis=0) & kept.is_whole
         is_right: Flags = kept.is_alone[truth] if truth < is_listed.size else ~kept.is_whole
-        share = (float(is_right.sum()) + room) / (draws + 2.0 * room)
+        share = (float(is_right.sum()) + 1.0) / (draws + 2.0)
         weight = hypotheses[truth].weight
         right.append(share)
         wrong += weight * float(is_wrong.mean())
@@ -191,21 +152,13 @@ def simulate_repeats(
     hypotheses: Sequence[Hypothesis],
     predictions: Sequence[Prediction],
     times: int,
-    laws: Sequence[tuple[int, Prediction]],
     rng: np.random.Generator,
 ) -> Outcome:
-    """Return the probabilities after making a run several times, all linearised.
-
-    `laws` that nobody listed come with the number of decisions to simulate with each.
-    """
-    tables = []
-    for hypothesis, truth in zip(hypotheses, predictions, strict=True):
-        unlisted = laws if hypothesis.is_else else ()
-        count = MACHINES.decision.draws - sum(draws for draws, _ in unlisted)
-        parts = [_linear(truth, count, times, rng)] if count else []
-        parts += [_linear(prediction, draws, times, rng) for draws, prediction in unlisted if draws]
-        runs = [_joined([part[time] for part in parts]) for time in range(times)]
-        tables.append(_table(hypotheses, predictions, runs))
+    """Return the probabilities after making a run several times, all linearised."""
+    tables = [
+        _table(hypotheses, predictions, _linear(truth, MACHINES.decision.draws, times, rng))
+        for truth in predictions
+    ]
     return _outcome(hypotheses, tables, [float(predictions[0].mean_rows.size)] * times)
 
 

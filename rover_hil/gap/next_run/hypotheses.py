@@ -1,6 +1,5 @@
 """The explanations that are left, each with its weight, and "something else" among them."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,15 +7,14 @@ from scipy import stats
 
 from rover_hil.gap.data.problem import Free, Problem
 from rover_hil.gap.decision.analysis import MachineFindings
+from rover_hil.gap.decision.decide import Candidate, decide
 from rover_hil.gap.evidence.evidence import MachineFit
 from rover_hil.gap.fit.machine_fit import MachineFits
 from rover_hil.gap.next_run.discrepancy import Discrepancy, learn_discrepancy, measured_basis
 from rover_hil.gap.next_run.refit import Refit
-from rover_hil.gap.next_run.unlisted_laws import draw_laws
 from rover_hil.gap.noise.random_force import ForceBasis
 from rover_hil.gap.parameters import MACHINES
 from rover_hil.gap.search.search import ranked_scores
-from rover_hil.gap.verdict import Answer
 from sim_backends.models.interface import Array, Machine
 from sim_backends.models.parameter_key import ParameterKey
 
@@ -24,8 +22,8 @@ SOMETHING_ELSE = "something else"
 NO_EFFECT = "no effect"
 CLEAR_T = 1.96
 """Half of a 95 % interval of a normal distribution, in standard deviations."""
-LEAST_SPREAD = 1e-6
-"""Of the logarithm of an error: explanations that predict the same are equally probable."""
+LEAST_WEIGHT = 0.02
+"""Probability of an explanation that is looked at, and the least of "something else"."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,108 +59,48 @@ class Hypothesis:
         return {key: value for key, value in self.fit.fit.point.items() if not key.run}
 
 
-def hypotheses_of(findings: MachineFindings, answer: Answer) -> tuple[list[Hypothesis], ForceBasis | None]:
+def hypotheses_of(findings: MachineFindings) -> tuple[list[Hypothesis], ForceBasis | None]:
     """Return the explanations that are left, the best first and "something else" last.
 
-    The weight of an explanation is its odds against the best. Each measured run has one vote.
+    Their weights are the probabilities of the decision; without a gap, of one between the best scores.
     """
-    named = _named(findings, is_decided=answer in (Answer.NAMED, Answer.NAMED_SET))
-    odds = np.array([odds_of(one, named[0][2]) for _, _, one in named])
-    shares = odds / odds.sum()
-    kept = [
-        index
-        for index in np.argsort(-shares, kind="stable")
-        if shares[index] >= MACHINES.hypotheses.least_weight
-    ][: MACHINES.hypotheses.most]
+    decision = findings.decision or decide(findings.problem, _scored(findings), findings.base)
+    ranked = [pair for pair in decision.ranked()[: MACHINES.hypotheses.most] if pair[0] >= LEAST_WEIGHT]
+    if not ranked:
+        ranked = [(1.0, decision.chosen)]
     tracked = findings.tracked
     basis = (
         measured_basis(findings.problem, findings.best.fit.point) if tracked is None else tracked.noise.basis
     )
-    unknown = _else_weight(answer)
-    total = float(shares[kept].sum())
+    unknown = max(decision.none, LEAST_WEIGHT)
+    total = sum(share for share, _ in ranked)
     found = [
-        _hypothesis(findings, named[index], (1.0 - unknown) * float(shares[index]) / total, basis)
-        for index in kept
+        _hypothesis(findings, (_words(one.fit), one.machine, one.fit), (1.0 - unknown) * share / total, basis)
+        for share, one in ranked
     ]
     base = (SOMETHING_ELSE, findings.machine, findings.base)
     return [*found, _hypothesis(findings, base, unknown, basis, is_else=True)], basis
-
-
-def unlisted_of(
-    findings: MachineFindings, basis: ForceBasis | None, rng: np.random.Generator
-) -> list[Hypothesis]:
-    """Return drawn laws that the measured runs do not exclude.
-
-    The sum of their weights is the greatest odds of a law against the best explanation: where a law explains
-    the runs as well, "something else" is a law, and not a force that follows no state.
-    """
-    best = _named(findings, is_decided=True)[0][2]
-    laws = draw_laws(findings, rng)
-    odds = np.array([odds_of(fit, best) for _, _, fit in laws])
-    kept = np.flatnonzero(odds >= MACHINES.hypotheses.least_weight)
-    return [
-        _hypothesis(findings, laws[index], float(odds.max() * odds[index] / odds[kept].sum()), basis)
-        for index in kept
-    ]
-
-
-def _else_weight(answer: Answer) -> float:
-    """Return the probability that the cause is in no list, before the next run."""
-    weights = {
-        Answer.NAMED: MACHINES.hypotheses.else_named,
-        Answer.NAMED_SET: MACHINES.hypotheses.else_named,
-        Answer.PARTLY_NAMED: MACHINES.hypotheses.else_partly_named,
-        Answer.UNNAMED: MACHINES.hypotheses.else_unnamed,
-        Answer.NOT_IDENTIFIABLE: MACHINES.hypotheses.else_not_identifiable,
-    }
-    return weights[answer]
-
-
-def _named(findings: MachineFindings, *, is_decided: bool) -> list[tuple[str, Machine, MachineFit]]:
-    """Return the explanations of the verdict, and what it leaves open unless it has decided."""
-    machine, best = findings.machine, findings.best
-    found: list[tuple[str, Machine, MachineFit]] = []
-    if best.names:
-        found.append((_words(best), machine, best))
-        found += [
-            (_words(one), machine, one) for one in (findings.found.alternatives if findings.found else ())
-        ]
-    elif findings.p_gap > MACHINES.tests.alpha:
-        found.append((NO_EFFECT, machine, best))
-    if is_decided and found:
-        return found
-    found += [(_words(one), wider, one) for wider, one in findings.unlisted]
-    rest = findings.runners_up if findings.found is not None else _scored(findings)
-    found += [(_words(one), machine, one) for one in rest]
-    return found or [(NO_EFFECT, machine, findings.base)]
 
 
 def _words(found: MachineFit) -> str:
     return " and ".join(found.names) or NO_EFFECT
 
 
-def _scored(findings: MachineFindings) -> list[MachineFit]:
-    """Return the fits of the effects that explain most to first order."""
+def _scored(findings: MachineFindings) -> list[Candidate]:
+    """Return no effect, and the effects that explain most to first order."""
     ranked = ranked_scores(findings.scores)[: MACHINES.hypotheses.top_scores]
     fits = MachineFits(findings.problem, findings.machine.effects)
-    return fits.fit_all(
+    fitted = fits.fit_all(
         [
             ((one.direction.name,), {one.direction.name: one.direction.shapes}, findings.base.fit.point)
             for one in ranked
         ],
         is_near=True,
     )
-
-
-def odds_of(one: MachineFit, best: MachineFit) -> float:
-    """Return the odds that runs like these prefer an explanation to the best: a paired t test over runs."""
-    differences = np.log(one.left_out.squares / best.left_out.squares)
-    runs = differences.size
-    if one is best or runs < 2:
-        return 1.0
-    spread = float(np.std(differences, ddof=1)) / math.sqrt(runs)
-    better = float(stats.t.sf(float(differences.mean()) / max(spread, LEAST_SPREAD), runs - 1))
-    return min(better / max(1.0 - better, 1e-9), 1.0)
+    return [
+        Candidate(names=one.names, machine=findings.machine, fit=one, is_listed=True)
+        for one in (findings.base, *fitted)
+    ]
 
 
 def _hypothesis(

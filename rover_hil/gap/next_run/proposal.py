@@ -10,17 +10,10 @@ import numpy as np
 from rover_hil.gap.decision.analysis import MachineFindings
 from rover_hil.gap.next_run.allowed import Allowed
 from rover_hil.gap.next_run.criterion import Separation, separation_of
-from rover_hil.gap.next_run.decision import (
-    Laws,
-    Outcome,
-    simulate_repeats,
-    simulate_runs,
-    without_run,
-)
-from rover_hil.gap.next_run.hypotheses import Hypothesis, hypotheses_of, starts_of, unlisted_of
+from rover_hil.gap.next_run.decision import Outcome, simulate_repeats, simulate_runs
+from rover_hil.gap.next_run.hypotheses import Hypothesis, hypotheses_of, starts_of
 from rover_hil.gap.next_run.planned import PlannedRun, planned_runs, with_names
 from rover_hil.gap.next_run.prediction import Planning, Prediction
-from rover_hil.gap.noise.random_force import ForceBasis
 from rover_hil.gap.parameters import MACHINES
 from rover_hil.gap.verdict import Answer
 from sim_backends.models.interface import Array
@@ -51,14 +44,12 @@ class NextRun:
     Attributes:
         planned: What to do.
         predictions: Of each explanation.
-        unlisted: Laws that nobody listed: decisions that were simulated with each, and its prediction.
         separation: Of the explanations.
         outcome: Of the verdict after it.
     """
 
     planned: PlannedRun
     predictions: tuple[Prediction, ...]
-    unlisted: tuple[tuple[int, Prediction], ...]
     separation: Separation
     outcome: Outcome
 
@@ -70,14 +61,14 @@ class Proposal:
     Attributes:
         hypotheses: The explanations that are left; the last is "something else".
         options: The best run, the runner-up, and the best repetition of a measured run, where there are any.
-        before: Probabilities without a further run.
-        times: How often to make the best run; 0 where even eight times do not suffice.
-        after_times: Probabilities after so many, or after the most that were tried.
+        before: Probability that the verdict without a further run is right.
+        times: How often to make the best run: until the verdict is probably right, at most eight times.
+        after_times: Probabilities after so many.
     """
 
     hypotheses: tuple[Hypothesis, ...]
     options: tuple[NextRun, ...]
-    before: Outcome
+    before: float
     times: int
     after_times: Outcome
 
@@ -97,12 +88,13 @@ def propose_run(
     """Return the run that separates the explanations that are left best.
 
     Returns:
-        The proposal; None where nothing is open, or no run may be made.
+        The proposal; None where nothing is open, no run may be made, or none makes a right verdict more
+        probable.
     """
-    if answer in (Answer.NO_GAP, Answer.BAD_DATA):
+    if answer in (Answer.NO_GAP, Answer.NAMED, Answer.BAD_DATA):
         return None
     advance("designing the next run")
-    hypotheses, basis = hypotheses_of(findings, answer)
+    hypotheses, basis = hypotheses_of(findings)
     effort = _effort(is_nonlinear=isinstance(findings.machine, StateModel))
     planned = with_names(
         planned_runs(
@@ -124,16 +116,19 @@ def propose_run(
     chosen = _shortlist(shortened, separations)
     rng = np.random.default_rng(seed)
     runs = [shortened[one] for one in chosen]
-    laws = _laws(unlisted_of(findings, basis, rng), runs, basis)
-    options = _judged(Planning(hypotheses, runs, basis), laws, effort, rng)
+    options = _judged(Planning(hypotheses, runs, basis), effort, rng)
     best, *others = sorted(options, key=lambda one: (one.outcome.right, one.separation.votes), reverse=True)
     repeated = [one for one in others if one.planned.is_repeat][:1]
     more = others[:1] if not others or others[0] in repeated else [*others[:1], *repeated]
     times, after = _times(best, hypotheses, rng)
+    # Nothing is named yet: the verdict is right where the cause is something else.
+    before = hypotheses[-1].weight
+    if after.right - before < MACHINES.proposal.least_gain:
+        return None
     return Proposal(
         hypotheses=tuple(hypotheses),
         options=(best, *more),
-        before=without_run(hypotheses),
+        before=before,
         times=times,
         after_times=after,
     )
@@ -181,31 +176,21 @@ def _shortlist(planned: Sequence[PlannedRun], separations: Sequence[Separation])
     return [*changed, *(index for index in ranked if planned[index].is_repeat)]
 
 
-def _laws(
-    unlisted: Sequence[Hypothesis], planned: Sequence[PlannedRun], basis: ForceBasis | None
-) -> Laws | None:
-    if not unlisted:
-        return None
-    planning = Planning(unlisted, planned, basis)
-    return Laws(planning=planning, predictions=planning.predictions())
-
-
-def _judged(planning: Planning, laws: Laws | None, effort: Effort, rng: np.random.Generator) -> list[NextRun]:
+def _judged(planning: Planning, effort: Effort, rng: np.random.Generator) -> list[NextRun]:
     predictions = planning.predictions()
     weights = [one.weight for one in planning.hypotheses]
     if effort.is_nonlinear:
-        outcomes = simulate_runs(planning, predictions, laws, rng)
+        outcomes = simulate_runs(planning, predictions, rng)
     else:
-        outcomes = [simulate_repeats(planning.hypotheses, own, 1, (), rng) for own in predictions]
+        outcomes = [simulate_repeats(planning.hypotheses, own, 1, rng) for own in predictions]
     return [
         NextRun(
             planned=one,
             predictions=tuple(own),
-            unlisted=() if laws is None else tuple(zip(laws.draws(), laws.predictions[place], strict=True)),
             separation=separation_of(own, weights),
             outcome=outcome,
         )
-        for place, (one, own, outcome) in enumerate(zip(planning.planned, predictions, outcomes, strict=True))
+        for one, own, outcome in zip(planning.planned, predictions, outcomes, strict=True)
     ]
 
 
@@ -216,10 +201,10 @@ def _times(best: NextRun, hypotheses: Sequence[Hypothesis], rng: np.random.Gener
         return 1, best.outcome
     after = best.outcome
     for times in MACHINES.proposal.repeats:
-        after = simulate_repeats(hypotheses, best.predictions, times, best.unlisted, rng)
+        after = simulate_repeats(hypotheses, best.predictions, times, rng)
         if _is_settled(after, weights):
             return times, after
-    return 0, after
+    return MACHINES.proposal.repeats[-1], after
 
 
 def _effort(*, is_nonlinear: bool) -> Effort:

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 
-from rover_hil.gap.next_run.decision import Outcome
 from rover_hil.gap.next_run.proposal import NextRun, Proposal, unseparated
 
 MOST_PAIRS = 1
@@ -12,19 +11,14 @@ Value = str | float | bool | Mapping[str, float] | Sequence[Mapping[str, str | f
 
 
 def proposal_sentence(proposal: Proposal) -> str:
-    """Return what to do, and how probable a right verdict is after it."""
+    """Return what to do, and by how much it raises the probability of a right verdict."""
     best = proposal.options[0]
     pairs = unseparated(proposal)
-    count = len(proposal.named)
-    if proposal.times == 0 or (pairs and len(pairs) == count * (count - 1) // 2):
-        return (
-            f"no allowed run separates {_pairs(pairs) or _all(proposal)}: the best would be "
-            f"{best.planned.words}{_after(best.outcome, 1)}; "
-            "allow other inputs, larger amplitudes or other starts"
-        )
     times = "" if proposal.times == 1 else f", {proposal.times} times"
     but = f"; it does not separate {_pairs(pairs)}" if pairs else ""
-    return f"{best.planned.words}{times}: {_aim(proposal)}{_after(proposal.after_times, proposal.times)}{but}"
+    right = f"from about {proposal.before:.0%} to {proposal.after_times.right:.0%}"
+    what = f"{best.planned.words}{times}: {_aim(proposal)}"
+    return f"{what}; it makes a right verdict more probable, {right}{but}"
 
 
 def _aim(proposal: Proposal) -> str:
@@ -36,22 +30,12 @@ def _aim(proposal: Proposal) -> str:
     return text if len(names) == 2 else f"{text}, and from {' and '.join(names[2:])}"
 
 
-def _after(outcome: Outcome, times: int) -> str:
-    which = "it" if times == 1 else "them"
-    return f"; the verdict after {which} is right with a probability of about {outcome.right:.0%}"
-
-
 def _pairs(pairs: Sequence[tuple[str, str]]) -> str:
     texts = [f"{one} from {other}" for one, other in pairs[:MOST_PAIRS]]
     more = len(pairs) - MOST_PAIRS
     if more > 0:
         texts.append(f"{more} other pair{'s' if more > 1 else ''} of explanations")
     return ", and ".join(texts)
-
-
-def _all(proposal: Proposal) -> str:
-    names = [one.name for one in proposal.hypotheses]
-    return f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def option_table(proposal: Proposal, option: NextRun, rank: int) -> dict[str, Value]:
@@ -84,7 +68,7 @@ def option_table(proposal: Proposal, option: NextRun, rank: int) -> dict[str, Va
         "probability_right": outcome.right,
         "probability_wrong": outcome.wrong,
         "probability_error": outcome.error,
-        "probability_right_before": proposal.before.right,
+        "probability_right_before": proposal.before,
         "explanations": hypotheses,
         "pairs": pairs,
     }

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from typing import Any
 
 from rover_hil.gap.verdict import Verdict
 
@@ -39,11 +40,18 @@ def draft_text(verdict: Verdict) -> str:
     return "\n".join([*parts, ")"]) + "\n"
 
 
-def _comment(draft: Mapping[str, float | str]) -> str:
+def _comment(draft: Mapping[str, Any]) -> str:
     unit = "" if draft["unit"] == "1" else f" {draft['unit']}"
     size = f"c = {draft['coefficient']:.3g}{unit}, 95 % interval {draft['low']:.3g} to {draft['high']:.3g}"
-    force = "" if draft["force_unit"] == "1" else f" {draft['force_unit']}"
+    return f"{draft['term']}; {size}; {tested_words(draft)}"
+
+
+def tested_words(draft: Mapping[str, Any]) -> str:
+    """Return what the test runs say of a draft."""
+    if draft["closure"] is None:
+        return "the test runs have no gap to confirm it"
+    sure = "confirmed by them" if draft["is_confirmed"] else "not confirmed by them"
     return (
-        f"{draft['term']}; {size}; force left on the locked runs {draft['force_after']:.3g} of "
-        f"{draft['force_before']:.3g}{force}{'' if draft['is_confirmed'] else ', not confirmed by them'}"
+        f"closes {draft['closure']:.0%} of the gap on the test runs and improves {draft['improved']:.0%} of "
+        f"them: {sure}"
     )

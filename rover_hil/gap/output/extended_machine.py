@@ -87,6 +87,7 @@ def extend_model(base: Model, file: ModelFile) -> Model:
         "parameters": parameters,
         "port_effects": tuple(effect for name, effect in by_name.items() if name not in file.effects),
     }
-    return ExtendedMachine(
-        **parts, active_effects={name: one for name, one in by_name.items() if name in file.effects}
-    )
+    names = sorted(file.effects.keys() & by_name.keys(), key=list(by_name).index)
+    # The sort is stable: effects without a place in the order keep that of the model.
+    names.sort(key=lambda name: file.order.index(name) if name in file.order else len(file.order))
+    return ExtendedMachine(**parts, active_effects={name: by_name[name] for name in names})

@@ -52,10 +52,11 @@ class Provenance(Settings):
 
 
 class ModelFile(Settings):
-    """Content of the file."""
+    """Content of the file; effects in `order` act in this order, the others after them."""
 
     schema_name: Literal["rover-hil-model/1"] = SCHEMA
     base: str
+    order: tuple[str, ...] = ()
     provenance: Provenance
     parameters: dict[str, Number]
     effects: dict[str, dict[str, Number]]
@@ -223,7 +224,9 @@ def _number(item: Parameter, key: ParameterKey, sizes: Mapping[ParameterKey, Siz
 
 def model_file_text(file: ModelFile) -> str:
     """Return the TOML text of a model file."""
-    lines = [f'schema = "{SCHEMA}"', f"base = {json.dumps(file.base)}", "", "[provenance]"]
+    lines = [f'schema = "{SCHEMA}"', f"base = {json.dumps(file.base)}"]
+    lines += [f"order = {json.dumps(file.order)}"] if file.order else []
+    lines += ["", "[provenance]"]
     source = file.provenance.model_dump(mode="json")
     lines += [f"{name} = {json.dumps(value)}" for name, value in source.items()]
     for name, number in file.parameters.items():

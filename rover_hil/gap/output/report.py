@@ -12,7 +12,7 @@ from rover_hil.gap.findings import Analysis
 from rover_hil.gap.fit.base_parameters import headline
 from rover_hil.gap.output import figures, force_figures
 from rover_hil.gap.output.answer_style import STYLES
-from rover_hil.gap.output.draft_file import draft_lines
+from rover_hil.gap.output.draft_file import draft_lines, tested_words
 from rover_hil.gap.output.error_source import channel_sources, force_sources
 from rover_hil.gap.output.next_run_figures import draw_next_run
 from rover_hil.gap.output.series import ForceTrace, Trace, forces, traces
@@ -22,6 +22,7 @@ from rover_hil.pages.picture import Drawing, draw_pictures
 from rover_hil.pages.render import render
 
 OPTIONAL = (
+    "evident",
     "has_effects",
     "is_steady",
     "steps",
@@ -68,6 +69,14 @@ def report_text(analysis: Analysis) -> str:
     shown = traces(findings)
     pushed = forces(findings)
     steady = findings.problem.observations.is_steady
+    budgets = list(draw_pictures(_budget_drawings(findings)))
+    errors = list(draw_pictures((_steady_drawings if steady else _trace_drawings)(findings, shown)))
+    force = list(draw_pictures(_force_drawings(findings, pushed)))
+    # With a name the error that falls, without one the force that a missing law would exert.
+    budgets.sort(key=lambda one: one.title != f"Error budget of {_worst_channel(findings)}")
+    is_force = bool(force) and not findings.best.names
+    evident = [errors.pop(0)] if errors else []
+    evident += [force.pop()] if is_force else [budgets.pop(0)] if budgets else []
     return _page(
         analysis,
         grade=_grade(findings, verdict),
@@ -76,14 +85,15 @@ def report_text(analysis: Analysis) -> str:
         steps=next_steps(findings, verdict),
         cards={card.name: card for card in findings.machine.effects},
         sizes=_sizes(verdict),
-        evidence=findings.found.evidence if findings.found is not None and verdict.effects else (),
+        evidence=findings.evidence if verdict.effects else (),
         run_units={one.name: one.unit for one in findings.machine.run_parameters},
         run_rows=_run_rows(findings),
-        budget_pictures=draw_pictures(_budget_drawings(findings)),
+        evident=evident,
+        budget_pictures=budgets,
         is_steady=steady,
-        trace_pictures=draw_pictures((_steady_drawings if steady else _trace_drawings)(findings, shown)),
+        trace_pictures=errors,
         map_pictures=() if steady else draw_pictures(_map_drawings(findings, shown)),
-        force_pictures=draw_pictures(_force_drawings(findings, pushed)),
+        force_pictures=force,
         channel_sources=_sources(findings, shown),
         force_sources=force_sources(findings, pushed),
         proposal=analysis.proposal,
@@ -92,13 +102,18 @@ def report_text(analysis: Analysis) -> str:
     )
 
 
+def _worst_channel(findings: MachineFindings) -> str:
+    """Return the channel with the greatest model error before, in its noise."""
+    return max(findings.budget_before, key=lambda one: one.model_error / one.sensor_noise).channel
+
+
 def _page(analysis: Analysis, **parts: object) -> str:
     verdict = analysis.verdict
     grade, tag = STYLES[verdict.verdict]
     none = {**dict.fromkeys(OPTIONAL, ()), "cards": {}, "run_units": {}, "lead": "", "grade": grade}
     return render(
         "gap/output/report.html",
-        filters={"number": _number, "interval": _interval},
+        filters={"number": _number, "interval": _interval, "tested": tested_words},
         model=analysis.model,
         verdict=verdict,
         tag=tag,

@@ -90,4 +90,6 @@ def model_file_of(analysis: Analysis, base: str, provenance: Provenance) -> Mode
         best = analysis.machine.best
         sizes = {item.key: size_of(best, item.key) for item in best.fit.free if not item.key.run}
     file = describe_model(analysis.model, base, provenance, sizes)
+    order = tuple(name for names in analysis.verdict.order.values() for name in names)
+    file = file.model_copy(update={"order": order})
     return file if sizes else with_found(file, analysis.verdict.base_parameters)

@@ -1,24 +1,19 @@
 """Drafts of a missing law: free-form terms of the equations that explain what is left.
 
-A draft passes the rules of effects. The locked runs confirm it where the variance of the random force that
-the machine needs to follow them falls by the share that the rules require; such drafts come first.
+A draft passes the rules of effects. The test runs confirm it as they confirm a name; such drafts come first.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from rover_hil.gap.data.problem import Point, Problem, observe
-from rover_hil.gap.evidence.evidence import MachineFit
+from rover_hil.gap.data.problem import Problem
+from rover_hil.gap.evidence.evidence import MachineFit, Names
 from rover_hil.gap.evidence.sizes import size_of
-from rover_hil.gap.fit.descent import residual_of
-from rover_hil.gap.fit.holdout import with_own_unknowns
-from rover_hil.gap.noise.random_force import random_force_noise
+from rover_hil.gap.fit.holdout import Holdout, hold_out
 from rover_hil.gap.parameters import MACHINES
 from rover_hil.gap.search.free_terms import FittedTerm, free_terms, search_terms, strength_of
-from rover_hil.gap.search.tracking import basis_of
 from sim_backends.models.interface import Run
 from sim_backends.models.parameter_key import ParameterKey
 from sim_backends.state_model.model import StateModel
@@ -36,12 +31,10 @@ class DraftTerm:
         high: Upper end.
         unit: Of the coefficient.
         code: Line that adds it to a model as an effect.
-        closest: The most similar effect of the model; empty where it has none.
+        closest: The most similar effect of the model, named or not; empty where there is none.
         cosine: Their similarity, 0..1, in what they change and the base parameters do not.
-        force_before: Root mean square of the random force at the port in the locked runs without it, in the
-            unit of the port.
-        force_after: The same with it.
-        force_unit: Unit of the port.
+        closure: Share of the gap on the test runs that it closes; None where there is none.
+        improved: Share of the test runs that it improves.
     """
 
     equation: str
@@ -53,57 +46,51 @@ class DraftTerm:
     code: str
     closest: str
     cosine: float
-    force_before: float
-    force_after: float
-    force_unit: str
+    closure: float | None
+    improved: float
+
+    def is_law_of(self, names: Names) -> bool:
+        """Return True where it is the same law as one of some effects."""
+        return self.closest in names and self.cosine > MACHINES.terms.same_law
 
     @property
     def is_confirmed(self) -> bool:
-        """True where the locked runs need a clearly smaller force with it."""
-        return self.force_after**2 < (1.0 - MACHINES.search.share) * self.force_before**2
+        """True where it closes most of the gap on the test runs and improves most of them, as a name does."""
+        return (
+            self.closure is not None
+            and self.closure >= MACHINES.verdict.half
+            and self.improved >= MACHINES.search.agreeing_share
+        )
 
 
-def find_drafts(
-    machine: StateModel, problem: Problem, locked: Sequence[Run], at: MachineFit
-) -> list[tuple[DraftTerm, FittedTerm]]:
-    """Return the terms that explain most of what is left, the best first and unconfirmed ones last."""
+def missing_terms(machine: StateModel, problem: Problem, at: MachineFit) -> list[FittedTerm]:
+    """Return the terms that explain most of what a fit leaves and pass the rules of effects, best first."""
     terms = free_terms(machine, problem, at, is_wide=True)
-    fitted = [one for one in search_terms(machine, problem, terms, at) if not one.objection]
-    if not fitted:
-        return []
-    before = _force_rms(machine, locked, at.fit.point)
-    found: list[tuple[DraftTerm, FittedTerm]] = []
-    for one in fitted:
-        effect = one.term.effect
-        after = _force_rms(machine.with_effects([*machine.port_effects, effect]), locked, one.fit.fit.point)
-        found.append((_draft(machine, one, before[effect.port], after[effect.port]), one))
-    found.sort(key=lambda pair: not pair[0].is_confirmed)
-    return found[: MACHINES.terms.most_drafts]
+    return [one for one in search_terms(machine, problem, terms, at) if not one.objection]
 
 
-def _force_rms(machine: StateModel, locked: Sequence[Run], point: Point) -> dict[str, float]:
-    """Return the size of the random force that keeps the machine on the locked runs, by port."""
-    problem = Problem(machine, observe(machine, locked))
-    own = with_own_unknowns(problem, point)
-    residual = residual_of(problem.observations, problem.predict(own))
-    basis = basis_of(problem, machine, own)
-    noise = random_force_noise(problem.observations, residual, basis)
-    smoothed = noise.smoothed_forces(np.nan_to_num(residual))
-    squares = np.array([mean**2 + np.diag(covariance) for mean, covariance in smoothed])
-    by_port = squares.reshape(len(smoothed), len(basis.ports), basis.knots).mean(axis=(0, 2))
-    return {
-        port: scale * math.sqrt(max(float(square), 0.0))
-        for port, scale, square in zip(basis.ports, basis.scales, by_port, strict=True)
-    }
+def confirmed_drafts(
+    machine: StateModel,
+    locked: Sequence[Run],
+    at: MachineFit,
+    terms: Sequence[FittedTerm],
+    rng: np.random.Generator,
+) -> tuple[DraftTerm, ...]:
+    """Return missing terms as drafts with what the test runs say of them, the confirmed ones first."""
+    found = []
+    for one in terms:
+        wider = machine.with_effects([*machine.port_effects, one.term.effect])
+        found.append(_draft(machine, one, hold_out(wider, locked, at, one.fit, rng)))
+    found.sort(key=lambda one: not one.is_confirmed)
+    return tuple(found[: MACHINES.terms.most_drafts])
 
 
-def _draft(machine: StateModel, found: FittedTerm, before: float, after: float) -> DraftTerm:
+def _draft(machine: StateModel, found: FittedTerm, holdout: Holdout) -> DraftTerm:
     name, coefficient = strength_of(machine, found.term)
     size = size_of(found.fit, ParameterKey(effect=name, name=coefficient.name))
-    port = found.term.effect.port
     return DraftTerm(
         equation=name,
-        port=port,
+        port=found.term.effect.port,
         coefficient=size.value,
         low=size.low,
         high=size.high,
@@ -111,7 +98,6 @@ def _draft(machine: StateModel, found: FittedTerm, before: float, after: float) 
         code=found.term.code,
         closest=found.closest,
         cosine=found.cosine,
-        force_before=before,
-        force_after=after,
-        force_unit=next(one.unit for one in machine.ports if one.name == port),
+        closure=holdout.closure,
+        improved=holdout.improved,
     )

@@ -2,14 +2,14 @@
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rover_hil.drives.arrays import rms
 from rover_hil.gap.data.problem import Problem, split_point
 from rover_hil.gap.evidence.evidence import MachineFit
-from rover_hil.gap.evidence.score import Score, cosine
+from rover_hil.gap.evidence.score import Score, cosine, score_all
 from rover_hil.gap.fit.machine_fit import MachineFits
 from rover_hil.gap.parameters import MACHINES
 from rover_hil.gap.search.search import MachineSearch, ranked_scores, score_effects
@@ -38,8 +38,8 @@ class FittedTerm:
         term: The candidate.
         fit: The machine with it.
         objection: Why it is not accepted; empty where it is.
-        closest: The most similar effect of the model; empty where it has none.
-        cosine: Their similarity, 0..1.
+        closest: The most similar effect of the model, which the fit may have; empty where there is none.
+        cosine: Their similarity, 0..1, in what they change and the base parameters do not.
     """
 
     term: FreeTerm
@@ -153,12 +153,16 @@ def search_terms(
     )
     fits.fit_all([(at.names, {}, at.fit.point)])
     by_name = dict(zip(names, terms, strict=True))
-    effects_scores = score_effects(MachineFits(problem, machine.effects), at)
+    # As laws they are compared beside the base parameters alone: an effect of the fit is one of them, too.
+    beside = _beside_base(at)
+    effects_scores = score_effects(MachineFits(problem, machine.effects), beside)
+    plain, directions = beside.decorrelated, [one.direction for one in chosen]
+    laws = {one.direction.name: one for one in score_all(plain.fit, plain.noise, directions, is_steady=True)}
     found = []
     for score, one in zip(chosen, fitted, strict=True):
         name = score.direction.name
         evidence = next(item for item in search.evidence(one) if item.name == name)
-        similar = [(abs(cosine(score, other)), other.direction.name) for other in effects_scores]
+        similar = [(abs(cosine(laws[name], other)), other.direction.name) for other in effects_scores]
         alike, closest = max(similar, default=(0.0, ""))
         found.append(
             FittedTerm(
@@ -166,6 +170,12 @@ def search_terms(
             )
         )
     return sorted(found, key=lambda item: item.fit.merit)
+
+
+def _beside_base(at: MachineFit) -> MachineFit:
+    """Return a fit whose effects absorb nothing of what others change."""
+    is_base = np.array([0.0 if item.key.effect else 1.0 for item in at.fit.free])
+    return replace(at, names=(), fit=replace(at.fit, jacobian=at.fit.jacobian.scaled(is_base)))
 
 
 def strength_of(machine: StateModel, candidate: FreeTerm) -> tuple[str, Parameter]:

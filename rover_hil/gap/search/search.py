@@ -42,15 +42,11 @@ class Found:
     """Result of a search.
 
     Attributes:
-        best: The chosen explanation; the fit without effects where there is none.
-        evidence: Of each effect of the best.
-        alternatives: Other explanations that the runs do not distinguish from it.
+        best: The explanation where the search ended; the fit without effects where there is none.
         objections: Effects that were fitted and not accepted, and why.
     """
 
     best: MachineFit
-    evidence: tuple[EffectEvidence, ...]
-    alternatives: tuple[MachineFit, ...]
     objections: Mapping[str, str]
 
 
@@ -74,12 +70,8 @@ class MachineSearch:
             if better is None:
                 break
             best = better
-        return Found(
-            best=best,
-            evidence=tuple(self.evidence(best)),
-            alternatives=tuple(self._alternatives(base, best)),
-            objections=self._objections,
-        )
+        self._visit_twins(best)
+        return Found(best=best, objections=self._objections)
 
     def scores(self, at: MachineFit) -> list[Score]:
         """Return the first-order score of every further effect; of the base fit at each of its shapes."""
@@ -89,9 +81,18 @@ class MachineSearch:
             self._scores[at.names] = best_shapes(found) if at.names else found
         return self._scores[at.names]
 
-    def evidence(self, found: MachineFit, *, is_alternative: bool = False) -> list[EffectEvidence]:
-        """Return the evidence for each effect of an explanation; an alternative needs less than a name."""
-        return [self._evidence(found, name, is_alternative=is_alternative) for name in found.names]
+    def evidence(self, found: MachineFit) -> list[EffectEvidence]:
+        """Return the evidence for each effect of an explanation."""
+        return [self._evidence(found, name) for name in found.names]
+
+    def candidates(self) -> list[MachineFit]:
+        """Return the visited fits without an effect at its limit, or two large ones that nearly cancel."""
+        return [
+            one
+            for one in self._fits.tried.values()
+            if not one.evidence.is_imitation(one)
+            and not any(_at_bound(one, self._fits.cards[name]) for name in one.names)
+        ]
 
     def _better(self, best: MachineFit) -> MachineFit | None:
         """Return a better explanation that is accepted; with a pair only where no single effect suffices."""
@@ -163,14 +164,12 @@ class MachineSearch:
                 self._objections[one.name] = one.objection
         return all(not one.objection for one in evidence)
 
-    def _evidence(self, found: MachineFit, name: str, *, is_alternative: bool) -> EffectEvidence:
+    def _evidence(self, found: MachineFit, name: str) -> EffectEvidence:
         card = self._fits.cards[name]
         part = self._part(found, name)
         share, agreeing = found.explained(part)
         z = found.evidence.z(part, found, card.strength_key)
         least_share, needed = found.evidence.needed(found, share)
-        if is_alternative:
-            needed = min(needed, MACHINES.search.clear_z)
         objection = ""
         if found.evidence.is_imitation(found):
             objection = "large effects nearly cancel: they imitate a third"
@@ -187,10 +186,8 @@ class MachineSearch:
             objection = _at_bound(found, card)
         return EffectEvidence(name=name, z=z, share=share, agreeing=agreeing, objection=objection)
 
-    def _alternatives(self, base: MachineFit, best: MachineFit) -> list[MachineFit]:
-        """Return the explanations of the same size that left-out runs do not find worse than the best."""
-        if not best.names:
-            return []
+    def _visit_twins(self, best: MachineFit) -> None:
+        """Fit the explanations in which an effect that is most similar takes the place of one of the best."""
         for name in best.names:
             part = self._part(best, name)
             for score in self._twins(part, best, name):
@@ -199,21 +196,6 @@ class MachineSearch:
                     {score.direction.name: score.direction.shapes},
                     part.fit.point,
                 )
-        gain = base.merit - best.merit
-        return sorted(
-            (
-                one
-                for names, one in list(self._fits.tried.items())  # the evidence may need further fits
-                if len(names) == len(best.names)
-                and names != best.names
-                and (
-                    one.is_within_noise
-                    or (one.evidence.gains_alike(base.merit - one.merit, gain) and one.is_equal(best))
-                )
-                and all(not item.objection for item in self.evidence(one, is_alternative=True))
-            ),
-            key=lambda one: one.merit,
-        )
 
     def _twins(self, part: MachineFit, best: MachineFit, name: str) -> list[Score]:
         """Return the effects most similar to one of the best explanation."""

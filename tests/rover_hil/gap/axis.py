@@ -19,6 +19,7 @@ def measured_runs(
     cube: float = 0.0,
     wear: float = 0.0,
     disturbance: float = 0.0,
+    persistence: float = 0.0,
     seed: int = SEED,
 ) -> list[Run]:
     """Return runs of J dw/dt = k u - b w - friction, with sensor noise.
@@ -30,6 +31,7 @@ def measured_runs(
         cube: Coefficient of a drag with the cube of speed, 1/(rad^2 s).
         wear: Coefficient of a drag with speed times the square of the voltage, 1/(V^2 s).
         disturbance: Size of a slow random force that differs between runs, rad/s^2.
+        persistence: Correlation of neighbouring errors of the sensor, whose size stays the same.
         seed: Of inputs, starts and noise.
     """
     rng = np.random.default_rng(seed)
@@ -39,7 +41,7 @@ def measured_runs(
         start = float(rng.normal(0.0, 2.0))
         force = _slow(rng, samples) * disturbance
         speed = _simulate(voltage, start, dry, (cube, wear), force)
-        noisy = speed + SENSOR_RAD_S * rng.standard_normal(samples)
+        noisy = speed + SENSOR_RAD_S * _persistent(rng.standard_normal(samples), persistence)
         runs.append(
             Run(
                 name=f"run{number}",
@@ -55,6 +57,13 @@ def _slow(rng: np.random.Generator, samples: int) -> Array:
     knots = rng.standard_normal(samples // 30 + 2)
     values: Array = np.interp(np.arange(samples), 30.0 * np.arange(knots.size), knots)
     return values
+
+
+def _persistent(white: Array, persistence: float) -> Array:
+    found = white.copy()
+    for sample in range(1, white.size):
+        found[sample] = persistence * found[sample - 1] + math.sqrt(1.0 - persistence**2) * white[sample]
+    return found
 
 
 def _simulate(voltage: Array, start: float, dry: float, drags: tuple[float, float], force: Array) -> Array:

@@ -27,6 +27,8 @@ KEYS = {
     "effects",
     "base_parameters",
     "confidence_set",
+    "probabilities",
+    "order",
     "rejected",
     "unnamed",
     "next_run",

@@ -217,16 +217,14 @@ def test_a_value_that_another_base_parameter_replaces_is_told_with_it() -> None:
     assert "explain the runs equally" in verdict.sentence
 
 
-@pytest.mark.parametrize(("force", "answer"), [(1.0, Answer.PARTLY_NAMED), (3.0, Answer.UNNAMED)])
-def test_what_a_nominal_value_pushes_away_is_told_where_a_gap_remains(force: float, answer: Answer) -> None:
+@pytest.mark.parametrize("force", [1.0, 3.0])
+def test_what_a_nominal_value_pushes_away_is_told_where_a_gap_remains(force: float) -> None:
     """With the nominal gain the supply leaves its prior: locked runs compare both with the end of this prior.
 
-    Under the greater force they close less than half of the gap, and are reported without being in a set.
+    An unknown force explains what they leave better: they are reported without being in a set.
     """
     verdict = analyse(supplied_axis(0.02), measured_runs(8, disturbance=force)).verdict
-    assert verdict.verdict is answer, verdict.sentence
-    expected = [["gain"], ["supply"]] if answer is Answer.PARTLY_NAMED else []
-    assert sorted(map(list, verdict.confidence_set)) == expected
+    assert (verdict.verdict, verdict.confidence_set) == (Answer.UNNAMED, []), verdict.sentence
     told = verdict.sentence.split("explain the runs equally: ")[1].split(". ")[0]
     assert "gain (" in told
     assert "supply (1.1" in told

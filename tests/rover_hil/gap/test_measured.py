@@ -24,7 +24,9 @@ def test_friction_of_the_drive_has_the_published_size(emps: Verdict) -> None:
     assert 19.0 <= level.value <= 22.0
     assert level.ci95[0] <= 20.4 <= level.ci95[1]
     assert level.ci95[1] - level.ci95[0] <= 0.15 * level.value
-    assert {"asymmetric_friction", "offset"} & set(found)
+    # What explains a small part beside a remaining error is not named.
+    assert emps.verdict is Answer.PARTLY_NAMED
+    assert list(found) == ["coulomb_friction"]
     viscous = next(one for one in emps.base_parameters if one.name == "viscous")
     assert 190.0 <= viscous.value <= 215.0
     assert viscous.ci95[0] <= 203.5 <= viscous.ci95[1]

@@ -54,18 +54,20 @@ def test_a_named_effect_fills_the_page(named: Analysis) -> None:
     assert "times the sensor noise; with coulomb_friction it is" in page
     assert named.verdict.sentence.split(" (")[0] in page
     assert _headings(page) == [
+        "What shows it",
         "Error budget",
         "Missing effects and their sizes",
         "On the locked runs",
         "Measured and simulated",
         "Where the error is",
         "Unknown force",
-        "The next run",
         "Base parameters",
         "Unknowns of each run",
         "Not named, and why",
         "Detection limits",
     ]
+    before_the_rest = page.split('<details class="rest">')[0]
+    assert before_the_rest.count('<img class="drawn"') == 2
     assert "http:" not in page.replace("http://www.w3.org", "")
     assert "https:" not in page
     titles = re.findall('<img class="drawn" src="data:image/svg\\+xml;base64,[^"]+" alt="([^"]+)"', page)

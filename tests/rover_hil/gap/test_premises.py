@@ -125,9 +125,9 @@ def test_a_start_that_was_read_is_as_wrong_as_its_sensor() -> None:
         body(), run_parameters=(start,), port_effects=(effects.gain_error("first", size=0.03, name="gain"),)
     )
     runs = [
-        replace(one, measured={**one.measured, "first": 1.1 * one.measured["first"]})
+        replace(one, measured={**one.measured, "first": 1.2 * one.measured["first"]})
         for one in body_runs(SEED, samples=36)
     ]
     verdict = analyse(model, runs).verdict
     assert verdict.confidence_set == [["gain"]], verdict.sentence
-    assert verdict.effects[0].parameters["share"].value == pytest.approx(0.1, abs=0.01)
+    assert verdict.effects[0].parameters["share"].value == pytest.approx(0.2, abs=0.01)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from rover_hil.gap import Array, Channel, EffectCard, Parameter, Port, Run, RunParameter, StateModel, effects
-from rover_hil.gap.next_run.hypotheses import SOMETHING_ELSE, hypotheses_of
 from rover_hil.gap.verdict import Answer, Verdict
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.interface import Model, Values
@@ -97,16 +96,10 @@ def test_after_a_name_the_next_steady_run_has_no_rival() -> None:
     assert "distinguishes" not in verdict.next_run
 
 
-def test_after_a_name_the_next_run_of_a_machine_has_no_rival() -> None:
-    """The weak friction leaves other laws open; were it named, these would be decided."""
-    machine = analyse(axis_model(), measured_runs(dry=0.4)).machine
-    assert machine is not None
-    names = {
-        answer: [one.name for one in hypotheses_of(machine, answer)[0]]
-        for answer in (Answer.PARTLY_NAMED, Answer.NAMED)
-    }
-    assert len(names[Answer.PARTLY_NAMED]) > 2
-    assert names[Answer.NAMED] == ["coulomb_friction", SOMETHING_ELSE]
+def test_after_a_name_a_machine_needs_no_next_run() -> None:
+    analysis = analyse(axis_model(), measured_runs(dry=2.5))
+    assert analysis.verdict.verdict is Answer.NAMED, analysis.verdict.sentence
+    assert (analysis.proposal, analysis.verdict.next_run) == (None, "")
 
 
 def turned(inertia: float) -> list[Run]:

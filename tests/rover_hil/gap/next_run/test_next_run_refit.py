@@ -1,4 +1,4 @@
-"""The simulated decision against real ones: errors after a new run, and causes that nobody listed."""
+"""The simulated decision against real ones: errors after a new run."""
 
 import numpy as np
 import pytest
@@ -6,20 +6,18 @@ import pytest
 from benchmarks.gap_machines.small_carts import SmallCart, make_cart, make_model
 from rover_hil.gap.findings import Analysis
 from rover_hil.gap.fit.machine_fit import MachineFits
-from rover_hil.gap.next_run.hypotheses import unlisted_of
 from rover_hil.gap.next_run.prediction import Planning
 from rover_hil.gap.next_run.refit import NewRun
-from rover_hil.gap.parameters import MACHINES
 from rover_hil.gap.workflow import analyse
 from sim_backends.models.interface import Array
 
-CUBIC = 3
-"""Number of a cart whose resistance, the cube of the speed, is in no list; drag imitates it."""
+SIMILAR = 16
+"""Number of a cart whose drag the runs hardly distinguish from viscous friction."""
 
 
 @pytest.fixture(scope="module")
 def cart() -> SmallCart:
-    return make_cart(CUBIC)
+    return make_cart(SIMILAR)
 
 
 @pytest.fixture(scope="module")
@@ -75,15 +73,3 @@ def test_a_new_run_that_says_nothing_about_the_parameters_changes_no_other(
     found = simulated(cart, analysis, "viscous_friction", has_slopes=False)
     before = next(one for one in analysis.proposal.hypotheses if one.name == "viscous_friction")
     np.testing.assert_allclose(found[:-1], before.fit.left_out.squares, rtol=1e-6)
-
-
-def test_drawn_laws_fit_the_measured_runs_and_make_a_wrong_name_probable(analysis: Analysis) -> None:
-    assert analysis.machine is not None
-    laws = unlisted_of(analysis.machine, None, np.random.default_rng(2))
-    assert 1 <= len(laws) <= MACHINES.hypotheses.laws
-    assert 0.5 < sum(one.weight for one in laws) <= 1.0 + 1e-9
-    best = analysis.machine.best.left_out.squares.sum()
-    assert all(one.fit.left_out.squares.sum() < 3.0 * best for one in laws)
-    assert {one.machine.name for one in laws} == {"cart"}
-    wrong = [float(str(one["probability_wrong"])) for one in analysis.verdict.next_runs]
-    assert max(wrong) > 0.01
