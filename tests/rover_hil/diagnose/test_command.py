@@ -16,6 +16,8 @@ from tests.nature.calibration_drives import DIFF, Sensors, Wheel
 from tests.rover_hil.command import Command, assert_one_sentence
 from tests.rover_hil.test_import_table import write
 
+pytestmark = pytest.mark.timeout(400)
+
 COLUMNS = """[time]
 column = "t"
 

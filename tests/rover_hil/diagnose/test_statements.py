@@ -18,6 +18,8 @@ from tests.rover_hil.command import Command
 from tests.rover_hil.diagnose.test_command import ALL_KINDS, COLUMNS, OPTIONS, TRUTH, cause, found, tables
 from tests.rover_hil.test_import_table import write
 
+pytestmark = pytest.mark.timeout(400)
+
 TRICYCLE = """time = { column = 1 }
 [truth]
 x = { column = 2 }

@@ -27,6 +27,8 @@ from sim_backends.plants.wheels.plant import WheelsPlant
 from sim_backends.plants.wheels.settings import WheelsPlantSettings
 from tests.rover_hil.command import Command, assert_one_sentence
 
+pytestmark = pytest.mark.timeout(400)
+
 EXAMPLE = Path("docs/examples/differential.toml").resolve()
 TRUE = {
     "plant.wheel_friction_nm": 0.12,
