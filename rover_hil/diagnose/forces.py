@@ -85,8 +85,9 @@ def pull_of(plant: WheelsPlantSettings, drag: float) -> float:
 def friction_of(drives: Sequence[ReplayedDrive], plant: PlantSettings) -> TwinNumber | Unknown:
     """Return the Coulomb friction of a wheel with which the simulated motors take the recorded currents.
 
-    On a steady straight the power of the motors is that of friction and of the ground's resistance. Torque
-    per current and ground are those of the simulation.
+    On a steady straight of level ground the power of the motors is that of friction and of the ground's
+    resistance. Torque per current and ground are those of the simulation. That the ground is level is not
+    tested: a slope that all drives climb counts as friction, one that they drive up and down cancels.
     """
     counts = {make_kinematics(each.drive.config.rover).wheel_count for each in drives}
     match plant:
