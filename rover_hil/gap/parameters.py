@@ -182,10 +182,14 @@ class DecideParameters:
     partly: float = 0.8  # least probability of a name where something else remains
     whole_set: float = 0.95  # probability of a set
     most_sizes: float = 10.0  # greatest size of a name, in its declared size
-    # Greatest structure in the errors that a name leaves: root mean square of what neighbouring samples share
-    # and the noise of the sensor does not explain, over the tolerance. 0.3 of a tolerance of one sensor noise
-    # is a tenth of the variance. Orders whose predictions differ by less, in noises, are one.
-    structure: float = 0.3
+    # Greatest structure in the errors that a name leaves, over the tolerance: a twenty-fifth of the variance
+    # of the noise, if that is the tolerance.
+    structure: float = 0.2
+    shared_lags: int = 20  # distance of errors, in samples, up to which what they share is compared
+    most_memory: float = 0.95  # greatest correlation of neighbouring errors that is slow noise of a sensor
+    shared_sd: float = 3.0  # standard deviations of chance above which what errors share is structure
+    # Orders whose predictions differ by less, in noises, are one: a tenth of the variance of the noise.
+    same_order: float = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

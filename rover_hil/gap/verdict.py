@@ -97,7 +97,7 @@ class Verdict:
     probabilities: Sequence[Mapping[str, float | Sequence[str]]] = ()
     order: Mapping[str, Sequence[str]] = field(default_factory=dict)
     rejected: Sequence[Mapping[str, str]] = ()
-    unnamed: Sequence[Mapping[str, str | float]] = ()
+    unnamed: Sequence[Mapping[str, str | float | None]] = ()
     next_run: str = ""
     next_runs: Sequence[Mapping[str, object]] = ()
     detectable: Sequence[Mapping[str, str | float]] = ()

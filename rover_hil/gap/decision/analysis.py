@@ -354,7 +354,7 @@ def _with_drafts(
 ) -> MachineFindings:
     machine, best = findings.machine, findings.best
     if isinstance(machine, CalledMachine):
-        return replace(findings, equations=equations_of(machine, findings.problem, fits, best, rng))
+        return replace(findings, equations=equations_of(machine, findings.problem, fits, locked, best, rng))
     if not has_ports(machine):
         return findings
     terms = missing_terms(machine, findings.problem, best) if best.names else of_base

@@ -1,6 +1,7 @@
 """What an explanation leaves: an unknown force beside it, and structure in its errors."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -53,9 +54,10 @@ def _by_run(errors: Array, site: Indices, count: Array) -> Array:
 def structure_of(problem: Problem, found: MachineFit) -> float:
     """Return the size of the errors that are structure, of the worst channel, over its tolerance.
 
-    Structure is what neighbouring samples share and what is more than the noise of the sensor: noise that is
-    slow is shared, but has the declared size; noise that is declared too small is not shared. The size is the
-    root of the smaller of the two squares. Channels that round to coarse steps have none.
+    The noise of a sensor, also slow noise, forgets itself: what errors share falls with their distance, as of
+    an autoregression of the first order. What they share beyond that is structure, and so is what neighbours
+    share and what is more than the noise: noise that is slow has the declared size, and noise that is
+    declared too small is not shared. Channels that round to coarse steps have none.
     """
     greatest = 0.0
     residual, site, channel = found.decorrelated.fit.residual, found.noise.site, found.noise.channel
@@ -64,12 +66,38 @@ def structure_of(problem: Problem, found: MachineFit) -> float:
             continue
         here = channel == index
         errors, runs = residual[here] * float(found.noise.channel_sd[index]), site[here]
-        pairs = runs[1:] == runs[:-1]
-        if not pairs.any():
-            continue
-        shared = float(np.mean(errors[1:][pairs] * errors[:-1][pairs]))
+        products = _products([errors[runs == run] for run in np.unique(runs)])
         noise = (1.0 + MACHINES.tests.sigma_uncertainty) * float(found.declared_sd[index])
         excess = float(np.mean((found.errors[here] * float(found.declared_sd[index])) ** 2)) - noise**2
+        fast = min(float(products[1]), excess) if products.size > 1 else 0.0
         tolerance = one.tolerance or MACHINES.budget.tolerance * one.noise_sd
-        greatest = max(greatest, math.sqrt(max(min(shared, excess), 0.0)) / tolerance)
+        greatest = max(greatest, math.sqrt(max(fast, _lasting(products, errors.size), 0.0)) / tolerance)
     return greatest
+
+
+def _products(series: Sequence[Array]) -> Array:
+    """Return the mean product of errors of one run at the distances 0, 1, ... samples."""
+    longest = min(MACHINES.decide.shared_lags, min(one.size for one in series) // 2)
+    return np.array(
+        [
+            np.mean(np.concatenate([one[lag:] * one[: one.size - lag] for one in series]))
+            for lag in range(longest + 1)
+        ]
+    )
+
+
+def _lasting(products: Array, count: int) -> float:
+    """Return what errors share beyond an autoregression of the first order; 0 where it may be chance.
+
+    Args:
+        products: Mean products of errors at the distances 0, 1, ...
+        count: Number of errors.
+    """
+    distances = np.arange(2, products.size)
+    if not distances.size or products[0] <= 0.0:
+        return 0.0
+    memory = min(max(float(products[1] / products[0]), 0.0), MACHINES.decide.most_memory)
+    lasting = float(np.mean(products[2:] - products[0] * memory**distances))
+    # Of as many products of independent errors, of which slow ones are fewer (Bartlett 1946).
+    chance = float(products[0]) * (1.0 + memory) / (1.0 - memory) / math.sqrt(count * distances.size)
+    return lasting if lasting > MACHINES.decide.shared_sd * chance else 0.0

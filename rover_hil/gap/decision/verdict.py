@@ -13,6 +13,7 @@ from rover_hil.gap.fit.base_parameters import HALF_WIDTHS
 from rover_hil.gap.parameters import MACHINES
 from rover_hil.gap.search.drafts import DraftTerm
 from rover_hil.gap.search.orders import order_at_ports
+from rover_hil.gap.search.residual_equations import Equation
 from rover_hil.gap.search.search import best_shapes, ranked_scores
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
 from sim_backends.state_model.model import StateModel, has_ports
@@ -57,16 +58,18 @@ def _draft_failure(findings: MachineFindings) -> str:
     return f" The search of a missing term did not end ({findings.draft_failure}): the rest is complete."
 
 
-def _unnamed(findings: MachineFindings) -> list[dict[str, str | float]]:
+def _unnamed(findings: MachineFindings) -> list[dict[str, str | float | None]]:
     """Return what no effect explains as equations."""
-    found: list[tuple[str, str, str, float]] = [
-        (_equation(one.equation, one.coefficient, one.unit), one.unit, one.closest, one.cosine)
-        for one in findings.drafts
-    ]
-    found += [(one.text, one.unit, one.closest, one.cosine) for one in findings.equations]
     return [
-        {"equation": text, "unit": unit, "closest": closest, "cosine": round(cosine, 3)}
-        for text, unit, closest, cosine in found
+        {
+            "equation": text,
+            "unit": one.unit,
+            "closest": one.closest,
+            "cosine": round(one.cosine, 3),
+            "closure": one.closure,
+            "is_confirmed": one.is_confirmed,
+        }
+        for text, one in _missing(findings)
     ]
 
 
@@ -199,13 +202,14 @@ def _objections(findings: MachineFindings) -> list[str]:
     found += [f"the term {name} explains as much" for name in findings.rival_terms[:2]]
     confirmed = _confirmed(findings)
     if confirmed and findings.structure > MACHINES.decide.structure:
-        found.append(f"the test runs confirm that {confirmed[0].equation} is missing too")
+        found.append(f"the test runs confirm that {confirmed[0]} is missing too")
     return found
 
 
-def _confirmed(findings: MachineFindings) -> list[DraftTerm]:
-    """Return the drafts that the test runs confirm; more of a law that is in the answer is no other law."""
-    return [one for one in findings.drafts if one.is_confirmed and not one.is_law_of(findings.best.names)]
+def _confirmed(findings: MachineFindings) -> list[str]:
+    """Return the terms that the test runs confirm; more of a law that is in the answer is no other law."""
+    names = findings.best.names
+    return [text for text, one in _missing(findings) if one.is_confirmed and not one.is_law_of(names)]
 
 
 def _contains(size: Size, null: float, least_z: float) -> bool:
@@ -322,14 +326,20 @@ def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str])
 
 
 def _draft_words(findings: MachineFindings) -> str:
-    """Return the first draft, as the beginning of a sentence without a name; empty for none."""
-    if not findings.drafts:
+    """Return the first missing term, as the beginning of a sentence without a name; empty for none."""
+    missing = _missing(findings)
+    if not missing:
         return ""
-    first = findings.drafts[0]
+    text, first = missing[0]
     closed = "" if first.closure is None else f", it closes {first.closure:.0%} of the gap on the test runs"
     sure = "is probably missing" if first.is_confirmed else "may be missing, the test runs do not confirm it"
-    text = _equation(first.equation, first.coefficient, first.unit)
     return f"A term that is in no list {sure}: {text}{closed}. "
+
+
+def _missing(findings: MachineFindings) -> list[tuple[str, DraftTerm | Equation]]:
+    """Return terms that are missing in the equations, or at the outputs, each with its text."""
+    drafts = [(_equation(one.equation, one.coefficient, one.unit), one) for one in findings.drafts]
+    return [*drafts, *((one.text, one) for one in findings.equations)]
 
 
 def _agreement(findings: MachineFindings, before: str, reasons: Sequence[str]) -> str:

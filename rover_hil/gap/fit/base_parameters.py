@@ -119,7 +119,7 @@ def with_base_parameters(verdict: Verdict, rows: Sequence[FittedBase]) -> Verdic
     if named and answer is not Answer.NAMED:
         head = head.replace("Wrong", "Probably wrong", 1)
     sentences = [head, _rest(verdict, named)]
-    if verdict.draft and not named:
+    if verdict.unnamed and not named:
         sentences.reverse()  # a missing term is the finding, and may have moved the value
     return replace(verdict, verdict=answer, confidence_set=members, sentence=" ".join(sentences))
 
@@ -208,7 +208,9 @@ def _of_effects(verdict: Verdict, sets: Sequence[str]) -> str:
         case Answer.BAD_DATA:
             return "The data cannot be used."
         case Answer.UNNAMED:
-            return "There is a gap, and no effect explains it."
+            sure = [one["equation"] for one in verdict.unnamed if one["is_confirmed"]]
+            term = f" Probably missing: {sure[0]}." if sure else ""
+            return f"There is a gap, and no effect explains it.{term}"
         case Answer.NAMED | Answer.NAMED_SET | Answer.PARTLY_NAMED:
             names = " or ".join(sets)
             missing = "missing in the model" if verdict.effects else "wrong in the model"

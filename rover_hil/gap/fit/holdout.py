@@ -80,30 +80,48 @@ def hold_out(
     lean_of = [np.nan_to_num(one / declared_noise(observations).row_sd) for one in residuals]
     if is_nominal:
         residuals[0] = residual_of(observations, problem.predict(with_own_unknowns(problem, {})))
-    noise = declared_noise(observations).row_sd
-    by_run = [_by_run(problem, residual / noise) for residual in residuals]
-    count = _by_run(problem, np.where(np.isfinite(observations.values), 1.0, np.nan))
     channels = {
         channel.name: _channel(problem, residuals, index, rng)
         for index, channel in enumerate(observations.channels)
         if np.isfinite(residuals[0][observations.channel == index]).any()
     }
-    total, excess = float(count.sum()), float(by_run[0].sum() - count.sum())
+    closure, improved = closed(problem, residuals, best)
+    return Holdout(
+        channels=channels,
+        closure=closure,
+        improved=improved,
+        lean=_lean(*lean_of),
+        residuals=(residuals[0], residuals[1]),
+        problem=problem,
+    )
+
+
+def closed(problem: Problem, residuals: Sequence[Array], best: MachineFit) -> tuple[float | None, float]:
+    """Return the share of a gap that is closed, and of the runs that are improved.
+
+    Args:
+        problem: The locked runs.
+        residuals: Measured minus simulated before and after, by row.
+        best: The fit to the other runs; where it learned the noise, the squares of errors scatter more.
+    """
+    observations = problem.observations
+    noise = declared_noise(observations).row_sd
+    before, after = (_by_run(problem, residual / noise) for residual in residuals)
+    total = float(np.isfinite(observations.values).sum())
     scatter = 2.0 * total
     if best.evidence.is_learned:
         # Errors with heavy tails have squares that scatter more, and what they should be was learned.
         squares = np.nan_to_num(residuals[1] / noise)[np.isfinite(observations.values)] ** 2
         scatter = total * float(np.var(squares)) * (1.0 + total / best.count)
-    return Holdout(
-        channels=channels,
-        closure=float(_closure(by_run[0].sum(), by_run[1].sum(), total))
-        if excess > 2.0 * math.sqrt(scatter)
-        else None,
-        improved=float(np.mean(by_run[1] < by_run[0])),
-        lean=_lean(*lean_of),
-        residuals=(residuals[0], residuals[1]),
-        problem=problem,
-    )
+    is_gap = float(before.sum()) - total > 2.0 * math.sqrt(scatter)
+    share = float(_closure(before.sum(), after.sum(), total)) if is_gap else None
+    return share, float(np.mean(after < before))
+
+
+def is_confirming(closure: float | None, improved: float) -> bool:
+    """Return True where most of the gap is closed and most runs are improved, as of a name."""
+    is_closed = closure is not None and closure >= MACHINES.verdict.half
+    return is_closed and improved >= MACHINES.search.agreeing_share
 
 
 def with_own_unknowns(problem: Problem, point: Point) -> Point:

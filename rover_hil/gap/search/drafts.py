@@ -11,7 +11,7 @@ import numpy as np
 from rover_hil.gap.data.problem import Problem
 from rover_hil.gap.evidence.evidence import MachineFit, Names
 from rover_hil.gap.evidence.sizes import size_of
-from rover_hil.gap.fit.holdout import Holdout, hold_out
+from rover_hil.gap.fit.holdout import Holdout, hold_out, is_confirming
 from rover_hil.gap.parameters import MACHINES
 from rover_hil.gap.search.free_terms import FittedTerm, free_terms, search_terms, strength_of
 from sim_backends.models.interface import Run
@@ -56,11 +56,7 @@ class DraftTerm:
     @property
     def is_confirmed(self) -> bool:
         """True where it closes most of the gap on the test runs and improves most of them, as a name does."""
-        return (
-            self.closure is not None
-            and self.closure >= MACHINES.verdict.half
-            and self.improved >= MACHINES.search.agreeing_share
-        )
+        return is_confirming(self.closure, self.improved)
 
 
 def missing_terms(machine: StateModel, problem: Problem, at: MachineFit) -> list[FittedTerm]:

@@ -67,4 +67,4 @@ def _moves(wider: StateModel, problem: Problem, found: MachineFit) -> bool:
     own = Problem(wider, problem.observations, problem.held, problem.released)
     sd = declared_noise(problem.observations).row_sd
     change = (own.predict(found.fit.point) - problem.predict(found.fit.point)) / sd
-    return rms(np.nan_to_num(change)) > MACHINES.decide.structure
+    return rms(np.nan_to_num(change)) > MACHINES.decide.same_order

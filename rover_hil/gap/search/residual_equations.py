@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_hil.gap.data.problem import Observations
+from rover_hil.gap.evidence.evidence import Names
 from rover_hil.gap.evidence.fit import Fit
 from rover_hil.gap.evidence.score import Projection, Score, linear_gain, of_terms, one_sided_z, score_all
 from rover_hil.gap.evidence.terms import Term, directions
+from rover_hil.gap.fit.holdout import is_confirming
 from rover_hil.gap.noise.sensor_noise import SensorNoise
 from rover_hil.gap.parameters import MACHINES
 
@@ -24,6 +26,8 @@ class Equation:
         terms: Text, coefficient, its standard error and unit, of each term.
         closest: The effect with the most similar change.
         cosine: -1..1.
+        closure: Share of the gap on the test runs that it closes; None where there is none.
+        improved: Share of the test runs that it improves.
     """
 
     channel: str
@@ -31,6 +35,17 @@ class Equation:
     terms: tuple[tuple[str, float, float, str], ...]
     closest: str
     cosine: float
+    closure: float | None = None
+    improved: float = 0.0
+
+    @property
+    def is_confirmed(self) -> bool:
+        """True where it closes most of the gap on the test runs and improves most of them, as a name does."""
+        return is_confirming(self.closure, self.improved)
+
+    def is_law_of(self, names: Names) -> bool:
+        """Return True where it is the same law as one of some effects."""
+        return self.closest in names and abs(self.cosine) > MACHINES.terms.same_law
 
     @property
     def text(self) -> str:

@@ -96,6 +96,8 @@ def base_structure(runs: list[Run]) -> float:
 def test_slow_noise_of_the_declared_size_is_no_structure_and_a_missing_law_is() -> None:
     assert base_structure(measured_runs(persistence=0.6)) == 0.0
     assert base_structure(measured_runs(dry=1.0)) > 1.0
+    # A third of the noise, which its declared size, known to a tenth, does not exclude.
+    assert 0.2 < base_structure(measured_runs(dry=0.3)) < 0.35
 
 
 def test_slow_noise_of_a_sensor_does_not_object_to_a_name() -> None:

@@ -85,6 +85,9 @@ def test_without_the_effect_it_is_an_equation(folder: Path) -> None:
     verdict = json.loads((folder / "third" / "verdict.json").read_text())
     assert verdict["verdict"] in ("UNNAMED", "PARTLY_NAMED")
     assert "sign(speed)" in verdict["unnamed"][0]["equation"]
+    assert 0.3 < verdict["unnamed"][0]["closure"] < 0.5, "dry friction adds up in the speed"
+    assert not verdict["unnamed"][0]["is_confirmed"]
+    assert verdict["sentence"].startswith("A term that is in no list may be missing, the test runs do not")
     assert f"Unexplained: {verdict['unnamed'][0]['equation']}" in done.stdout
 
 

@@ -123,7 +123,7 @@ def test_an_effect_outside_the_catalogue_gets_no_full_name(hidden: dict[str, flo
     assert verdict.unnamed
     for one in verdict.unnamed:
         assert one["unit"]
-        assert abs(float(one["cosine"])) <= 1.0
+        assert abs(float(str(one["cosine"]))) <= 1.0
 
 
 def test_an_equation_names_the_term_that_nature_has() -> None:
