@@ -226,8 +226,8 @@ def _contains(size: Size, null: float, least_z: float) -> bool:
 def _leaves_error(findings: MachineFindings) -> bool:
     """Return True where an error of the model remains that is neither chance nor noise that is slow."""
     is_large = not all(one.is_good_enough for one in findings.budget_after)
-    is_structured = findings.structure > MACHINES.decide.structure
-    return findings.p_remaining <= MACHINES.tests.alpha and (is_structured or is_large)
+    is_certain = findings.p_remaining <= MACHINES.tests.alpha
+    return findings.structure > MACHINES.decide.structure or (is_certain and is_large)
 
 
 def _on_test_runs(findings: MachineFindings) -> list[str]:
