@@ -108,14 +108,21 @@ def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
 
 
 def _named_part(findings: MachineFindings) -> list[str]:
-    """Return the effects of the best explanation that are probable enough to be named with a reservation."""
+    """Return the effects of the best explanation that are named with a reservation.
+
+    They are probable enough, and nothing speaks against their own sizes.
+    """
     decision = findings.decision
     if decision is None:
         return []
     is_rest_large = not all(one.is_good_enough for one in findings.budget_after)
     if is_rest_large and _confirmed(findings):
         return []  # what remains is a law, and the effects may imitate a part of it
-    return [name for name in findings.best.names if decision.probability(name) >= MACHINES.decide.partly]
+    return [
+        name
+        for name in findings.best.names
+        if decision.probability(name) >= MACHINES.decide.partly and not _size_objections(findings, name)
+    ]
 
 
 def _members(findings: MachineFindings, answer: Answer) -> list[list[str]]:
@@ -183,23 +190,28 @@ def _objections(findings: MachineFindings) -> list[str]:
         count, kind = decision.units.count, decision.units.kind
         found.append(f"{count} {kind} are too few for a name, {MACHINES.decide.least_units} are needed")
     found += _on_test_runs(findings)
-    cards = {card.name: card for card in findings.machine.effects}
-    for name in best.names:
-        item = cards[name].parameters[0]
-        size = findings.size(name, item.name)
-        is_alone = decision is None or len(decision.members()) == 1
-        least_z = math.sqrt(findings.best.evidence.least_gain or 0.0) if is_alone else 0.0
-        if _contains(size, item.nominal, least_z):
-            at = f", at {least_z:.2g} standard deviations," if least_z else ""
-            found.append(f"the interval of {item.name} of {name}{at} contains its value without the effect")
-        if abs(size.value - item.nominal) > MACHINES.decide.most_sizes * item.prior_sd:
-            found.append(f"{item.name} of {name} is more than ten times as large as declared")
+    found += [text for name in best.names for text in _size_objections(findings, name)]
     if _leaves_error(findings):
         found.append("a model error remains")
     found += [f"the term {name} explains as much" for name in findings.rival_terms[:2]]
     confirmed = _confirmed(findings)
     if confirmed and findings.structure > MACHINES.decide.structure:
         found.append(f"the test runs confirm that {confirmed[0].equation} is missing too")
+    return found
+
+
+def _size_objections(findings: MachineFindings, name: str) -> list[str]:
+    """Return what the size of an effect of the best explanation says against it."""
+    decision, found = findings.decision, []
+    item = next(card for card in findings.machine.effects if card.name == name).parameters[0]
+    size = findings.size(name, item.name)
+    is_alone = decision is None or len(decision.members()) == 1
+    least_z = math.sqrt(findings.best.evidence.least_gain or 0.0) if is_alone else 0.0
+    if _contains(size, item.nominal, least_z):
+        at = f", at {least_z:.2g} standard deviations," if least_z else ""
+        found.append(f"the interval of {item.name} of {name}{at} contains its value without the effect")
+    if abs(size.value - item.nominal) > MACHINES.decide.most_sizes * item.prior_sd:
+        found.append(f"{item.name} of {name} is more than ten times as large as declared")
     return found
 
 
@@ -383,7 +395,8 @@ def _size_text(effect: FoundEffect) -> str:
 
 
 def _rejected(findings: MachineFindings, answer: Answer) -> list[dict[str, str]]:
-    kept = set(findings.best.names)
+    kept = set(_names(findings, answer)) if answer.is_name else set()
+    unsure = set(findings.best.names) - kept
     if findings.found is None:
         return [{"name": card.name, "why": "there is no gap to explain"} for card in findings.machine.effects]
     if findings.decision is not None and answer is Answer.NAMED_SET:
@@ -392,10 +405,8 @@ def _rejected(findings: MachineFindings, answer: Answer) -> list[dict[str, str]]
     objections = {
         **findings.found.objections,
         **dict.fromkeys(withdrawn, f"withdrawn: {_on_locked_runs(findings)}"),
+        **dict.fromkeys(unsure, "not certain"),
     }
-    if answer is Answer.UNNAMED:
-        objections |= dict.fromkeys(kept, "not certain")
-        kept = set()
     scores = {one.direction.name: one for one in best_shapes(findings.scores)}
     return [
         {"name": card.name, "why": objections.get(card.name) or _unscored(scores.get(card.name))}
