@@ -58,7 +58,8 @@ class MachineFindings:
         evidence: Of each effect of the explanation.
         decision: Between all explanations; None without a gap.
         rival_terms: Terms at outputs that explain what an effect explains, of a machine without equations.
-        drafts: Terms that are missing, where no effect explains the gap.
+        drafts: Terms that are missing beside the effects of the explanation.
+        drafts_alone: The same without effects; empty where the explanation has none.
         draft_failure: Why missing terms were not searched to the end; empty where they were.
         equations: Terms of the outputs instead of drafts, for a machine that has no equations.
         locations: Where the outputs of such a machine differ most at the base fit.
@@ -86,6 +87,7 @@ class MachineFindings:
     decision: Decision | None = None
     rival_terms: tuple[str, ...] = ()
     drafts: tuple[DraftTerm, ...] = ()
+    drafts_alone: tuple[DraftTerm, ...] = ()
     draft_failure: str = ""
     equations: tuple[Equation, ...] = ()
     locations: tuple[ResidualLocation, ...] = ()
@@ -357,5 +359,8 @@ def _with_drafts(
         return replace(findings, equations=equations_of(machine, findings.problem, fits, best, rng))
     if not has_ports(machine):
         return findings
-    terms = missing_terms(machine, findings.problem, best) if best.names else of_base
-    return replace(findings, drafts=confirmed_drafts(machine, locked, best, terms, rng))
+    if not best.names:
+        return replace(findings, drafts=confirmed_drafts(machine, locked, best, of_base, rng))
+    terms = missing_terms(machine, findings.problem, best)
+    findings = replace(findings, drafts=confirmed_drafts(machine, locked, best, terms, rng))
+    return replace(findings, drafts_alone=confirmed_drafts(machine, locked, findings.base, of_base, rng))

@@ -38,13 +38,13 @@ def decide_machine(findings: MachineFindings) -> Verdict:
         probabilities=_probabilities(findings),
         order=_order(findings, answer) if is_named else {},
         rejected=_rejected(findings, answer),
-        unnamed=_unnamed(findings),
+        unnamed=_unnamed(findings, answer),
         detectable=_detectable(findings),
         gap=_gap(findings),
         error_budget=_budget(findings),
         draft=[
             {"term": one.equation, **{key: getattr(one, key) for key in DRAFT_KEYS}}
-            for one in findings.drafts
+            for one in _drafts(findings, answer)
         ],
         weightings=_weightings(findings) if is_named else {},
         warnings=_warnings(findings) if is_named else [],
@@ -57,11 +57,16 @@ def _draft_failure(findings: MachineFindings) -> str:
     return f" The search of a missing term did not end ({findings.draft_failure}): the rest is complete."
 
 
-def _unnamed(findings: MachineFindings) -> list[dict[str, str | float]]:
+def _drafts(findings: MachineFindings, answer: Answer) -> Sequence[DraftTerm]:
+    """Return the terms that are missing in the model with what is named."""
+    return (findings.drafts_alone if answer is Answer.UNNAMED else ()) or findings.drafts
+
+
+def _unnamed(findings: MachineFindings, answer: Answer) -> list[dict[str, str | float]]:
     """Return what no effect explains as equations."""
     found: list[tuple[str, str, str, float]] = [
         (_equation(one.equation, one.coefficient, one.unit), one.unit, one.closest, one.cosine)
-        for one in findings.drafts
+        for one in _drafts(findings, answer)
     ]
     found += [(one.text, one.unit, one.closest, one.cosine) for one in findings.equations]
     return [
@@ -314,7 +319,7 @@ def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str])
         why = f"; {reasons[0]}" if reasons else "; the runs do not agree on a cause"
         if all(one.is_good_enough for one in findings.budget_after):
             why += "; the error is below the tolerance of the model"
-        return f"{_draft_words(findings)}{head}{why}."
+        return f"{_draft_words(findings, answer)}{head}{why}."
     if answer is Answer.NOT_IDENTIFIABLE:
         return f"{head}; {'; '.join(reasons)}."
     sets = [_join(one) for one in _members(findings, answer)]
@@ -333,15 +338,19 @@ def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str])
     return f"{verb}: {names} ({sizes}).{_order_words(findings, answer)}{closed}{before}{rest}{but}"
 
 
-def _draft_words(findings: MachineFindings) -> str:
+def _draft_words(findings: MachineFindings, answer: Answer) -> str:
     """Return the first draft, as the beginning of a sentence without a name; empty for none."""
-    if not findings.drafts:
+    drafts = _drafts(findings, answer)
+    if not drafts:
         return ""
-    first = findings.drafts[0]
+    first = drafts[0]
+    is_beside = findings.best.names and not findings.drafts_alone
+    beside = f" beside {_join(findings.best.names)}, which are not certain" if is_beside else ""
     closed = "" if first.closure is None else f", it closes {first.closure:.0%} of the gap on the test runs"
-    sure = "is probably missing" if first.is_confirmed else "may be missing, the test runs do not confirm it"
+    sure = "is probably missing" if first.is_confirmed else "may be missing"
+    doubt = "" if first.is_confirmed else ", which the test runs do not confirm"
     text = _equation(first.equation, first.coefficient, first.unit)
-    return f"A term that is in no list {sure}: {text}{closed}. "
+    return f"A term that is in no list {sure}{beside}: {text}{doubt}{closed}. "
 
 
 def _agreement(findings: MachineFindings, before: str, reasons: Sequence[str]) -> str:
