@@ -15,6 +15,7 @@ from rover_hil.gap.evidence.gap_tests import gap_p
 from rover_hil.gap.evidence.localise import ResidualLocation, localise_residuals
 from rover_hil.gap.evidence.score import Score
 from rover_hil.gap.evidence.sizes import Size, size_of
+from rover_hil.gap.evidence.wrong_unit import wrong_unit
 from rover_hil.gap.fit.base_parameters import far_parameters
 from rover_hil.gap.fit.called_machine import CalledMachine
 from rover_hil.gap.fit.descent import residual_of
@@ -61,6 +62,7 @@ class MachineFindings:
         drafts: Terms that are missing beside the effects of the explanation.
         drafts_alone: The same without effects; empty where the explanation has none.
         draft_failure: Why missing terms were not searched to the end; empty where they were.
+        unit_error: Which channel has a wrong unit; nothing else was searched then.
         equations: Terms of the outputs instead of drafts, for a machine that has no equations.
         locations: Where the outputs of such a machine differ most at the base fit.
         tracked: The machine on its runs, with the force that keeps it there; None without a gap, without
@@ -89,6 +91,7 @@ class MachineFindings:
     drafts: tuple[DraftTerm, ...] = ()
     drafts_alone: tuple[DraftTerm, ...] = ()
     draft_failure: str = ""
+    unit_error: str = ""
     equations: tuple[Equation, ...] = ()
     locations: tuple[ResidualLocation, ...] = ()
     tracked: Tracked | None = None
@@ -149,6 +152,9 @@ def analyse_machine(
     if findings.is_tolerable:
         own = findings.scatter.fit
         return replace(findings, p_within_runs=gap_p(own, problem, score_effects(fits, own), rng))
+    unit_error = wrong_unit(problem, base.fit.point)
+    if unit_error:
+        return replace(findings, unit_error=unit_error)
     found = search.run()
     advance("comparing with free-form terms")
     listed = search.candidates()

@@ -127,3 +127,14 @@ def test_an_effect_of_every_winner_is_kept_beside_an_unknown_force() -> None:
     excess = np.tile(np.array([100.0, 4.0, 100.0, 3.0])[None, :, None], (4, 1, 1))
     # Drag takes a quarter away of what dry friction leaves; dry friction most of what drag leaves.
     assert kept_effects(candidates, excess, winners, is_none) == {"dry": 0.75, "drag": 0.0}
+
+
+def test_a_channel_in_another_unit_is_bad_data_and_no_cause_in_the_machine() -> None:
+    runs = [
+        replace(run, measured={name: 57.3 * values for name, values in run.measured.items()})
+        for run in measured_runs(dry=1.0)
+    ]
+    verdict = analyse(axis_model(), runs).verdict
+    assert verdict.verdict is Answer.BAD_DATA
+    assert "all of speed_sensor is 5" in verdict.sentence
+    assert "check its unit, rad/s" in verdict.sentence
