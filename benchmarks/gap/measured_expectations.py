@@ -16,6 +16,15 @@ from benchmarks.gap.measured_sets import measured_sets
 from rover_hil.gap.fit.base_parameters import FAR_SD
 
 NAMING = ("NAMED", "NAMED_SET", "PARTLY_NAMED")
+SAME = {
+    "push_number": "pushed_soil",
+    "rim_friction_deg": "friction_angle",
+    "radius_error": "wheel_radius",
+    "scale_error": "camera_scale",
+    "base_error": "base_radius",
+    "pose_age_s": "latency",
+}
+"""Base parameters, and the effect that sets each free: one finding under two names."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +50,9 @@ def explanations_of(verdict: Mapping[str, Any]) -> list[list[str]]:
     """Return what each explanation names: its effects, and the base parameters proven wrong."""
     wrong = [one["name"] for one in verdict["base_parameters"] if one["is_named"]]
     members = verdict["confidence_set"] if verdict["verdict"] in NAMING else []
-    return [[*member, *wrong] for member in members or [[]]]
+    return [
+        list(dict.fromkeys(SAME.get(name, name) for name in (*member, *wrong))) for member in members or [[]]
+    ]
 
 
 def differences(expected: Expectation, verdict: Mapping[str, Any]) -> list[str]:
