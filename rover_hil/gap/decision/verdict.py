@@ -15,6 +15,7 @@ from rover_hil.gap.search.drafts import DraftTerm
 from rover_hil.gap.search.orders import order_at_ports
 from rover_hil.gap.search.search import best_shapes, ranked_scores
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
+from sim_backends.models.interface import Parameter
 from sim_backends.state_model.model import StateModel, has_ports
 
 DRAFT_KEYS = (
@@ -115,18 +116,21 @@ def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
 def _named_part(findings: MachineFindings) -> list[str]:
     """Return the effects of the best explanation that are named with a reservation.
 
-    They are probable enough, and nothing speaks against their own sizes.
+    They are probable enough, and their 95 % intervals exclude their nulls.
     """
-    decision = findings.decision
+    decision, best = findings.decision, findings.best
     if decision is None:
         return []
     is_rest_large = not all(one.is_good_enough for one in findings.budget_after)
     if is_rest_large and _confirmed(findings):
         return []  # what remains is a law, and the effects may imitate a part of it
+    if any(_is_too_large(findings, name) for name in best.names):
+        return []  # it imitates something else, and the others were fitted beside it
+    sizes = {name: (findings.size(name, item.name), item.nominal) for name, item in _strengths(findings)}
     return [
         name
-        for name in findings.best.names
-        if decision.probability(name) >= MACHINES.decide.partly and not _size_objections(findings, name)
+        for name, (size, null) in sizes.items()
+        if decision.probability(name) >= MACHINES.decide.partly and not _contains(size, null, 0.0)
     ]
 
 
@@ -181,7 +185,8 @@ def _doubts(decision: Decision, names: Sequence[str]) -> list[str]:
     for share, one in decision.ranked():
         if one.names != names and share > 1.0 - MACHINES.decide.named:
             law = "" if one.is_listed else "the term "
-            found.append(f"{law}{_join(one.names) or 'no effect'} has a probability of {share:.0%}")
+            what = f"{law}{_join(one.names)} alone" if one.names else "no effect"
+            found.append(f"{what} has a probability of {share:.0%}")
     if decision.none > 1.0 - MACHINES.decide.named:
         found.append(f"that none of these is right has a probability of {decision.none:.0%}")
     return found
@@ -195,7 +200,14 @@ def _objections(findings: MachineFindings) -> list[str]:
         count, kind = decision.units.count, decision.units.kind
         found.append(f"{count} {kind} are too few for a name, {MACHINES.decide.least_units} are needed")
     found += _on_test_runs(findings)
-    found += [text for name in best.names for text in _size_objections(findings, name)]
+    is_alone = decision is None or len(decision.members()) == 1
+    least_z = math.sqrt(best.evidence.least_gain or 0.0) if is_alone else 0.0
+    at = f", at {least_z:.2g} standard deviations," if least_z else ""
+    for name, item in _strengths(findings):
+        if _contains(findings.size(name, item.name), item.nominal, least_z):
+            found.append(f"the interval of {item.name} of {name}{at} contains its value without the effect")
+        if _is_too_large(findings, name):
+            found.append(f"{item.name} of {name} is more than ten times as large as declared")
     if _leaves_error(findings):
         found.append("a model error remains")
     found += [f"the term {name} explains as much" for name in findings.rival_terms[:2]]
@@ -205,19 +217,17 @@ def _objections(findings: MachineFindings) -> list[str]:
     return found
 
 
-def _size_objections(findings: MachineFindings, name: str) -> list[str]:
-    """Return what the size of an effect of the best explanation says against it."""
-    decision, found = findings.decision, []
-    item = next(card for card in findings.machine.effects if card.name == name).parameters[0]
-    size = findings.size(name, item.name)
-    is_alone = decision is None or len(decision.members()) == 1
-    least_z = math.sqrt(findings.best.evidence.least_gain or 0.0) if is_alone else 0.0
-    if _contains(size, item.nominal, least_z):
-        at = f", at {least_z:.2g} standard deviations," if least_z else ""
-        found.append(f"the interval of {item.name} of {name}{at} contains its value without the effect")
-    if abs(size.value - item.nominal) > MACHINES.decide.most_sizes * item.prior_sd:
-        found.append(f"{item.name} of {name} is more than ten times as large as declared")
-    return found
+def _strengths(findings: MachineFindings) -> list[tuple[str, Parameter]]:
+    """Return each effect of the best explanation with its size."""
+    cards = {card.name: card for card in findings.machine.effects}
+    return [(name, cards[name].parameters[0]) for name in findings.best.names]
+
+
+def _is_too_large(findings: MachineFindings, name: str) -> bool:
+    """Return whether an effect is more than ten times as large as declared."""
+    item = dict(_strengths(findings))[name]
+    change = findings.size(name, item.name).value - item.nominal
+    return abs(change) > MACHINES.decide.most_sizes * item.prior_sd
 
 
 def _confirmed(findings: MachineFindings) -> list[DraftTerm]:
@@ -309,7 +319,7 @@ def _on_locked_runs(findings: MachineFindings) -> str:
 
 
 def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str]) -> str:
-    before, after = _errors(findings.budget_before), _errors(findings.budget_after, findings.budget_before)
+    before, after = _error_words(findings)
     if answer is Answer.NO_GAP:
         return _agreement(findings, before, reasons)
     if not findings.best.names and answer is Answer.NOT_IDENTIFIABLE:
@@ -365,6 +375,24 @@ def _agreement(findings: MachineFindings, before: str, reasons: Sequence[str]) -
         f"No gap: {name} agrees with {findings.problem.observations.run_count} runs within the noise of the "
         f"sensors ({before}; p = {findings.p_gap:.2g})."
     )
+
+
+def _error_words(findings: MachineFindings) -> tuple[str, str]:
+    """Return the error before and afterwards in words.
+
+    A noise that was learned contains the error of the model: there the errors on the test runs are stated.
+    """
+    holdout = findings.holdout
+    if holdout is None or not findings.base.evidence.is_learned:
+        return _errors(findings.budget_before), _errors(findings.budget_after, findings.budget_before)
+    units = {one.channel: "" if one.unit == "1" else f" {one.unit}" for one in findings.budget_after}
+    closed = {
+        name: (one.before**2 - one.after**2) / one.noise_floor**2 for name, one in holdout.channels.items()
+    }
+    name = max(closed, key=lambda one: closed[one])
+    sizes = (holdout.channels[name].before, holdout.channels[name].after)
+    before, after = (f"{name} errs by {one:.3g}{units[name]} on the test runs" for one in sizes)
+    return before, after
 
 
 def _errors(budget: Sequence[ChannelError], before: Sequence[ChannelError] = ()) -> str:

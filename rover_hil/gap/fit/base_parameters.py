@@ -119,8 +119,9 @@ def with_base_parameters(verdict: Verdict, rows: Sequence[FittedBase]) -> Verdic
     if named and answer is not Answer.NAMED:
         head = head.replace("Wrong", "Probably wrong", 1)
     sentences = [head, _rest(verdict, named)]
-    if verdict.draft and not named:
-        sentences.reverse()  # a missing term is the finding, and may have moved the value
+    is_open = verdict.verdict is Answer.UNNAMED and not _is_tolerable(verdict)
+    if (verdict.draft or is_open) and not named:
+        sentences.reverse()  # the gap is the finding, and what is missing may have moved the value
     return replace(verdict, verdict=answer, confidence_set=members, sentence=" ".join(sentences))
 
 
@@ -163,10 +164,11 @@ def _is_tolerable(verdict: Verdict) -> bool:
 def _head(named: Sequence[FittedBase], open_: Sequence[FittedBase]) -> str:
     """Return the finding in one sentence."""
     if named:
-        others, unsure = (", ".join(one.name for one in some) for some in (named[1:], open_))
-        more = f"; wrong too: {others}" if others else ""
-        also = f"; also far from nominal, but not decided: {unsure}" if unsure else ""
-        return f"Wrong in the model: {named[0].sentence()}{more}{also}."
+        more = [f"{one.name} is wrong too" for one in named[1:]]
+        more += [f"also far from nominal: {one.name}, {one.why}" for one in open_ if one.equals]
+        unsure = ", ".join(one.name for one in open_ if not one.equals)
+        more += [f"also far from nominal, but not decided: {unsure}"] if unsure else []
+        return "; ".join([f"Wrong in the model: {named[0].sentence()}", *more]) + "."
     others = ", ".join(one.name for one in open_[1:])
     also = f"; also far from nominal: {others}" if others else ""
     why = open_[0].why
