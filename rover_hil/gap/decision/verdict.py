@@ -116,7 +116,8 @@ def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
 def _named_part(findings: MachineFindings) -> list[str]:
     """Return the effects of the best explanation that are named with a reservation.
 
-    They are probable enough, and their 95 % intervals exclude their nulls.
+    None where one of them is far larger than declared: it imitates something else, and the others were
+    fitted beside it.
     """
     decision, best = findings.decision, findings.best
     if decision is None:
@@ -125,13 +126,8 @@ def _named_part(findings: MachineFindings) -> list[str]:
     if is_rest_large and _confirmed(findings):
         return []  # what remains is a law, and the effects may imitate a part of it
     if any(_is_too_large(findings, name) for name in best.names):
-        return []  # it imitates something else, and the others were fitted beside it
-    sizes = {name: (findings.size(name, item.name), item.nominal) for name, item in _strengths(findings)}
-    return [
-        name
-        for name, (size, null) in sizes.items()
-        if decision.probability(name) >= MACHINES.decide.partly and not _contains(size, null, 0.0)
-    ]
+        return []
+    return [name for name in best.names if decision.probability(name) >= MACHINES.decide.partly]
 
 
 def _members(findings: MachineFindings, answer: Answer) -> list[list[str]]:
@@ -185,7 +181,8 @@ def _doubts(decision: Decision, names: Sequence[str]) -> list[str]:
     for share, one in decision.ranked():
         if one.names != names and share > 1.0 - MACHINES.decide.named:
             law = "" if one.is_listed else "the term "
-            what = f"{law}{_join(one.names)} alone" if one.names else "no effect"
+            alone = " alone" if set() < set(one.names) < set(names) else ""
+            what = f"{law}{_join(one.names) or 'no effect'}{alone}"
             found.append(f"{what} has a probability of {share:.0%}")
     if decision.none > 1.0 - MACHINES.decide.named:
         found.append(f"that none of these is right has a probability of {decision.none:.0%}")
