@@ -23,6 +23,7 @@ def verdict(*members: list[str], **changes: Any) -> dict[str, Any]:
         "confidence_set": list(members),
         "base_parameters": [{"name": "mass", "is_named": False, "pull": 0.1}],
         "error_budget": {"force": {"model_error_before": 2.0, "tolerance": 1.0}},
+        "gap": {"force": {"before": 0.7, "noise_floor": 0.6}},
         "draft": [{"term": "a"}, {"term": "b"}],
         **changes,
     }
@@ -61,6 +62,12 @@ def test_a_base_parameter_that_took_the_gap_on_itself_is_no_name_below_the_toler
     small = {"force": {"model_error_before": 0.9, "tolerance": 1.0}}
     far = [{"name": "mass", "is_named": True, "pull": -8.0}]
     assert differences(EXPECTED, verdict(["friction"], error_budget=small, base_parameters=far)) == []
+
+
+def test_a_learned_noise_contains_the_gap_that_the_test_runs_show() -> None:
+    small = {"force": {"model_error_before": 0.0, "tolerance": 1.0}}
+    shown = {"force": {"before": 2.0, "noise_floor": 1.0}}
+    assert differences(EXPECTED, verdict(["friction"], error_budget=small, gap=shown)) == []
 
 
 def test_the_first_draft_and_words_of_the_sentence_are_compared() -> None:

@@ -333,9 +333,11 @@ def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str])
     names = sets[0] if len(sets) == 1 else f"{' or '.join(sets)}, which these runs do not distinguish"
     verb = "Missing" if answer is not Answer.PARTLY_NAMED else "Probably missing"
     closure = None if findings.holdout is None else findings.holdout.closure
-    closed = "" if closure is None else f" It closes {closure:.0%} of the gap on locked runs."
+    unsure = [name for name in findings.best.names if name not in _names(findings, answer)]
+    it = f"Together with {_join(unsure)}, which are not certain, it" if unsure else "It"
+    closed = "" if closure is None else f" {it} closes {closure:.0%} of the gap on locked runs."
     if closure is not None and closure < 0.0:
-        closed = " It does not close the gap on locked runs."
+        closed = f" {it} does not close the gap on locked runs."
     sizes = "; ".join(_size_text(one) for one in _effects(findings, answer))
     rest = f" Afterwards {after}."
     but = f" But {'; '.join(reasons)}." if reasons else ""

@@ -138,3 +138,11 @@ def test_a_channel_in_another_unit_is_bad_data_and_no_cause_in_the_machine() -> 
     assert verdict.verdict is Answer.BAD_DATA
     assert "all of speed_sensor is 5" in verdict.sentence
     assert "check its unit, rad/s" in verdict.sentence
+
+
+def test_an_effect_far_larger_than_declared_is_no_part_of_a_name() -> None:
+    model = axis_model()
+    tiny = effects.coulomb_friction("acceleration", velocity="speed", size=0.05, slow=0.05)
+    verdict = analyse(replace(model, port_effects=(tiny, *model.port_effects[1:])), measured_runs(dry=2.5))
+    assert (verdict.verdict.verdict, verdict.verdict.effects) == (Answer.UNNAMED, [])
+    assert "level of coulomb_friction is more than ten times as large as declared" in verdict.verdict.sentence
