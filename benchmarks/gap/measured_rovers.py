@@ -21,6 +21,13 @@ REFERENCE = Path(__file__).parent / "references" / "optiodom_circles.json"
 ROBOTS = ("diff", "omni3", "tricyc")
 
 
+def circles(data: Path, robot: str, runs: int) -> list[Path]:
+    """Return recordings of a robot, at most this many, from all of them evenly."""
+    files = sorted((data / robot).rglob("*_run-??.csv.gz"))
+    chosen = np.unique(np.linspace(0, len(files) - 1, min(len(files), runs)).round().astype(int))
+    return [files[index] for index in chosen]
+
+
 def main() -> None:
     """Print the verdicts and the reference."""
     parser = argparse.ArgumentParser(
@@ -38,11 +45,8 @@ def main() -> None:
             continue
         columns = f"optiodom_{robot}"
         radius_m = load_rover(columns).rover.wheel_radius_m
-        files = sorted(one for one in (data / robot).rglob("*_run-??.csv.gz"))
-        chosen = np.unique(
-            np.linspace(0, len(files) - 1, min(len(files), arguments.runs)).round().astype(int)
-        )
-        verdict = verdict_of(columns, [files[index] for index in chosen])
+        chosen = circles(data, robot, arguments.runs)
+        verdict = verdict_of(columns, chosen)
         print(f"\n{robot}, {len(chosen)} runs, {verdict['seconds']:.0f} s: {verdict['verdict']}")
         print(verdict["sentence"])
         print(json.dumps(verdict["effects"]))

@@ -79,6 +79,10 @@ class GapTestParameters:
     knot_counts: tuple[int, int] = (8, 40)
     # Step of a sensor, in its noise, from which rounding is no independent error of each sample.
     coarse: float = 3.0
+    # Of a channel with a wrong unit: least share of its variance that a multiple of the prediction explains.
+    same_shape: float = 0.9
+    # Least multiple: no number of a model is known worse, and degrees are 57 times radians.
+    most_ratio: float = 20.0
     reached: float = 1e-3  # least relative response of a direction that a force reaches
 
 

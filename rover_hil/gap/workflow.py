@@ -158,6 +158,8 @@ def _analyse(
         advance("once more with smaller integration steps")
         machine = finer
         found = analyse_machine(machine, open_runs, locked_runs, seed, advance, announce)
+    if found.unit_error:
+        return refused(Answer.BAD_DATA, found.unit_error, plan)
     shown = machine if isinstance(model, Machine) else model
     verdict = decide_machine(found)
     verdict = replace(verdict, warnings=(*told, *also_told, *verdict.warnings))

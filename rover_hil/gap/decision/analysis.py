@@ -15,6 +15,7 @@ from rover_hil.gap.evidence.gap_tests import gap_p
 from rover_hil.gap.evidence.localise import ResidualLocation, localise_residuals
 from rover_hil.gap.evidence.score import Score
 from rover_hil.gap.evidence.sizes import Size, size_of
+from rover_hil.gap.evidence.wrong_unit import wrong_unit
 from rover_hil.gap.fit.base_parameters import far_parameters
 from rover_hil.gap.fit.called_machine import CalledMachine
 from rover_hil.gap.fit.descent import residual_of
@@ -58,8 +59,10 @@ class MachineFindings:
         evidence: Of each effect of the explanation.
         decision: Between all explanations; None without a gap.
         rival_terms: Terms at outputs that explain what an effect explains, of a machine without equations.
-        drafts: Terms that are missing, where no effect explains the gap.
+        drafts: Terms that are missing beside the effects of the explanation.
+        drafts_alone: The same without effects; empty where the explanation has none.
         draft_failure: Why missing terms were not searched to the end; empty where they were.
+        unit_error: Which channel has a wrong unit; nothing else was searched then.
         equations: Terms of the outputs instead of drafts, for a machine that has no equations.
         locations: Where the outputs of such a machine differ most at the base fit.
         tracked: The machine on its runs, with the force that keeps it there; None without a gap, without
@@ -86,7 +89,9 @@ class MachineFindings:
     decision: Decision | None = None
     rival_terms: tuple[str, ...] = ()
     drafts: tuple[DraftTerm, ...] = ()
+    drafts_alone: tuple[DraftTerm, ...] = ()
     draft_failure: str = ""
+    unit_error: str = ""
     equations: tuple[Equation, ...] = ()
     locations: tuple[ResidualLocation, ...] = ()
     tracked: Tracked | None = None
@@ -147,6 +152,9 @@ def analyse_machine(
     if findings.is_tolerable:
         own = findings.scatter.fit
         return replace(findings, p_within_runs=gap_p(own, problem, score_effects(fits, own), rng))
+    unit_error = wrong_unit(problem, base.fit.point)
+    if unit_error:
+        return replace(findings, unit_error=unit_error)
     found = search.run()
     advance("comparing with free-form terms")
     listed = search.candidates()
@@ -357,5 +365,8 @@ def _with_drafts(
         return replace(findings, equations=equations_of(machine, findings.problem, fits, locked, best, rng))
     if not has_ports(machine):
         return findings
-    terms = missing_terms(machine, findings.problem, best) if best.names else of_base
-    return replace(findings, drafts=confirmed_drafts(machine, locked, best, terms, rng))
+    if not best.names:
+        return replace(findings, drafts=confirmed_drafts(machine, locked, best, of_base, rng))
+    terms = missing_terms(machine, findings.problem, best)
+    findings = replace(findings, drafts=confirmed_drafts(machine, locked, best, terms, rng))
+    return replace(findings, drafts_alone=confirmed_drafts(machine, locked, findings.base, of_base, rng))

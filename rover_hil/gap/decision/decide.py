@@ -72,8 +72,8 @@ class Decision:
         units: Of observation.
         winners: Number of the explanation that wins each draw, or `NONE`.
         best: Number of the one that wins most draws, with or without an unknown force beside it.
-        kept: Effects of the best to the share of the draws in which it wins with an unknown force beside it,
-            and the effect explains most of what would be left without it.
+        kept: Effects of the winners to the share of the draws in which the winner has the effect, with an
+            unknown force beside it, and the effect explains most of what would be left without it.
     """
 
     candidates: tuple[Candidate, ...]
@@ -150,15 +150,24 @@ def decide(problem: Problem, candidates: Sequence[Candidate], best: MachineFit) 
         is_large = (excess[each, winners] > tolerances**2).any(axis=1)
         is_better = weights @ (with_force - plain) > 0.0
         is_none = is_large & is_better
-        is_own = is_none & (winners == chosen)
-        parts = {name: _without(candidates, winner, name) for name in winner.names}
-        kept = {
-            name: float(np.mean(is_own & _explains_most(excess[:, chosen], excess[:, part])))
-            for name, part in parts.items()
-            if part is not None
-        }
+        kept = kept_effects(candidates, excess, winners, is_none)
         winners = np.where(is_none, NONE, winners)
     return Decision(candidates=tuple(candidates), units=units, winners=winners, best=chosen, kept=kept)
+
+
+def kept_effects(
+    candidates: Sequence[Candidate], excess: Array, winners: NDArray[np.intp], is_none: NDArray[np.bool_]
+) -> dict[str, float]:
+    """Return the share of the draws in which the winner has an effect that explains most, beside a force."""
+    found: dict[str, float] = {}
+    for index in np.unique(winners[is_none]):
+        is_own = is_none & (winners == index)
+        for name in candidates[index].names:
+            part = _without(candidates, candidates[index], name)
+            if part is not None:
+                is_most = is_own & _explains_most(excess[:, index], excess[:, part])
+                found[name] = found.get(name, 0.0) + float(np.mean(is_most))
+    return found
 
 
 def _without(candidates: Sequence[Candidate], one: Candidate, effect: str) -> int | None:

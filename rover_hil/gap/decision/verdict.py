@@ -16,6 +16,7 @@ from rover_hil.gap.search.orders import order_at_ports
 from rover_hil.gap.search.residual_equations import Equation
 from rover_hil.gap.search.search import best_shapes, ranked_scores
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
+from sim_backends.models.interface import Parameter
 from sim_backends.state_model.model import StateModel, has_ports
 
 DRAFT_KEYS = (
@@ -39,13 +40,13 @@ def decide_machine(findings: MachineFindings) -> Verdict:
         probabilities=_probabilities(findings),
         order=_order(findings, answer) if is_named else {},
         rejected=_rejected(findings, answer),
-        unnamed=_unnamed(findings),
+        unnamed=_unnamed(findings, answer),
         detectable=_detectable(findings),
         gap=_gap(findings),
         error_budget=_budget(findings),
         draft=[
             {"term": one.equation, **{key: getattr(one, key) for key in DRAFT_KEYS}}
-            for one in findings.drafts
+            for one in _drafts(findings, answer)
         ],
         weightings=_weightings(findings) if is_named else {},
         warnings=_warnings(findings) if is_named else [],
@@ -58,7 +59,12 @@ def _draft_failure(findings: MachineFindings) -> str:
     return f" The search of a missing term did not end ({findings.draft_failure}): the rest is complete."
 
 
-def _unnamed(findings: MachineFindings) -> list[dict[str, str | float | None]]:
+def _drafts(findings: MachineFindings, answer: Answer) -> Sequence[DraftTerm]:
+    """Return the terms that are missing in the model with what is named."""
+    return (findings.drafts_alone if answer is Answer.UNNAMED else ()) or findings.drafts
+
+
+def _unnamed(findings: MachineFindings, answer: Answer) -> list[dict[str, str | float | None]]:
     """Return what no effect explains as equations."""
     return [
         {
@@ -69,7 +75,7 @@ def _unnamed(findings: MachineFindings) -> list[dict[str, str | float | None]]:
             "closure": one.closure,
             "is_confirmed": one.is_confirmed,
         }
-        for text, one in _missing(findings)
+        for text, one in _missing(findings, _drafts(findings, answer))
     ]
 
 
@@ -111,14 +117,20 @@ def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
 
 
 def _named_part(findings: MachineFindings) -> list[str]:
-    """Return the effects of the best explanation that are probable enough to be named with a reservation."""
-    decision = findings.decision
+    """Return the effects of the best explanation that are named with a reservation.
+
+    None where one of them is far larger than declared: it imitates something else, and the others were
+    fitted beside it.
+    """
+    decision, best = findings.decision, findings.best
     if decision is None:
         return []
     is_rest_large = not all(one.is_good_enough for one in findings.budget_after)
     if is_rest_large and _confirmed(findings):
         return []  # what remains is a law, and the effects may imitate a part of it
-    return [name for name in findings.best.names if decision.probability(name) >= MACHINES.decide.partly]
+    if any(_is_too_large(findings, name) for name in best.names):
+        return []
+    return [name for name in best.names if decision.probability(name) >= MACHINES.decide.partly]
 
 
 def _members(findings: MachineFindings, answer: Answer) -> list[list[str]]:
@@ -172,7 +184,9 @@ def _doubts(decision: Decision, names: Sequence[str]) -> list[str]:
     for share, one in decision.ranked():
         if one.names != names and share > 1.0 - MACHINES.decide.named:
             law = "" if one.is_listed else "the term "
-            found.append(f"{law}{_join(one.names) or 'no effect'} has a probability of {share:.0%}")
+            alone = " alone" if set() < set(one.names) < set(names) else ""
+            what = f"{law}{_join(one.names) or 'no effect'}{alone}"
+            found.append(f"{what} has a probability of {share:.0%}")
     if decision.none > 1.0 - MACHINES.decide.named:
         found.append(f"that none of these is right has a probability of {decision.none:.0%}")
     return found
@@ -186,16 +200,13 @@ def _objections(findings: MachineFindings) -> list[str]:
         count, kind = decision.units.count, decision.units.kind
         found.append(f"{count} {kind} are too few for a name, {MACHINES.decide.least_units} are needed")
     found += _on_test_runs(findings)
-    cards = {card.name: card for card in findings.machine.effects}
-    for name in best.names:
-        item = cards[name].parameters[0]
-        size = findings.size(name, item.name)
-        is_alone = decision is None or len(decision.members()) == 1
-        least_z = math.sqrt(findings.best.evidence.least_gain or 0.0) if is_alone else 0.0
-        if _contains(size, item.nominal, least_z):
-            at = f", at {least_z:.2g} standard deviations," if least_z else ""
+    is_alone = decision is None or len(decision.members()) == 1
+    least_z = math.sqrt(best.evidence.least_gain or 0.0) if is_alone else 0.0
+    at = f", at {least_z:.2g} standard deviations," if least_z else ""
+    for name, item in _strengths(findings):
+        if _contains(findings.size(name, item.name), item.nominal, least_z):
             found.append(f"the interval of {item.name} of {name}{at} contains its value without the effect")
-        if abs(size.value - item.nominal) > MACHINES.decide.most_sizes * item.prior_sd:
+        if _is_too_large(findings, name):
             found.append(f"{item.name} of {name} is more than ten times as large as declared")
     if _leaves_error(findings):
         found.append("a model error remains")
@@ -206,10 +217,23 @@ def _objections(findings: MachineFindings) -> list[str]:
     return found
 
 
+def _strengths(findings: MachineFindings) -> list[tuple[str, Parameter]]:
+    """Return each effect of the best explanation with its size."""
+    cards = {card.name: card for card in findings.machine.effects}
+    return [(name, cards[name].parameters[0]) for name in findings.best.names]
+
+
+def _is_too_large(findings: MachineFindings, name: str) -> bool:
+    """Return whether an effect is more than ten times as large as declared."""
+    item = dict(_strengths(findings))[name]
+    change = findings.size(name, item.name).value - item.nominal
+    return abs(change) > MACHINES.decide.most_sizes * item.prior_sd
+
+
 def _confirmed(findings: MachineFindings) -> list[str]:
     """Return the terms that the test runs confirm; more of a law that is in the answer is no other law."""
-    names = findings.best.names
-    return [text for text, one in _missing(findings) if one.is_confirmed and not one.is_law_of(names)]
+    names, missing = findings.best.names, _missing(findings, findings.drafts)
+    return [text for text, one in missing if one.is_confirmed and not one.is_law_of(names)]
 
 
 def _contains(size: Size, null: float, least_z: float) -> bool:
@@ -296,7 +320,7 @@ def _on_locked_runs(findings: MachineFindings) -> str:
 
 
 def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str]) -> str:
-    before, after = _errors(findings.budget_before), _errors(findings.budget_after, findings.budget_before)
+    before, after = _error_words(findings)
     if answer is Answer.NO_GAP:
         return _agreement(findings, before, reasons)
     if not findings.best.names and answer is Answer.NOT_IDENTIFIABLE:
@@ -306,16 +330,18 @@ def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str])
         why = f"; {reasons[0]}" if reasons else "; the runs do not agree on a cause"
         if all(one.is_good_enough for one in findings.budget_after):
             why += "; the error is below the tolerance of the model"
-        return f"{_draft_words(findings)}{head}{why}."
+        return f"{_draft_words(findings, answer)}{head}{why}."
     if answer is Answer.NOT_IDENTIFIABLE:
         return f"{head}; {'; '.join(reasons)}."
     sets = [_join(one) for one in _members(findings, answer)]
     names = sets[0] if len(sets) == 1 else f"{' or '.join(sets)}, which these runs do not distinguish"
     verb = "Missing" if answer is not Answer.PARTLY_NAMED else "Probably missing"
     closure = None if findings.holdout is None else findings.holdout.closure
-    closed = "" if closure is None else f" It closes {closure:.0%} of the gap on locked runs."
+    unsure = [name for name in findings.best.names if name not in _names(findings, answer)]
+    it = f"Together with {_join(unsure)}, which are not certain, it" if unsure else "It"
+    closed = "" if closure is None else f" {it} closes {closure:.0%} of the gap on locked runs."
     if closure is not None and closure < 0.0:
-        closed = " It does not close the gap on locked runs."
+        closed = f" {it} does not close the gap on locked runs."
     sizes = "; ".join(_size_text(one) for one in _effects(findings, answer))
     rest = f" Afterwards {after}."
     but = f" But {'; '.join(reasons)}." if reasons else ""
@@ -325,21 +351,26 @@ def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str])
     return f"{verb}: {names} ({sizes}).{_order_words(findings, answer)}{closed}{before}{rest}{but}"
 
 
-def _draft_words(findings: MachineFindings) -> str:
+def _draft_words(findings: MachineFindings, answer: Answer) -> str:
     """Return the first missing term, as the beginning of a sentence without a name; empty for none."""
-    missing = _missing(findings)
+    missing = _missing(findings, _drafts(findings, answer))
     if not missing:
         return ""
     text, first = missing[0]
+    is_beside = findings.best.names and not findings.drafts_alone
+    beside = f" beside {_join(findings.best.names)}, which are not certain" if is_beside else ""
     closed = "" if first.closure is None else f", it closes {first.closure:.0%} of the gap on the test runs"
-    sure = "is probably missing" if first.is_confirmed else "may be missing, the test runs do not confirm it"
-    return f"A term that is in no list {sure}: {text}{closed}. "
+    sure = "is probably missing" if first.is_confirmed else "may be missing"
+    doubt = "" if first.is_confirmed else ", which the test runs do not confirm"
+    return f"A term that is in no list {sure}{beside}: {text}{doubt}{closed}. "
 
 
-def _missing(findings: MachineFindings) -> list[tuple[str, DraftTerm | Equation]]:
+def _missing(
+    findings: MachineFindings, drafts: Sequence[DraftTerm]
+) -> list[tuple[str, DraftTerm | Equation]]:
     """Return terms that are missing in the equations, or at the outputs, each with its text."""
-    drafts = [(_equation(one.equation, one.coefficient, one.unit), one) for one in findings.drafts]
-    return [*drafts, *((one.text, one) for one in findings.equations)]
+    of_ports = [(_equation(one.equation, one.coefficient, one.unit), one) for one in drafts]
+    return [*of_ports, *((one.text, one) for one in findings.equations)]
 
 
 def _agreement(findings: MachineFindings, before: str, reasons: Sequence[str]) -> str:
@@ -354,6 +385,24 @@ def _agreement(findings: MachineFindings, before: str, reasons: Sequence[str]) -
         f"No gap: {name} agrees with {findings.problem.observations.run_count} runs within the noise of the "
         f"sensors ({before}; p = {findings.p_gap:.2g})."
     )
+
+
+def _error_words(findings: MachineFindings) -> tuple[str, str]:
+    """Return the error before and afterwards in words.
+
+    A noise that was learned contains the error of the model: there the errors on the test runs are stated.
+    """
+    holdout = findings.holdout
+    if holdout is None or not findings.base.evidence.is_learned:
+        return _errors(findings.budget_before), _errors(findings.budget_after, findings.budget_before)
+    units = {one.channel: "" if one.unit == "1" else f" {one.unit}" for one in findings.budget_after}
+    closed = {
+        name: (one.before**2 - one.after**2) / one.noise_floor**2 for name, one in holdout.channels.items()
+    }
+    name = max(closed, key=lambda one: closed[one])
+    sizes = (holdout.channels[name].before, holdout.channels[name].after)
+    before, after = (f"{name} errs by {one:.3g}{units[name]} on the test runs" for one in sizes)
+    return before, after
 
 
 def _errors(budget: Sequence[ChannelError], before: Sequence[ChannelError] = ()) -> str:
@@ -393,7 +442,8 @@ def _size_text(effect: FoundEffect) -> str:
 
 
 def _rejected(findings: MachineFindings, answer: Answer) -> list[dict[str, str]]:
-    kept = set(findings.best.names)
+    kept = set(_names(findings, answer)) if answer.is_name else set()
+    unsure = set(findings.best.names) - kept
     if findings.found is None:
         return [{"name": card.name, "why": "there is no gap to explain"} for card in findings.machine.effects]
     if findings.decision is not None and answer is Answer.NAMED_SET:
@@ -402,10 +452,8 @@ def _rejected(findings: MachineFindings, answer: Answer) -> list[dict[str, str]]
     objections = {
         **findings.found.objections,
         **dict.fromkeys(withdrawn, f"withdrawn: {_on_locked_runs(findings)}"),
+        **dict.fromkeys(unsure, "not certain"),
     }
-    if answer is Answer.UNNAMED:
-        objections |= dict.fromkeys(kept, "not certain")
-        kept = set()
     scores = {one.direction.name: one for one in best_shapes(findings.scores)}
     return [
         {"name": card.name, "why": objections.get(card.name) or _unscored(scores.get(card.name))}

@@ -41,10 +41,10 @@ class ChannelError:
 
     def sentence(self) -> str:
         """Return it in words."""
-        ratio = self.model_error / self.sensor_noise
+        ratio, unit = self.model_error / self.sensor_noise, "" if self.unit == "1" else f" {self.unit}"
         return (
-            f"{self.channel}: model error {self.model_error:.3g} {self.unit}, {ratio:.2g} times the sensor "
-            f"noise (upper bound {self.upper:.3g} {self.unit})"
+            f"{self.channel}: model error {self.model_error:.3g}{unit}, {ratio:.2g} times the sensor noise "
+            f"(upper bound {self.upper:.3g}{unit})"
         )
 
 

@@ -119,8 +119,9 @@ def with_base_parameters(verdict: Verdict, rows: Sequence[FittedBase]) -> Verdic
     if named and answer is not Answer.NAMED:
         head = head.replace("Wrong", "Probably wrong", 1)
     sentences = [head, _rest(verdict, named)]
-    if verdict.unnamed and not named:
-        sentences.reverse()  # a missing term is the finding, and may have moved the value
+    is_open = verdict.verdict is Answer.UNNAMED and not _is_tolerable(verdict)
+    if (verdict.unnamed or is_open) and not named:
+        sentences.reverse()  # the gap is the finding, and what is missing may have moved the value
     return replace(verdict, verdict=answer, confidence_set=members, sentence=" ".join(sentences))
 
 
@@ -138,12 +139,9 @@ def _answer(
         return verdict.verdict, members
     if open_:
         rivals = dict.fromkeys(tuple(sorted(names)) for one in open_ for names in one.equals)
-        known = {one.name for one in verdict.base_parameters} | {one["name"] for one in verdict.rejected}
-        # A law outside the model keeps the gap without a name.
-        is_told = is_agreement or bool(named) or all(known.issuperset(names) for names in rivals)
         is_few = 0 < len(rivals) < MACHINES.verdict.most_members
         is_whole = is_agreement and len(open_) == 1
-        if is_few and is_told and (is_whole or named or not is_agreement):
+        if is_few and (is_whole or named):
             shared = [one.name for one in open_ if one.equals]
             answer = Answer.NAMED_SET if is_whole else Answer.PARTLY_NAMED
             return answer, [[*own, *shared], *([*own, *names] for names in rivals)]
@@ -166,9 +164,11 @@ def _is_tolerable(verdict: Verdict) -> bool:
 def _head(named: Sequence[FittedBase], open_: Sequence[FittedBase]) -> str:
     """Return the finding in one sentence."""
     if named:
-        more = [*(one.name for one in named[1:]), *(f"{one.name}, {one.why}" for one in open_)]
-        also = f"; also far from nominal: {'; '.join(more)}" if more else ""
-        return f"Wrong in the model: {named[0].sentence()}{also}."
+        more = [f"{one.name} is wrong too" for one in named[1:]]
+        more += [f"also far from nominal: {one.name}, {one.why}" for one in open_ if one.equals]
+        unsure = ", ".join(one.name for one in open_ if not one.equals)
+        more += [f"also far from nominal, but not decided: {unsure}"] if unsure else []
+        return "; ".join([f"Wrong in the model: {named[0].sentence()}", *more]) + "."
     others = ", ".join(one.name for one in open_[1:])
     also = f"; also far from nominal: {others}" if others else ""
     why = open_[0].why

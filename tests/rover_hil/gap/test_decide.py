@@ -7,7 +7,7 @@ import pytest
 
 from rover_hil.gap import effects
 from rover_hil.gap.data.problem import Problem, observe
-from rover_hil.gap.decision.decide import NONE, Candidate, Decision, winners_of
+from rover_hil.gap.decision.decide import NONE, Candidate, Decision, kept_effects, winners_of
 from rover_hil.gap.decision.structure import structure_of
 from rover_hil.gap.evidence.units import Units, observation_units, predict_units
 from rover_hil.gap.fit.machine_fit import MachineFits
@@ -117,3 +117,34 @@ def test_an_effect_that_sets_a_base_parameter_free_is_the_parameter_itself() -> 
     decision = Decision(candidates=tuple(candidates), units=units, winners=np.array([0, 1, 1, NONE]), best=1)
     assert decision.base_probability("gain") == 0.5
     assert decision.base_probability("damping") == 0.0
+
+
+def test_an_effect_of_every_winner_is_kept_beside_an_unknown_force() -> None:
+    model = axis_model()
+    problem = Problem(model, observe(model, measured_runs()))
+    base = MachineFits(problem, model.effects).base()
+    names = [(), ("dry",), ("drag",), ("drag", "dry")]
+    candidates = [Candidate(names=one, machine=model, fit=base, is_listed=True) for one in names]
+    winners, is_none = np.array([1, 3, 3, 1]), np.array([True, True, True, False])
+    excess = np.tile(np.array([100.0, 4.0, 100.0, 3.0])[None, :, None], (4, 1, 1))
+    # Drag takes a quarter away of what dry friction leaves; dry friction most of what drag leaves.
+    assert kept_effects(candidates, excess, winners, is_none) == {"dry": 0.75, "drag": 0.0}
+
+
+def test_a_channel_in_another_unit_is_bad_data_and_no_cause_in_the_machine() -> None:
+    runs = [
+        replace(run, measured={name: 57.3 * values for name, values in run.measured.items()})
+        for run in measured_runs(dry=1.0)
+    ]
+    verdict = analyse(axis_model(), runs).verdict
+    assert verdict.verdict is Answer.BAD_DATA
+    assert "all of speed_sensor is 5" in verdict.sentence
+    assert "check its unit, rad/s" in verdict.sentence
+
+
+def test_an_effect_far_larger_than_declared_is_no_part_of_a_name() -> None:
+    model = axis_model()
+    tiny = effects.coulomb_friction("acceleration", velocity="speed", size=0.05, slow=0.05)
+    verdict = analyse(replace(model, port_effects=(tiny, *model.port_effects[1:])), measured_runs(dry=2.5))
+    assert (verdict.verdict.verdict, verdict.verdict.effects) == (Answer.UNNAMED, [])
+    assert "level of coulomb_friction is more than ten times as large as declared" in verdict.verdict.sentence

@@ -98,14 +98,14 @@ def test_what_is_left_below_the_tolerance_weakens_the_name_no_more_than_that_of_
     assert ("With this value: there is a gap" in verdict.sentence) is (upper < 1.0)
 
 
-def test_a_value_and_its_rival_are_a_set_where_a_gap_remains_too() -> None:
-    """A rival that is a law outside the model leaves the gap without a name."""
+def test_a_value_and_its_rival_are_no_part_of_a_name_where_a_gap_remains_too() -> None:
+    """Neither of them is certain; the sentence states both."""
     left = replace(AGREES, verdict=Answer.UNNAMED, sentence="There is a gap.")
-    rows = judged([TRACK], lambda _: replace(PROVEN, equals=(("slip",),)))
-    assert with_base_parameters(left, rows).verdict is Answer.UNNAMED
+    rivals = replace(PROVEN, equals=(("slip",),), sizes={("slip",): "slip (share 0.04, 0.03 to 0.05)"})
+    rows = judged([TRACK], lambda _: rivals)
     verdict = with_base_parameters(replace(left, rejected=[{"name": "slip", "why": "weak"}]), rows)
-    assert (verdict.verdict, verdict.confidence_set) == (Answer.PARTLY_NAMED, [["track"], ["slip"]])
-    assert headline(verdict).startswith("track or slip is probably wrong in the model.")
+    assert (verdict.verdict, verdict.confidence_set) == (Answer.UNNAMED, [])
+    assert "equally: track (0.21, 0.2095 to 0.2105), slip (share 0.04, 0.03 to 0.05)" in verdict.sentence
 
 
 def test_what_replaces_a_value_stays_in_the_set_beside_a_proven_one() -> None:
