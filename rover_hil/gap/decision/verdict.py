@@ -200,8 +200,7 @@ def _objections(findings: MachineFindings) -> list[str]:
         count, kind = decision.units.count, decision.units.kind
         found.append(f"{count} {kind} are too few for a name, {MACHINES.decide.least_units} are needed")
     found += _on_test_runs(findings)
-    is_alone = decision is None or len(decision.members()) == 1
-    least_z = math.sqrt(best.evidence.least_gain or 0.0) if is_alone else 0.0
+    least_z = math.sqrt(best.evidence.least_gain or 0.0)
     at = f", at {least_z:.2g} standard deviations," if least_z else ""
     for name, item in _strengths(findings):
         if _contains(findings.size(name, item.name), item.nominal, least_z):

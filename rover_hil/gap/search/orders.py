@@ -29,7 +29,8 @@ def other_orders(
     """
     options = [
         (wider, one)
-        for one in sorted(fits, key=lambda one: one.merit)
+        # The fewest effects first: with a third effect the wrong order of two fits better than without.
+        for one in sorted(fits, key=lambda one: (len(one.names), one.merit))
         for wider in _orders(machine, one.names)
         if _moves(wider, problem, one)
     ][: MACHINES.search.most_orders]
