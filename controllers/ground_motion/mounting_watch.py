@@ -61,13 +61,16 @@ class MountingWatch:
     Pitch and focal length cannot be distinguished by it, and the height not at all.
 
     In a rotation on the spot the gyro measures how far the point below the camera moves: that is the only
-    check of the height, and of the scale of the travel. Until then the travel may be wrong by a tenth.
+    check of the height, and of the scale of the travel. Until then the travel may be wrong by a tenth. Wheels
+    that skid in rotations do not show about which point the rover rotates: a camera that is turned, or higher
+    than its rig says, looks like a rover that rotates about another point.
 
     Args:
         effects: Of errors of this rig.
         scale_sd: Standard deviation of the travel's factor, if the rig is as stated.
         parameters: Tuned numbers.
         is_calibrated: Whether a drive has shown the scale already.
+        rotates_about_origin: Whether the rover's origin is in its place in rotations on the spot.
         yaw_sd_deg: Standard deviation of the camera's yaw.
 
     Attributes:
@@ -81,10 +84,11 @@ class MountingWatch:
         parameters: MountingParameters,
         *,
         is_calibrated: bool,
+        rotates_about_origin: bool,
         yaw_sd_deg: float,
     ) -> None:
         self._effects, self._scale_sd, self._numbers = effects, scale_sd, parameters
-        self._is_confirmed = is_calibrated
+        self._is_confirmed, self._rotates_about_origin = is_calibrated, rotates_about_origin
         self._swing, self._aside, self._spun_rad = Slope(), Slope(), 0.0
         self._pitch, self._bend = (SlopeWithBias(parameters.gyro_bias_rad_s) for _ in range(2))
         self._turn = Slope()
@@ -104,6 +108,8 @@ class MountingWatch:
         """What the drive has not confirmed, and how it does; "" for nothing."""
         if self._is_confirmed:
             return ""
+        if not self._rotates_about_origin:
+            return "scale not confirmed: rotations do not show it, run `rover-hil calibrate scale`"
         if not self._has_rotated:
             return f"scale not confirmed: rotate by {self._numbers.confirming_deg:.0f} deg on the spot"
         return f"scale not confirmed: {self._spun}"
@@ -125,6 +131,8 @@ class MountingWatch:
             swing_m: Motion of the point below the camera by it, forward and left.
             moved_m: Its motion as the pictures show it.
         """
+        if not self._rotates_about_origin:
+            return
         self._spun_rad += abs(turn_rad)
         along_m = moved_m * swing_m.conjugate() / abs(swing_m)
         self._swing.add(abs(swing_m), along_m.real)

@@ -15,8 +15,15 @@ SCALE_SD = 0.02
 STEP_M, STEP_S = 0.02, 0.1
 
 
-def watch(*, is_calibrated: bool = False) -> MountingWatch:
-    return MountingWatch(EFFECTS, SCALE_SD, DEFAULTS.mounting, is_calibrated=is_calibrated, yaw_sd_deg=3.0)
+def watch(*, is_calibrated: bool = False, rotates_about_origin: bool = True) -> MountingWatch:
+    return MountingWatch(
+        EFFECTS,
+        SCALE_SD,
+        DEFAULTS.mounting,
+        is_calibrated=is_calibrated,
+        rotates_about_origin=rotates_about_origin,
+        yaw_sd_deg=3.0,
+    )
 
 
 def drive(
@@ -209,6 +216,19 @@ def test_pictures_that_contradict_the_gyro_leave_its_scale_uncertain() -> None:
         watched.spin(0.02, 0.02 * 0.4j, 1.105 * 0.02 * 0.4j)
         drive(watched, 1, turn_rad=0.02, seen_turn=1.1)
     assert not watched.text
+
+
+@pytest.mark.parametrize("moved", [1.0, 0.83 + 0.34j])
+def test_a_rover_that_skids_shows_nothing_in_rotations(moved: complex) -> None:
+    """It rotates 0.15 m beside its origin on a slope of 12 deg, and slides while it rotates."""
+    watched, slide = watch(rotates_about_origin=False), 0.14 - 0.75j
+    for turn_rad in (0.02, -0.02):
+        for _ in range(50):
+            watched.spin(turn_rad, turn_rad * 0.4j, moved * turn_rad * 0.4j + slide * 0.02 * 0.4)
+            drive(watched, 1, turn_rad=turn_rad)
+    assert not watched.text
+    assert watched.unconfirmed.endswith("run `rover-hil calibrate scale`")
+    assert watched.scale_sd == DEFAULTS.mounting.unconfirmed_scale_sd
 
 
 def test_a_calibrated_scale_is_confirmed() -> None:
