@@ -34,18 +34,24 @@ RIGHT, UNDECIDED, WRONG = Order.RIGHT, Order.UNDECIDED, Order.WRONG
     [
         ([0, 1, 2, 3], [RIGHT, RIGHT, RIGHT]),
         ([0, 1, 3, 2, 4, 5], [RIGHT, UNDECIDED, UNDECIDED, RIGHT, RIGHT]),
-        ([1, 0, 3, 2, 5, 4], [UNDECIDED, WRONG, UNDECIDED, WRONG, UNDECIDED]),
+        ([1, 0, 3, 2, 5, 4], [UNDECIDED, RIGHT, UNDECIDED, RIGHT, UNDECIDED]),
+        ([1, 0, 2, 3, 4], [UNDECIDED, WRONG, RIGHT, RIGHT]),
         ([0, 1, 3, 2, 5, 4, 6], [RIGHT, UNDECIDED, UNDECIDED, UNDECIDED, UNDECIDED, RIGHT]),
     ],
 )
-def test_frames_that_have_changed_places_are_not_used(
+def test_frames_that_have_changed_places_give_no_wrong_travel(
     slip: float, places: list[int], expected: list[Order]
 ) -> None:
     assert judged(places, slip) == expected
 
 
 def test_swapped_frames_are_recognised_before_any_pair() -> None:
-    assert judged([1, 0, 3, 2, 5], rate_before=False) == [UNDECIDED, WRONG, UNDECIDED, WRONG]
+    expected = [UNDECIDED, WRONG, UNDECIDED, RIGHT, UNDECIDED, RIGHT]
+    assert judged([1, 0, 3, 2, 5, 4, 7], rate_before=False) == expected
+
+
+def test_a_later_frame_followed_by_frames_in_order_is_not_used() -> None:
+    assert judged([1, 0, 2, 3, 5, 4, 6], rate_before=False)[1:3] == [WRONG, RIGHT]
 
 
 def test_a_rover_that_slides_back_is_measured_from_the_second_frame_on() -> None:
