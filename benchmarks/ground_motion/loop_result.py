@@ -27,7 +27,8 @@ Floats = NDArray[np.float64]
 RMS_RATIO, RMS_M, SLIP_OFF = 0.5, 0.015, 0.05
 LEAST_TIMES = 25
 SLIP_WINDOW_M = 0.05
-"""Travel of the wheels over which the loop reports its slip."""
+"""Travel of the wheels over which the loop reports its slip, in the newest `SLIP_WINDOW_S` at most."""
+SLIP_WINDOW_S = 2.0
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 
 
@@ -206,8 +207,15 @@ def _slips(driven: Driven, wheels: Floats, scene: LiveScene) -> tuple[Floats, Fl
         if ground.slip is None:
             continue
         end = int(np.argmin(np.abs(track[:, 0] - 1e-9 * ground.t_ns)))
-        begin = max(int(np.searchsorted(length_m, length_m[end] - SLIP_WINDOW_M, side="right")) - 1, 0)
-        share = (moved_m[end] - moved_m[begin]) / (rolled_m[end] - rolled_m[begin])
+        begin = max(
+            int(np.searchsorted(length_m, length_m[end] - SLIP_WINDOW_M, side="right")) - 1,
+            int(np.searchsorted(track[:, 0], track[end, 0] - SLIP_WINDOW_S)),
+            0,
+        )
+        rolled = rolled_m[end] - rolled_m[begin]
+        if abs(rolled) < 0.5 * SLIP_WINDOW_M:  # forth and back, or a rotation: it has no slip
+            continue
+        share = (moved_m[end] - moved_m[begin]) / rolled
         measured.append(ground.slip)
         true.append(1.0 - float(share.real))
     return np.array(measured), np.array(true)
