@@ -38,13 +38,16 @@ class FrameOrder:
     def __init__(self, parameters: FrameOrderParameters) -> None:
         self._numbers = parameters
         self._share: float | None = None
-        self._ahead_share: float | None = None
+        self._newest_share: float | None = None
+        self._is_left_out = False
         self.begin()
 
     def begin(self) -> None:
-        """Begin a pair."""
+        """Begin a pair, perhaps with a frame that was left out."""
         self._along_m = self._wheel_m = 0.0
-        self._went_back = self._is_mixed = self._began_ahead = self._is_held = False
+        self._went_back = self._began_ahead = self._is_held = False
+        self._is_mixed, self._is_left_out = self._is_left_out, False
+        self._before_share = self._newest_share
 
     def judge(self, along_m: float, wheel_m: float, sd_m: float) -> Order:
         """Return what to do with a frame.
@@ -54,6 +57,11 @@ class FrameOrder:
             wheel_m: Travel of the wheels since then.
             sd_m: Standard deviation of the motion.
         """
+        order = self._judge(along_m, wheel_m, sd_m)
+        self._is_left_out = order is Order.UNDECIDED
+        return order
+
+    def _judge(self, along_m: float, wheel_m: float, sd_m: float) -> Order:
         numbers = self._numbers
         step_m, rolled_m = along_m - self._along_m, wheel_m - self._wheel_m
         self._along_m, self._wheel_m = along_m, wheel_m
@@ -61,14 +69,16 @@ class FrameOrder:
             return Order.RIGHT
         slack_m = numbers.deviations * sd_m + numbers.least_share * rolled_m
         went_back, self._went_back = self._went_back, step_m < -slack_m
+        self._newest_share = None if self._went_back else along_m / wheel_m
         if self._went_back:
             if went_back or (self._share is not None and self._share < 0.0):
                 return Order.RIGHT
             self._is_mixed = True
             self._began_ahead |= along_m < -slack_m
             return Order.UNDECIDED
-        if self._began_ahead:
-            return self._by_pair_before(along_m, wheel_m, slack_m)
+        if self._began_ahead or self._is_mixed:
+            otherwise = Order.WRONG if self._began_ahead else Order.UNDECIDED
+            return Order.RIGHT if self._is_alike(along_m, wheel_m, slack_m) else otherwise
         return self._by_travel(along_m, wheel_m, slack_m)
 
     def use(self, along_m: float, wheel_m: float) -> None:
@@ -76,27 +86,20 @@ class FrameOrder:
         if wheel_m > 0.0:
             self._share = along_m / wheel_m
 
-    def _by_pair_before(self, along_m: float, wheel_m: float, slack_m: float) -> Order:
-        """Compare the share of the wheels' travel with that of the pair before, even of one that was wrong.
+    def _is_alike(self, along_m: float, wheel_m: float, slack_m: float) -> bool:
+        """Return whether the share is that of the last pair that was used, or of the one before this.
 
-        Two pairs in a row that begin with a later frame are alike only where each ends with a later one, too.
+        Two pairs in a row, without a step back between them, are alike where all their frames are in order;
+        two that begin with a later frame where each ends with a later one, too.
         """
-        before = [share for share in (self._share, self._ahead_share) if share is not None]
-        self._ahead_share = along_m / wheel_m
-        is_right = any(self._is_alike(along_m, share * wheel_m, slack_m) for share in before)
-        return Order.RIGHT if is_right else Order.WRONG
-
-    def _is_alike(self, along_m: float, expected_m: float, slack_m: float) -> bool:
-        return abs(along_m - expected_m) < self._numbers.alike * abs(expected_m) + slack_m
+        before_m = [share * wheel_m for share in (self._share, self._before_share) if share is not None]
+        return any(abs(along_m - each) < self._numbers.alike * abs(each) + slack_m for each in before_m)
 
     def _by_travel(self, along_m: float, wheel_m: float, slack_m: float) -> Order:
         """Compare the share of the wheels' travel with that of the pair before."""
         if self._share is None:
             return Order.RIGHT
         numbers, expected_m = self._numbers, self._share * wheel_m
-        if self._is_mixed:
-            is_alike = self._is_alike(along_m, expected_m, slack_m)
-            return Order.RIGHT if is_alike else Order.UNDECIDED
         if self._is_held or along_m < (1.0 + numbers.jump) * expected_m + slack_m:
             return Order.RIGHT
         self._is_held = True
