@@ -108,8 +108,9 @@ class Result(NamedTuple):
 
     @property
     def blames_camera(self) -> bool:
-        """Whether a report is about the camera or its rig."""
-        return any("camera" in each.text or "rig" in each.text for each in self.reports)
+        """Whether a report asks to check the camera or its rig."""
+        texts = [each.text for each in self.reports if "check" in each.text]
+        return any("camera" in text or "rig" in text for text in texts)
 
 
 def judge(driven: Driven, config: Config, scene: LiveScene) -> Result:
