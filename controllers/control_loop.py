@@ -4,7 +4,7 @@ import operator
 from collections.abc import Sequence
 
 from controllers.check_manoeuvre.manoeuvre import CheckManoeuvre
-from controllers.check_manoeuvre.plan import plan, skids_in_rotations
+from controllers.check_manoeuvre.plan import plan
 from controllers.check_manoeuvre.verdict import SourceCheck
 from controllers.estimation.dead_reckoning import DeadReckoned
 from controllers.estimation.filter.guarded_filter import Innovation
@@ -151,7 +151,7 @@ class ControlLoop:
                 settings.ground.prior(),
                 settings.ground.unknown(),
                 share_sd=settings.filter.slip_sd_share or 1.0,
-                compares_turns=not skids_in_rotations(settings.rover),
+                compares_turns=not kinematics.skids_in_rotations,
             ),
             is_yaw_watched=find_unwatched_yaw(settings, roles) is None,
         )
@@ -180,7 +180,7 @@ class ControlLoop:
             plan(settings, kinematics, roles),
             roles,
             settings.filter,
-            skids=skids_in_rotations(settings.rover),
+            skids=kinematics.skids_in_rotations,
         )
         self._follower = None if mission is None else mission.follower(kinematics)
         rim_arm_m = settings.rover.wheel_radius_m * max(map(abs, kinematics.wheel_speeds(0.0, 0.0, 1.0)))

@@ -41,7 +41,7 @@ from controllers.estimation.wheels.odometry import BodyIncrement
 from controllers.estimation.wheels.stuck_encoder import StuckEncoders
 from controllers.estimation.wheels.unobserved_motion import UnobservedMotion
 from controllers.fault import Bound, Cause, Fault
-from controllers.motion.kinematics import Kinematics, SkidSteerKinematics
+from controllers.motion.kinematics import Kinematics
 from controllers.motion.steering import SteeringAngles
 from controllers.roles import DeviceRoles
 from drivers.clock import nanoseconds
@@ -158,9 +158,7 @@ class Estimator:
             self.positions,
             self.contradiction,
         )
-        self._skid = (
-            SkidBound(self.budget, self._reach) if isinstance(kinematics, SkidSteerKinematics) else None
-        )
+        self._skid = SkidBound(self.budget, self._reach) if kinematics.skids_in_rotations else None
         self._stuck = StuckEncoders(settings, kinematics.wheel_count)
         self._stuck_fault: Fault | None = None
         # Poses and a camera decide between gyro and wheels themselves, see `YawWatch`.

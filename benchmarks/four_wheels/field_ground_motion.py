@@ -49,7 +49,8 @@ def make_loop(recorded: FieldDrive, tolerance: RigTolerance) -> ControlLoop:
     config = config.model_copy(
         update={"mission": None, "scomp": None, "ground_motion": ground, "rover": rover}
     )
-    return ControlLoop(config, ROLES, None, LiveGroundMotion(ground, camera))
+    meter = LiveGroundMotion(ground, camera, rotates_about_origin=False)
+    return ControlLoop(config, ROLES, None, meter)
 
 
 def observe(recorded: FieldDrive, tolerance: RigTolerance) -> dict[str, float]:

@@ -11,7 +11,9 @@ FOLDER holds the drives of `python -m tests.nature.ambiguous_ground FOLDER`. Of 
 - slip rms: error over windows of 0.5 m of the wheels that are valid in 80 % of their travel;
 - standing: drives in which a pair that moves by more than 2 mm is reported as standing, valid;
 - reported after: travel of the wheels after which a finding about the rig is first reported, and the number
-  of drives with one.
+  of drives with one;
+- stuck after: the same, after the rover is stuck for the rest of the drive with spinning wheels, until a
+  valid pair shows it, or "no motion confirmed" is stated.
 """
 
 import argparse
@@ -31,8 +33,10 @@ from drivers.errors import ConfigError
 
 CONFIDENT_SD, WRONG_SHARE = 4.0, 0.1
 MOVES_M, STANDS_SHARE = 0.002, 0.2
+NO_MOTION = "no motion confirmed"
 COLUMNS = (
-    "case | drives | pairs | valid % | wrong % | within 2 sd % | slip rms | standing | reported | after m"
+    "case | drives | pairs | valid % | wrong % | within 2 sd % | slip rms | standing | reported | after m | "
+    "stuck | after m"
 )
 
 
@@ -78,6 +82,7 @@ def row(name: str, drives: Sequence[Pairs]) -> str:
         for each in drives
     )
     after = [first for each in drives if (first := reported_m(each)) is not None]
+    stuck = [first for each in drives if (first := stuck_m(each)) is not None]
     cells = [
         name,
         f"{len(drives)}",
@@ -89,6 +94,8 @@ def row(name: str, drives: Sequence[Pairs]) -> str:
         f"{standing}",
         f"{len(after)}",
         f"{max(after):.2f}" if after else "-",
+        f"{len(stuck)}",
+        f"{max(stuck):.2f}" if stuck else "-",
     ]
     return "| " + " | ".join(cells) + " |"
 
@@ -97,6 +104,17 @@ def reported_m(pairs: Pairs) -> float | None:
     """Return the travel of the wheels until the first finding about the rig; None without one."""
     found = [number for number, text in enumerate(pairs.reasons) if "check" in text]
     return float(np.abs(pairs.wheel_m[: found[0] + 1]).sum()) if found else None
+
+
+def stuck_m(pairs: Pairs) -> float | None:
+    """Return the wheels' travel from where the rover is stuck until that is shown; None where it is not."""
+    wheel_m = np.abs(pairs.wheel_m)
+    moves = np.flatnonzero(np.hypot(*pairs.true[:, :2].T) >= STANDS_SHARE * wheel_m)
+    begin = int(moves[-1]) + 1 if len(moves) else 0
+    stands = pairs.valid & (np.hypot(*pairs.found[:, :2].T) < STANDS_SHARE * wheel_m)
+    shown = stands | np.array([NO_MOTION in text for text in pairs.reasons])
+    found = np.flatnonzero(shown[begin:])
+    return float(wheel_m[begin : begin + found[0] + 1].sum()) if len(found) else None
 
 
 def main() -> int:

@@ -27,7 +27,8 @@ Floats = NDArray[np.float64]
 RMS_RATIO, RMS_M, SLIP_OFF = 0.5, 0.015, 0.05
 LEAST_TIMES = 25
 SLIP_WINDOW_M = 0.05
-"""Travel of the wheels over which the loop reports its slip."""
+"""Travel of the wheels over which the loop reports its slip, in the newest `SLIP_WINDOW_S` at most."""
+SLIP_WINDOW_S = 2.0
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 
 
@@ -107,8 +108,9 @@ class Result(NamedTuple):
 
     @property
     def blames_camera(self) -> bool:
-        """Whether a report is about the camera or its rig."""
-        return any("camera" in each.text or "rig" in each.text for each in self.reports)
+        """Whether a report asks to check the camera or its rig."""
+        texts = [each.text for each in self.reports if "check" in each.text]
+        return any("camera" in text or "rig" in text for text in texts)
 
 
 def judge(driven: Driven, config: Config, scene: LiveScene) -> Result:
@@ -206,8 +208,15 @@ def _slips(driven: Driven, wheels: Floats, scene: LiveScene) -> tuple[Floats, Fl
         if ground.slip is None:
             continue
         end = int(np.argmin(np.abs(track[:, 0] - 1e-9 * ground.t_ns)))
-        begin = max(int(np.searchsorted(length_m, length_m[end] - SLIP_WINDOW_M, side="right")) - 1, 0)
-        share = (moved_m[end] - moved_m[begin]) / (rolled_m[end] - rolled_m[begin])
+        begin = max(
+            int(np.searchsorted(length_m, length_m[end] - SLIP_WINDOW_M, side="right")) - 1,
+            int(np.searchsorted(track[:, 0], track[end, 0] - SLIP_WINDOW_S)),
+            0,
+        )
+        rolled = rolled_m[end] - rolled_m[begin]
+        if abs(rolled) < 0.5 * SLIP_WINDOW_M:  # forth and back, or a rotation: it has no slip
+            continue
+        share = (moved_m[end] - moved_m[begin]) / rolled
         measured.append(ground.slip)
         true.append(1.0 - float(share.real))
     return np.array(measured), np.array(true)

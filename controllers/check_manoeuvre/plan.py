@@ -5,8 +5,6 @@ from typing import NamedTuple
 from controllers.check_manoeuvre.path import Compared, Leg, Pace, legs_of, points_of
 from controllers.motion.kinematics import Kinematics, make_kinematics
 from controllers.motion.missions.mission import Point
-from controllers.motion.rover_geometry import RoverSettings, SkidSteerRoverSettings, WheelsRoverSettings
-from controllers.motion.wheel_constraints import skids_in_turns
 from controllers.roles import DeviceRoles
 from controllers.settings import ControlSettings
 
@@ -20,13 +18,6 @@ def compared_with(settings: ControlSettings, roles: DeviceRoles) -> Compared:
         return Compared.POSITIONS
     has_ground = settings.ground_motion is not None and roles.camera is not None
     return Compared.TRAVEL if has_ground else Compared.NOTHING
-
-
-def skids_in_rotations(rover: RoverSettings) -> bool:
-    """Return whether the wheels of a rover skid in every rotation."""
-    if isinstance(rover, WheelsRoverSettings):
-        return skids_in_turns(rover.wheels)
-    return isinstance(rover, SkidSteerRoverSettings)
 
 
 def plan(settings: ControlSettings, kinematics: Kinematics, roles: DeviceRoles) -> tuple[Leg, ...]:

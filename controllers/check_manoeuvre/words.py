@@ -75,7 +75,10 @@ def _fix(compared: Compared) -> str:
     own, wheels = _OWN[compared.verdict], _WHEELS[compared.verdict]
     if compared.is_of_wheels:
         return f"; {wheels}"
-    may_be_wheels = compared.is_with_wheels and not compared.is_decided
+    # Wheels that agree with a third source in rotations may slip ahead.
+    shows_slip = compared.verdict in (Verdict.DOES_NOT_FOLLOW, Verdict.SCALE)
+    may_slip = shows_slip and compared.quantity != "rotation"
+    may_be_wheels = compared.is_with_wheels and (may_slip or not compared.is_decided)
     return f"; {own}, or {wheels}" if may_be_wheels else f"; {own}"
 
 

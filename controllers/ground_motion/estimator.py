@@ -77,6 +77,8 @@ class GroundMotionEstimator:
         view: The ground in the frames of the rig; others may look at it too.
         tolerance: What is not known about the rig.
         parameters: Tuned numbers.
+        rotates_about_origin: Whether the rover's origin is in its place in rotations on the spot; not where
+            wheels skid in them.
 
     Attributes:
         pair: The last motion in the axes of the patch, as the pictures show it; None where not measured,
@@ -89,12 +91,20 @@ class GroundMotionEstimator:
         view: GroundView,
         tolerance: RigTolerance | None = None,
         parameters: GroundMotionParameters = DEFAULTS,
+        *,
+        rotates_about_origin: bool = True,
     ) -> None:
         ground = view.ground
         self._view, self._ground, self._parameters = view, ground, parameters
         self._structure = view.structure
         self._flow = GroundFlow(ground, parameters.flow)
-        self._wheels = WheelComparison(ground, self._flow, tolerance or RigTolerance(), parameters)
+        self._wheels = WheelComparison(
+            ground,
+            self._flow,
+            tolerance or RigTolerance(),
+            parameters,
+            rotates_about_origin=rotates_about_origin,
+        )
         self._visible = ground.visible.astype(np.uint8)
         self._pattern = StaticPattern(ground.shape, parameters.pattern)
         self.moving_parts = MovingParts(len(self._flow.points_m()), parameters.moving_parts)

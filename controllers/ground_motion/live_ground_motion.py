@@ -19,6 +19,7 @@ class LiveGroundMotion:
     Args:
         settings: Calibration of the camera and what is not known about it.
         camera: The camera of the rig.
+        rotates_about_origin: As of `GroundMotionEstimator`.
 
     Attributes:
         pairs: The motion that is measured, for others that need it in these frames.
@@ -27,13 +28,17 @@ class LiveGroundMotion:
         ConfigError: The camera does not see the ground, or its frames have another size.
     """
 
-    def __init__(self, settings: GroundMotionSettings, camera: CameraSettings) -> None:
+    def __init__(
+        self, settings: GroundMotionSettings, camera: CameraSettings, *, rotates_about_origin: bool
+    ) -> None:
         rig = settings.rig
         conflict = rig.size_conflict(camera.width, camera.height)
         if conflict:
             raise ConfigError(conflict)
         geometry = rig.geometry()
-        self.pairs = PairSum(GroundView(GroundPatch(geometry)), settings.tolerance)
+        self.pairs = PairSum(
+            GroundView(GroundPatch(geometry)), settings.tolerance, rotates_about_origin=rotates_about_origin
+        )
         self._shape = (rig.image.height, rig.image.width)
         self._before_ns: int | None = None
         self._rates_rad_s: Rates | None = None

@@ -61,13 +61,16 @@ class MountingWatch:
     Pitch and focal length cannot be distinguished by it, and the height not at all.
 
     In a rotation on the spot the gyro measures how far the point below the camera moves: that is the only
-    check of the height, and of the scale of the travel. Until then the travel may be wrong by a tenth.
+    check of the height, and of the scale of the travel. Until then the travel may be wrong by a tenth. Wheels
+    that skid in rotations do not show about which point the rover rotates: a camera that is turned, or higher
+    than its rig says, looks like a rover that rotates about another point.
 
     Args:
         effects: Of errors of this rig.
         scale_sd: Standard deviation of the travel's factor, if the rig is as stated.
         parameters: Tuned numbers.
         is_calibrated: Whether a drive has shown the scale already.
+        rotates_about_origin: Whether the rover's origin is in its place in rotations on the spot.
         yaw_sd_deg: Standard deviation of the camera's yaw.
 
     Attributes:
@@ -81,10 +84,11 @@ class MountingWatch:
         parameters: MountingParameters,
         *,
         is_calibrated: bool,
+        rotates_about_origin: bool,
         yaw_sd_deg: float,
     ) -> None:
         self._effects, self._scale_sd, self._numbers = effects, scale_sd, parameters
-        self._is_confirmed = is_calibrated
+        self._is_confirmed, self._rotates_about_origin = is_calibrated, rotates_about_origin
         self._swing, self._aside, self._spun_rad = Slope(), Slope(), 0.0
         self._pitch, self._bend = (SlopeWithBias(parameters.gyro_bias_rad_s) for _ in range(2))
         self._turn = Slope()
@@ -104,8 +108,13 @@ class MountingWatch:
         """What the drive has not confirmed, and how it does; "" for nothing."""
         if self._is_confirmed:
             return ""
+        if not self._rotates_about_origin:
+            return "scale not confirmed: rotations do not show it, run `rover-hil calibrate scale`"
         if not self._has_rotated:
             return f"scale not confirmed: rotate by {self._numbers.confirming_deg:.0f} deg on the spot"
+        if not self._rotated():
+            beyond = f"rotations show errors beyond {100.0 * self._scale_limit:.0f} % only"
+            return f"scale not confirmed: {beyond}, run `rover-hil calibrate scale`"
         return f"scale not confirmed: {self._spun}"
 
     @property
@@ -125,11 +134,13 @@ class MountingWatch:
             swing_m: Motion of the point below the camera by it, forward and left.
             moved_m: Its motion as the pictures show it.
         """
+        if not self._rotates_about_origin:
+            return
         self._spun_rad += abs(turn_rad)
         along_m = moved_m * swing_m.conjugate() / abs(swing_m)
         self._swing.add(abs(swing_m), along_m.real)
         self._aside.add(abs(swing_m), along_m.imag)
-        if self._has_rotated:
+        if self._has_rotated and self._scale_limit < self._numbers.unconfirmed_scale_sd:
             self._is_confirmed |= not self._rotated()
 
     def update(self, motion: MountedMotion) -> None:
@@ -206,7 +217,7 @@ class MountingWatch:
     def _turned_aside(self) -> str:
         """Return that the ground moves aside of the swing: the centre of the rotation is off by as much."""
         aside_rad = math.atan2(self._aside.slope, self._swing.slope)
-        limit_rad = self._numbers.deviations * math.hypot(self._aside.sd, self._centre_sd)
+        limit_rad = self._numbers.aside_deviations * math.hypot(self._aside.sd, self._centre_sd)
         if abs(aside_rad) <= max(limit_rad, math.radians(self._numbers.least_yaw_deg)):
             return ""
         return (
@@ -214,15 +225,19 @@ class MountingWatch:
             "yaw of the camera's mounting, t_vehicle_camera of the rig, and where the rover rotates about"
         )
 
-    def _scale(self) -> str:
-        numbers, scale = self._numbers, self._swing.slope
+    @property
+    def _scale_limit(self) -> float:
+        """Error of the scale from which on rotations on the spot show it."""
+        numbers = self._numbers
         # The rover rotates about a point that is off along the arm as far as it is across, which shows.
         by_centre = math.hypot(abs(self._aside.slope) + self._aside.sd, self._centre_sd)
         # Pictures that rotate as the gyro says show its scale.
         by_gyro, turn_sd = numbers.gyro_scale_sd, self._turn.sd
         if turn_sd < by_gyro:
             by_gyro = abs(self._turn.slope - 1.0) + turn_sd
-        sd = math.hypot(self._scale_sd, self._swing.sd, by_gyro, by_centre)
-        if abs(scale - 1.0) <= numbers.scale_deviations * sd:
+        return numbers.scale_deviations * math.hypot(self._scale_sd, self._swing.sd, by_gyro, by_centre)
+
+    def _scale(self) -> str:
+        if abs(self._swing.slope - 1.0) <= self._scale_limit:
             return ""
         return f"{self._spun}: check height and focal length of the camera, and t_vehicle_camera of the rig"

@@ -22,6 +22,7 @@ class PairSum:
         view: The ground in the frames of the rig.
         tolerance: What is not known about the rig; None for its defaults.
         parameters: Tuned numbers.
+        rotates_about_origin: As of `GroundMotionEstimator`.
 
     Attributes:
         view: The ground in the frames.
@@ -33,8 +34,13 @@ class PairSum:
         view: GroundView,
         tolerance: RigTolerance | None = None,
         parameters: GroundMotionParameters = DEFAULTS,
+        *,
+        rotates_about_origin: bool = True,
     ) -> None:
-        self.view, self.estimator = view, GroundMotionEstimator(view, tolerance, parameters)
+        self.view = view
+        self.estimator = GroundMotionEstimator(
+            view, tolerance, parameters, rotates_about_origin=rotates_about_origin
+        )
         self._patch: Image | None = None
         self._sum: PatchMotion | None = None
         self._is_known, self._is_open = False, False

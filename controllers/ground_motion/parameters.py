@@ -179,6 +179,7 @@ class MountingParameters:
 
     deviations: float = 4.0  # of noise and tolerance
     scale_deviations: float = 2.0  # of the scale in rotations: one comparison in a drive, not one a pair
+    aside_deviations: float = 3.0  # of the angle aside in rotations, likewise
     memory_m: float = 5.0  # travel over which sums fade
     least_travel_m: float = 0.4  # over which slopes are formed
     gyro_bias_rad_s: float = 0.002  # standard deviation about the pitch axis: 0.1 deg/s
@@ -196,7 +197,7 @@ class MountingParameters:
         0.2  # travel of the rover over that of the point below the camera, in such a rotation
     )
     gyro_scale_sd: float = 0.02
-    centre_sd_m: float = 0.003  # of the camera's place over the vehicle's origin
+    centre_sd_m: float = 0.006  # of the point about which the rover rotates: its wheels do not slip alike
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -51,6 +51,7 @@ class WheelComparison:
         flow: Its points.
         tolerance: What is not known about the rig.
         parameters: Tuned numbers.
+        rotates_about_origin: Whether the rover's origin is in its place in rotations on the spot.
 
     Attributes:
         factor: True travel over that by the rig.
@@ -62,6 +63,8 @@ class WheelComparison:
         flow: GroundFlow,
         tolerance: RigTolerance,
         parameters: GroundMotionParameters,
+        *,
+        rotates_about_origin: bool,
     ) -> None:
         self._rig, self._parameters = ground.rig, parameters
         self.factor, self._scale_sd = scale_of(ground, flow, tolerance)
@@ -71,6 +74,7 @@ class WheelComparison:
             self._scale_sd,
             parameters.mounting,
             is_calibrated=tolerance.scale_sd is not None,
+            rotates_about_origin=rotates_about_origin,
             yaw_sd_deg=tolerance.yaw_sd_deg,
         )
         self._order = FrameOrder(parameters.order)

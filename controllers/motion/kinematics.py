@@ -23,11 +23,13 @@ class Kinematics(Mobility, Protocol):
             where none steers.
         unmeasured: Wheels without an encoder; their values have no effect on `body_motion`.
         undriven: Wheels that no motor turns.
+        skids_in_rotations: Whether fixed wheels must slip sideways in every rotation.
     """
 
     wheel_count: int
     unmeasured: frozenset[int]
     undriven: frozenset[int]
+    skids_in_rotations: bool
     steering_rates_rad_s: tuple[float, ...]
 
     def wheel_speeds(
@@ -139,6 +141,7 @@ class OmniKinematics(_FixedWheels):
 
     wheel_count = 3
     moves_sideways = True
+    skids_in_rotations = False
 
     def __init__(self, settings: OmniRoverSettings) -> None:
         angles_rad = [math.radians(angle) for angle in settings.wheel_angles_deg]
@@ -167,6 +170,7 @@ class SkidSteerKinematics(_FixedWheels):
 
     wheel_count = 4
     moves_sideways = False
+    skids_in_rotations = True
 
     def __init__(self, settings: SkidSteerRoverSettings) -> None:
         self._radius_m = settings.wheel_radius_m

@@ -11,6 +11,7 @@ from controllers.motion.wheel_constraints import (
     is_fixed,
     rolling_row,
     size_m,
+    skids_in_turns,
 )
 from controllers.motion.wheel_settings import WheelSettings
 from controllers.motion.wheel_solution import WheelEquations, WheelSolution
@@ -46,6 +47,7 @@ class WheelsKinematics:
             where none steers.
         unmeasured: Wheels without an encoder.
         undriven: Wheels that no motor turns.
+        skids_in_rotations: Whether fixed wheels must slip sideways in every rotation.
     """
 
     def __init__(self, settings: WheelsRoverSettings) -> None:
@@ -54,6 +56,7 @@ class WheelsKinematics:
         self._equations = WheelEquations(wheels)
         fixed = [wheel.x_m for wheel in wheels if is_fixed(wheel)]
         self._axle_x_m = sum(fixed) / len(fixed) if fixed else None
+        self.skids_in_rotations = skids_in_turns(wheels)
         self._steers = any(wheel.steering is not None for wheel in wheels)
         self.wheel_count = len(wheels)
         self.unmeasured = frozenset(place for place, wheel in enumerate(wheels) if not wheel.measured)

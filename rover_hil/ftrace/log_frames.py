@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from controllers.ground_motion.rig import RigFile
+from controllers.motion.kinematics import make_kinematics
 from drivers.camera.settings import CameraSettings
 from drivers.errors import LogError
 from rover_hil.config import Config
@@ -33,6 +34,7 @@ class LogFrames:
         count: Number of frames.
         rig: Calibration of the camera in the log's configuration; None without one.
         ground: How the motion over the ground is measured; None without [ground_motion].
+        skids_in_rotations: Whether fixed wheels of the rover must slip sideways in every rotation.
         telemetry: What was measured at each frame, by its number; times are in s since the start of the log.
 
     Raises:
@@ -55,6 +57,7 @@ class LogFrames:
             raise LogError(_no_frames(path))
         self.count = len(frames_ns)
         self.ground = config.ground_motion
+        self.skids_in_rotations = make_kinematics(config.rover).skids_in_rotations
         rig = None if config.ground_motion is None else config.ground_motion.rig
         self.rig: RigFile | None = rig if config.scomp is None else config.scomp.rig
         self.telemetry = self._telemetry(np.array(frames_ns, np.int64))

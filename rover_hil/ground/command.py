@@ -81,11 +81,14 @@ def ground_motion(
         refuse_overwrite(overlay, force=force, option="--overlay")
     check_inputs(frames)
     inputs = read_inputs(frames, rig_path, telemetry_path)
-    ground = inputs.source.ground if isinstance(inputs.source, LogFrames) else None
+    log = inputs.source if isinstance(inputs.source, LogFrames) else None
+    ground = None if log is None else log.ground
     if ground is not None and rig_path is None:
         inputs = inputs._replace(rig=ground.rig)
     view = GroundView(GroundPatch(inputs.rig.geometry()))
-    estimator = GroundMotionEstimator(view, inputs.tolerance)
+    estimator = GroundMotionEstimator(
+        view, inputs.tolerance, rotates_about_origin=log is None or not log.skids_in_rotations
+    )
     items: list[FrameMotion] = []
     picture: Image | None = None
     code = EXIT_OK

@@ -179,7 +179,8 @@ def _make_meter(config: Config) -> "LiveGroundMotion | None":
     # Imported here because it brings OpenCV, which a rover without a camera must not wait for.
     from controllers.ground_motion.live_ground_motion import LiveGroundMotion
 
-    return LiveGroundMotion(config.ground_motion, camera)
+    skids = make_kinematics(config.rover).skids_in_rotations
+    return LiveGroundMotion(config.ground_motion, camera, rotates_about_origin=not skids)
 
 
 def _assemble(config: Config, clock: Clock, drivers: dict[str, AnyDriver]) -> Rig:

@@ -115,10 +115,16 @@ class InertialSensor:
         noise, bias = self._noise, self._bias_rad_s
         for axis in range(3):
             bias[axis] += self._walk_step_rad_s * next(noise)
+        roll_rate, pitch_rate, yaw_rate = (
+            (now - before) / self._period_s
+            for now, before in zip(_angles(truth), _angles(self._before), strict=True)
+        )
+        # On an inclined plane roll and pitch change as the rover turns, and it rotates about one axis only.
+        cos_pitch, sin_roll = math.cos(truth.pitch_rad), math.sin(truth.roll_rad)
         x, y, z = self._to_sensor.vector(
             (
-                (truth.roll_rad - self._before.roll_rad) / self._period_s,
-                (truth.pitch_rad - self._before.pitch_rad) / self._period_s,
+                roll_rate - yaw_rate * math.sin(truth.pitch_rad),
+                pitch_rate * math.cos(truth.roll_rad) + yaw_rate * cos_pitch * sin_roll,
                 truth.yaw_rate_rad_s,
             )
         )

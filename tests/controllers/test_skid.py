@@ -14,11 +14,20 @@ from controllers.estimation.parameters import ESTIMATION
 from controllers.estimation.settings import FilterSettings
 from controllers.estimation.wheels.bounds import WheelBounds
 from controllers.estimation.wheels.odometry import BodyIncrement
-from controllers.motion.kinematics import SkidSteerKinematics
-from controllers.motion.rover_geometry import SkidSteerRoverSettings
+from controllers.estimator import Estimator
+from controllers.motion.kinematics import make_kinematics
+from controllers.motion.rover_geometry import SkidSteerRoverSettings, WheelsRoverSettings
+from controllers.motion.wheel_settings import WheelSettings
+from controllers.roles import DeviceRoles
+from drivers.samples import WheelSample
 from rover_hil.config import Config
 
 ROVER = SkidSteerRoverSettings(kinematics="skid_steer_4", wheel_radius_m=0.1, track_m=0.6)
+ROWS = WheelsRoverSettings(
+    kinematics="wheels",
+    wheels=tuple(WheelSettings(radius_m=0.1, x_m=x_m, y_m=y_m) for x_m in (0.3, -0.2) for y_m in (0.3, -0.3)),
+)
+"""The same rover, wheel by wheel."""
 SLIP_SD = 0.2
 
 
@@ -26,7 +35,7 @@ class Bench:
     """A rover without a camera, and what is added to the covariance of a pose that was certain."""
 
     def __init__(self) -> None:
-        self._kinematics = SkidSteerKinematics(ROVER)
+        self._kinematics = make_kinematics(ROVER)
         self._filter = PoseFilter(FilterSettings(), ())
         bounds = WheelBounds(self._kinematics, (), 5.0, has_gyro=True)
         self._skid = SkidBound(ErrorBudget(self._filter, bounds), bounds)
@@ -108,3 +117,19 @@ def test_a_rotation_that_slides_down_a_slope_is_followed_or_uncertain(seed: int,
         xx, xy, xt, yy, yt, tt = moment.output.estimate.covariance
         covariance = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]) + RESOLUTION**2 * np.eye(3)
         assert moment.error @ np.linalg.solve(covariance, moment.error) < 30.0
+
+
+@pytest.mark.parametrize("rover", [ROVER, ROWS], ids=["skid_steer_4", "wheels"])
+def test_the_estimate_of_a_rover_that_skids_contains_it(
+    rover: SkidSteerRoverSettings | WheelsRoverSettings,
+) -> None:
+    roles = DeviceRoles(wheels="wheels", required={})
+    estimator = Estimator(make_kinematics(rover), FilterSettings(), 5.0, roles)
+    for now_ns in range(0, 4_000_000_000, 20_000_000):
+        for wheel in range(4):
+            rolled_rad = (-1e-9 if wheel % 2 else 1e-9) * now_ns
+            sample = WheelSample(device="wheels", t_ns=now_ns, wheel=wheel, position_rad=rolled_rad)
+            estimator.take(sample, now_ns)
+        estimator.advance(now_ns)
+    covariance = estimator.estimate(now_ns).covariance
+    assert min(covariance[0], covariance[3]) > 0.05**2

@@ -116,6 +116,7 @@ def test_a_list_of_wheels_gives_the_numbers_of_the_skid_steer_rover(
     )
     listed = rover(*(wheel(x, y) for x in (base_m, -base_m) for y in (0.2, -0.2)))
     assert not listed.moves_sideways
+    assert listed.skids_in_rotations is shipped.skids_in_rotations is True
     assert listed.wheel_speeds(*values[:3]) == pytest.approx(shipped.wheel_speeds(*values[:3]), abs=1e-9)
     assert listed.body_motion(values) == pytest.approx(shipped.body_motion(values), abs=1e-12)
 

@@ -696,6 +696,7 @@ def test_a_ground_camera_gets_a_rig_by_rulers(
     assert 2.0 * math.degrees(half_view) == pytest.approx(60.0)
     assert slip is not None
     assert (slip.use, slip.excite_beside_ground, slip.excitation.mass_kg) == ("yaw_probe", False, 12.6)
+    assert config.safety.check_manoeuvre  # its rotation shows a wrong height or yaw of the camera
     assert command("check", "rover.toml") == 0
     assert "warning: camera: its rig has no lens distortion, like one by rulers" in command.out
     assert "run `rover-hil calibrate scale CONFIG --enter --out FILE`" in command.out

@@ -151,7 +151,7 @@ def test_the_motion_over_the_ground_is_measured_once(
     ground = GroundMotionSettings(rig=config.scomp.rig, camera_delay_s=delay_s)
     camera = config.devices["camera"]
     assert isinstance(camera, CameraSettings)
-    meter = LiveGroundMotion(ground, camera)
+    meter = LiveGroundMotion(ground, camera, rotates_about_origin=False)
     found = make_finder(config.model_copy(update={"ground_motion": ground}), meter)
     assert found is not None
     measured = Counter[str]()

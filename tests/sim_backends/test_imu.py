@@ -90,7 +90,8 @@ def test_perfect_sensor_tells_the_truth_however_mounted(
         ),
         abs=0.01,
     )
-    assert (rate.rate_x_rad_s, rate.rate_y_rad_s) == pytest.approx((0.0, 0.0), abs=RATE_STEP_RAD_S)
+    across = 0.5 * math.sin(0.1), 0.5 * math.cos(0.1) * math.sin(0.2)  # it turns about the vertical
+    assert (rate.rate_x_rad_s, rate.rate_y_rad_s) == pytest.approx(across, abs=RATE_STEP_RAD_S)
     assert rate.rate_z_rad_s == pytest.approx(0.5, abs=RATE_STEP_RAD_S)
     # Near an upright x axis the steps of roll and yaw grow by 1 / cos(pitch).
     step = 2 * ANGLE_STEP_RAD * (20.0 if abs(tilt_deg[1]) > 80.0 else 1.0)
@@ -98,6 +99,28 @@ def test_perfect_sensor_tells_the_truth_however_mounted(
     assert attitude.pitch_rad == pytest.approx(-0.1, abs=step)
     assert heading.heading_rad == pytest.approx(3.0 + 0.5 * 0.02, abs=step)
     assert heading.t_ns == nanoseconds(0.02) + nanoseconds(3 * 110 / 115_200)
+
+
+class SlopePlant(TurningPlant):
+    """Turns on a slope of 12 deg, uphill along the x axis of the world."""
+
+    def truth(self) -> Truth:
+        flat, incline_rad = super().truth(), math.radians(12.0)
+        pitch_rad = -math.atan(math.tan(incline_rad) * math.cos(flat.yaw_rad))
+        roll_rad = -math.asin(math.sin(incline_rad) * math.sin(flat.yaw_rad))
+        return replace(flat, roll_rad=roll_rad, pitch_rad=pitch_rad)
+
+
+def test_a_rover_that_turns_on_a_slope_rotates_about_one_axis() -> None:
+    settings = PERFECT.model_copy(update={"frames": ("rate",)})
+    rates = [
+        each
+        for each in samples_of(settings, SlopePlant(yaw_rate_rad_s=0.5), 12.0)
+        if isinstance(each, RateSample)
+    ]
+    assert len(rates) > 590
+    greatest = max(max(abs(each.rate_x_rad_s or 0.0), abs(each.rate_y_rad_s or 0.0)) for each in rates)
+    assert greatest < 2.0 * RATE_STEP_RAD_S
 
 
 def test_gyro_bias_and_noise_have_the_set_size() -> None:

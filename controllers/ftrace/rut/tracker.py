@@ -62,7 +62,8 @@ class RutTracker:
         self._structure = view.structure
         self._flow = GroundFlow(ground, parameters.ground_motion.flow)
         self._measures = pairs is None
-        self._pairs = pairs or PairSum(view, tolerance, parameters.ground_motion)
+        # Where the rover rotates about is not known by one wheel.
+        self._pairs = pairs or PairSum(view, tolerance, parameters.ground_motion, rotates_about_origin=False)
         self._yaw = HeadingDrifts(tolerance.yaw_sd_deg, parameters.ground_motion.mounting)
         self._match = GroundMatch(ground, parameters.matching)
         self._light = StaticShading(visible, ground.centre, shading.lit_share, shading)

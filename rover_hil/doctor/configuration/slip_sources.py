@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 
-from controllers.check_manoeuvre.plan import skids_in_rotations
 from controllers.motion.kinematics import make_kinematics
 from controllers.motion.steering import SteeringAngles
 from controllers.slip.effort.settings import YAW_PROBE
@@ -46,11 +45,11 @@ def _testers(config: Config) -> Iterator[tuple[str, bool]]:
     slip = for_real_rover(config)[0].slip
     if slip is not None and slip.use == YAW_PROBE:
         yield "yaw excitation", True
-    if skids_in_rotations(config.rover):
+    kinematics = make_kinematics(config.rover)
+    if kinematics.skids_in_rotations:
         return
     if config.roles.gyro is not None:
         yield f"{config.roles.gyro} against the wheels in rotations", False
-    kinematics = make_kinematics(config.rover)
     straight_rad = SteeringAngles(kinematics.steering_rates_rad_s).angles_rad
     residuals = kinematics.residuals((0.0,) * kinematics.wheel_count, straight_rad)
     if residuals is not None and residuals.redundant:

@@ -158,3 +158,15 @@ def test_the_travel_by_a_camera_is_compared_with_the_wheels(share: float, verdic
         tracks.take_ground(tuple(ground_pair(sign * 0.01, share * sign * 0.01) for _ in range(30)))
     checks = compare(tracks, ALL, skids=False)
     assert verdicts(checks)["rear", "travel"] is verdict
+
+
+@pytest.mark.parametrize(
+    ("share", "advice"), [(0.0, "the wheels have no grip"), (0.4, "the grip of the wheels"), (-1.0, "")]
+)
+def test_wheels_that_agree_in_rotations_may_slip_ahead(share: float, advice: str) -> None:
+    tracks = tracked(ALL)
+    for sign in (1.0, -1.0):
+        tracks.take_ground(tuple(ground_pair(sign * 0.01, share * sign * 0.01) for _ in range(30)))
+    [check] = [each for each in compare(tracks, ALL, skids=False) if each.quantity == "travel"]
+    assert advice in check.text
+    assert ("wheels" in check.text.partition(";")[2]) is bool(advice)

@@ -8,7 +8,9 @@ from controllers.ground_motion.parameters import DEFAULTS
 WHEEL_M, SD_M = 0.02, 0.0002
 
 
-def judged(places: Sequence[int], slip: float = 0.0, *, rate_before: bool = True) -> list[Order]:
+def judged(
+    places: Sequence[int], slip: float = 0.0, *, rate_before: bool = True, may_wait: bool = True
+) -> list[Order]:
     """Return what becomes of pictures, given by the time at which they were taken, in wheel steps."""
     order, began, along_m = FrameOrder(DEFAULTS.order), 0, (1.0 - slip) * WHEEL_M
     if rate_before:
@@ -17,7 +19,7 @@ def judged(places: Sequence[int], slip: float = 0.0, *, rate_before: bool = True
     for number, place in enumerate(places[1:], 1):
         moved_m, wheel_m = along_m * (place - places[began]), WHEEL_M * (number - began)
         results.append(order.judge(moved_m, wheel_m, SD_M))
-        if results[-1] is not Order.UNDECIDED:
+        if results[-1] is not Order.UNDECIDED or not may_wait:
             began = number
             order.begin()
         if results[-1] is Order.RIGHT:
@@ -34,18 +36,32 @@ RIGHT, UNDECIDED, WRONG = Order.RIGHT, Order.UNDECIDED, Order.WRONG
     [
         ([0, 1, 2, 3], [RIGHT, RIGHT, RIGHT]),
         ([0, 1, 3, 2, 4, 5], [RIGHT, UNDECIDED, UNDECIDED, RIGHT, RIGHT]),
-        ([1, 0, 3, 2, 5, 4], [UNDECIDED, WRONG, UNDECIDED, WRONG, UNDECIDED]),
+        ([1, 0, 3, 2, 5, 4], [UNDECIDED, RIGHT, UNDECIDED, RIGHT, UNDECIDED]),
+        ([1, 0, 2, 3, 4], [UNDECIDED, WRONG, RIGHT, RIGHT]),
         ([0, 1, 3, 2, 5, 4, 6], [RIGHT, UNDECIDED, UNDECIDED, UNDECIDED, UNDECIDED, RIGHT]),
     ],
 )
-def test_frames_that_have_changed_places_are_not_used(
+def test_frames_that_have_changed_places_give_no_wrong_travel(
     slip: float, places: list[int], expected: list[Order]
 ) -> None:
     assert judged(places, slip) == expected
 
 
 def test_swapped_frames_are_recognised_before_any_pair() -> None:
-    assert judged([1, 0, 3, 2, 5], rate_before=False) == [UNDECIDED, WRONG, UNDECIDED, WRONG]
+    expected = [UNDECIDED, WRONG, UNDECIDED, RIGHT, UNDECIDED, RIGHT]
+    assert judged([1, 0, 3, 2, 5, 4, 7], rate_before=False) == expected
+
+
+def test_where_a_pair_cannot_stay_open_only_frames_in_order_are_used() -> None:
+    """The wheels roll so far that every frame begins a pair."""
+    swapped = judged([1, 0, 3, 2, 5, 4, 7, 6], rate_before=False, may_wait=False)
+    assert set(swapped) == {UNDECIDED}
+    later = judged([1, 0, 3, 2, 4, 5, 6, 7], rate_before=False, may_wait=False)
+    assert later == [UNDECIDED] * 5 + [RIGHT, RIGHT]
+
+
+def test_a_later_frame_followed_by_frames_in_order_is_not_used() -> None:
+    assert judged([1, 0, 2, 3, 5, 4, 6], rate_before=False)[1:3] == [WRONG, RIGHT]
 
 
 def test_a_rover_that_slides_back_is_measured_from_the_second_frame_on() -> None:

@@ -27,7 +27,8 @@ def meter(**changes: object) -> LiveGroundMotion:
     assert isinstance(camera, CameraSettings)
     assert config.scomp is not None
     assert config.scomp.rig is not None
-    return LiveGroundMotion(GroundMotionSettings(rig=config.scomp.rig), camera)
+    settings = GroundMotionSettings(rig=config.scomp.rig)
+    return LiveGroundMotion(settings, camera, rotates_about_origin=False)
 
 
 def frame(t_ns: int, image: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> FrameSample:

@@ -15,8 +15,15 @@ SCALE_SD = 0.02
 STEP_M, STEP_S = 0.02, 0.1
 
 
-def watch(*, is_calibrated: bool = False) -> MountingWatch:
-    return MountingWatch(EFFECTS, SCALE_SD, DEFAULTS.mounting, is_calibrated=is_calibrated, yaw_sd_deg=3.0)
+def watch(*, is_calibrated: bool = False, rotates_about_origin: bool = True) -> MountingWatch:
+    return MountingWatch(
+        EFFECTS,
+        SCALE_SD,
+        DEFAULTS.mounting,
+        is_calibrated=is_calibrated,
+        rotates_about_origin=rotates_about_origin,
+        yaw_sd_deg=3.0,
+    )
 
 
 def drive(
@@ -108,7 +115,7 @@ def test_a_rover_that_stood_before_knows_the_bias_of_the_gyro() -> None:
 
 @pytest.mark.parametrize(
     ("scale", "expected"),
-    [(1.0, ""), (1.06, "scale not confirmed: in rotations on the spot the ground moves 1.06 times")],
+    [(1.0, ""), (1.08, "scale not confirmed: in rotations on the spot the ground moves 1.08 times")],
 )
 def test_the_scale_is_confirmed_by_a_rotation_on_the_spot(scale: float, expected: str) -> None:
     watched = watch()
@@ -119,6 +126,17 @@ def test_the_scale_is_confirmed_by_a_rotation_on_the_spot(scale: float, expected
 
     assert watched.unconfirmed.startswith(expected)
     assert bool(watched.unconfirmed) == bool(expected)
+
+
+@pytest.mark.parametrize(("arm_m", "is_confirmed"), [(0.4, True), (0.1, False)])
+def test_a_rotation_that_would_hide_a_tenth_confirms_no_scale(arm_m: float, is_confirmed: bool) -> None:
+    """The rover rotates about a point that is known to 6 mm."""
+    watched = watch()
+    for _ in range(50):
+        watched.spin(0.02, 0.02j * arm_m, 0.02j * arm_m)
+    assert not watched.text
+    assert bool(watched.unconfirmed) is not is_confirmed
+    assert is_confirmed or "errors beyond 13 % only" in watched.unconfirmed
 
 
 def test_a_calibrated_scale_needs_no_rotation() -> None:
@@ -177,7 +195,7 @@ def test_mirrored_pictures_rotate_against_the_gyro(seen_turn: float, is_mirrored
 
 
 @pytest.mark.parametrize(
-    ("scale", "is_confirmed", "is_wrong"), [(1.0, True, False), (1.06, False, True), (1.105, False, True)]
+    ("scale", "is_confirmed", "is_wrong"), [(1.0, True, False), (1.08, False, True), (1.105, False, True)]
 )
 def test_a_rotation_on_the_spot_shows_the_scale(scale: float, is_confirmed: bool, is_wrong: bool) -> None:
     watched = watch()
@@ -209,6 +227,19 @@ def test_pictures_that_contradict_the_gyro_leave_its_scale_uncertain() -> None:
         watched.spin(0.02, 0.02 * 0.4j, 1.105 * 0.02 * 0.4j)
         drive(watched, 1, turn_rad=0.02, seen_turn=1.1)
     assert not watched.text
+
+
+@pytest.mark.parametrize("moved", [1.0, 0.83 + 0.34j])
+def test_a_rover_that_skids_shows_nothing_in_rotations(moved: complex) -> None:
+    """It rotates 0.15 m beside its origin on a slope of 12 deg, and slides while it rotates."""
+    watched, slide = watch(rotates_about_origin=False), 0.14 - 0.75j
+    for turn_rad in (0.02, -0.02):
+        for _ in range(50):
+            watched.spin(turn_rad, turn_rad * 0.4j, moved * turn_rad * 0.4j + slide * 0.02 * 0.4)
+            drive(watched, 1, turn_rad=turn_rad)
+    assert not watched.text
+    assert watched.unconfirmed.endswith("run `rover-hil calibrate scale`")
+    assert watched.scale_sd == DEFAULTS.mounting.unconfirmed_scale_sd
 
 
 def test_a_calibrated_scale_is_confirmed() -> None:

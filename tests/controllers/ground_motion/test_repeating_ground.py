@@ -80,7 +80,8 @@ def test_a_frame_is_examined_where_that_is_needed(ground: GroundPatch) -> None:
 def test_a_pattern_is_ambiguous_where_another_motion_is_possible(
     ground: GroundPatch, period_m: float, wheel_m: float, is_decided: bool
 ) -> None:
-    wheels = WheelComparison(ground, GroundFlow(ground, DEFAULTS.flow), RigTolerance(), DEFAULTS)
+    flow = GroundFlow(ground, DEFAULTS.flow)
+    wheels = WheelComparison(ground, flow, RigTolerance(), DEFAULTS, rotates_about_origin=True)
     pair = ComparedPair(
         motion=replace(NO_MOTION, forward_m=0.01, ambiguity=1.0),
         pitch_rad=0.0,

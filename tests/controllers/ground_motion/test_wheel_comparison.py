@@ -19,7 +19,8 @@ def test_ground_against_the_wheels_contradicts_the_rig_only_in_travel(
     turn_rad: float, is_reported: bool
 ) -> None:
     ground = GroundPatch(replace(geometry(), wheel_width_m=0.0))
-    wheels = WheelComparison(ground, GroundFlow(ground, DEFAULTS.flow), RigTolerance(), DEFAULTS)
+    flow = GroundFlow(ground, DEFAULTS.flow)
+    wheels = WheelComparison(ground, flow, RigTolerance(), DEFAULTS, rotates_about_origin=True)
     pair = ComparedPair(
         motion=replace(NO_MOTION, forward_m=-0.0005, forward_sd_m=0.0001, left_sd_m=0.0001),
         pitch_rad=0.0,

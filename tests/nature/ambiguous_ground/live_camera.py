@@ -59,6 +59,15 @@ def along_ground(before: Truth, now: Truth) -> tuple[float, float, float]:
     return forward, left, (turned - tilted) * math.cos(pitch) * math.cos(roll)
 
 
+def tilted(before: Truth, now: Truth) -> tuple[float, float]:
+    """The rotation between two states about the rover's x and y axes, rad; none on a plane."""
+    turned = now.yaw_rad - before.yaw_rad
+    pitch, roll = 0.5 * (before.pitch_rad + now.pitch_rad), 0.5 * (before.roll_rad + now.roll_rad)
+    about_x = now.roll_rad - before.roll_rad - turned * math.sin(pitch)
+    about_y = (now.pitch_rad - before.pitch_rad) * math.cos(roll) + turned * math.cos(pitch) * math.sin(roll)
+    return about_x, about_y
+
+
 class LiveScene:
     """What the camera of a recipe sees; the recipe's `motion` is filled as the rover drives.
 
@@ -102,9 +111,9 @@ class LiveScene:
 
     def _bend(self, truth: Truth, forward: float) -> None:
         """Bend the ground as the rover tilts on its way: a gyro measures that, so pictures must show it."""
-        view, before = self.recipe.view, self.truths[-1]
-        view.curvature += (truth.pitch_rad - before.pitch_rad - view.curvature * forward) / BEND_M
-        view.twist += (truth.roll_rad - before.roll_rad - view.twist * forward) / BEND_M
+        view, (roll, pitch) = self.recipe.view, tilted(self.truths[-1], truth)
+        view.curvature += (pitch - view.curvature * forward) / BEND_M
+        view.twist += (roll - view.twist * forward) / BEND_M
 
     def _step(self, frame: int, step: Iterable[float]) -> None:
         motion, (forward, left, turn) = self.recipe.motion, step
