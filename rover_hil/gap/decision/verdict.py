@@ -75,7 +75,7 @@ def _unnamed(findings: MachineFindings, answer: Answer) -> list[dict[str, str | 
             "closure": one.closure,
             "is_confirmed": one.is_confirmed,
         }
-        for text, one in _missing(findings, _drafts(findings, answer))
+        for text, one in _missing(_drafts(findings, answer), findings.equations)
     ]
 
 
@@ -126,8 +126,8 @@ def _named_part(findings: MachineFindings) -> list[str]:
     if decision is None:
         return []
     is_rest_large = not all(one.is_good_enough for one in findings.budget_after)
-    if is_rest_large and _confirmed(findings):
-        return []  # what remains is a law, and the effects may imitate a part of it
+    if is_rest_large and _confirmed(findings, ()):
+        return []  # what remains is a law at a port, and the effects may imitate a part of it
     if any(_is_too_large(findings, name) for name in best.names):
         return []
     return [name for name in best.names if decision.probability(name) >= MACHINES.decide.partly]
@@ -210,7 +210,7 @@ def _objections(findings: MachineFindings) -> list[str]:
     if _leaves_error(findings):
         found.append("a model error remains")
     found += [f"the term {name} explains as much" for name in findings.rival_terms[:2]]
-    confirmed = _confirmed(findings)
+    confirmed = _confirmed(findings, findings.equations)
     if confirmed and findings.structure > MACHINES.decide.structure:
         found.append(f"the test runs confirm that {confirmed[0]} is missing too")
     return found
@@ -229,9 +229,9 @@ def _is_too_large(findings: MachineFindings, name: str) -> bool:
     return abs(change) > MACHINES.decide.most_sizes * item.prior_sd
 
 
-def _confirmed(findings: MachineFindings) -> list[str]:
+def _confirmed(findings: MachineFindings, equations: Sequence[Equation]) -> list[str]:
     """Return the terms that the test runs confirm; more of a law that is in the answer is no other law."""
-    names, missing = findings.best.names, _missing(findings, findings.drafts)
+    names, missing = findings.best.names, _missing(findings.drafts, equations)
     return [text for text, one in missing if one.is_confirmed and not one.is_law_of(names)]
 
 
@@ -352,7 +352,7 @@ def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str])
 
 def _draft_words(findings: MachineFindings, answer: Answer) -> str:
     """Return the first missing term, as the beginning of a sentence without a name; empty for none."""
-    missing = _missing(findings, _drafts(findings, answer))
+    missing = _missing(_drafts(findings, answer), findings.equations)
     if not missing:
         return ""
     text, first = missing[0]
@@ -365,11 +365,11 @@ def _draft_words(findings: MachineFindings, answer: Answer) -> str:
 
 
 def _missing(
-    findings: MachineFindings, drafts: Sequence[DraftTerm]
+    drafts: Sequence[DraftTerm], equations: Sequence[Equation]
 ) -> list[tuple[str, DraftTerm | Equation]]:
     """Return terms that are missing in the equations, or at the outputs, each with its text."""
     of_ports = [(_equation(one.equation, one.coefficient, one.unit), one) for one in drafts]
-    return [*of_ports, *((one.text, one) for one in findings.equations)]
+    return [*of_ports, *((one.text, one) for one in equations)]
 
 
 def _agreement(findings: MachineFindings, before: str, reasons: Sequence[str]) -> str:
