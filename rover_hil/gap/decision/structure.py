@@ -58,6 +58,7 @@ def structure_of(problem: Problem, found: MachineFit) -> float:
     an autoregression of the first order. What they share beyond that is structure, and so is what neighbours
     share and what is more than the noise: noise that is slow has the declared size, and noise that is
     declared too small is not shared. Channels that round to coarse steps have none.
+    Where the noise is learned, it may be slow in any way.
     """
     greatest = 0.0
     residual, site, channel = found.decorrelated.fit.residual, found.noise.site, found.noise.channel
@@ -71,7 +72,8 @@ def structure_of(problem: Problem, found: MachineFit) -> float:
         excess = float(np.mean((found.errors[here] * float(found.declared_sd[index])) ** 2)) - noise**2
         fast = min(float(products[1]), excess) if products.size > 1 else 0.0
         tolerance = one.tolerance or MACHINES.budget.tolerance * one.noise_sd
-        greatest = max(greatest, math.sqrt(max(fast, _lasting(products, errors.size), 0.0)) / tolerance)
+        lasting = 0.0 if found.evidence.is_learned else _lasting(products, errors.size)
+        greatest = max(greatest, math.sqrt(max(fast, lasting, 0.0)) / tolerance)
     return greatest
 
 

@@ -7,8 +7,9 @@ from dataclasses import asdict
 from rover_hil.gap.decision.analysis import MachineFindings
 from rover_hil.gap.decision.decide import Decision
 from rover_hil.gap.evidence.error_budget import ChannelError
+from rover_hil.gap.evidence.evidence import MachineFit
 from rover_hil.gap.evidence.score import Score, one_sided_z
-from rover_hil.gap.evidence.sizes import Size, near
+from rover_hil.gap.evidence.sizes import Size, near, size_of
 from rover_hil.gap.fit.base_parameters import HALF_WIDTHS
 from rover_hil.gap.parameters import MACHINES
 from rover_hil.gap.search.drafts import DraftTerm
@@ -17,6 +18,7 @@ from rover_hil.gap.search.residual_equations import Equation
 from rover_hil.gap.search.search import best_shapes, ranked_scores
 from rover_hil.gap.verdict import Answer, FoundEffect, FoundParameter, Verdict
 from sim_backends.models.interface import Parameter
+from sim_backends.models.parameter_key import ParameterKey
 from sim_backends.state_model.model import StateModel, has_ports
 
 DRAFT_KEYS = (
@@ -202,11 +204,19 @@ def _objections(findings: MachineFindings) -> list[str]:
     found += _on_test_runs(findings)
     least_z = math.sqrt(best.evidence.least_gain or 0.0)
     at = f", at {least_z:.2g} standard deviations," if least_z else ""
-    for name, item in _strengths(findings):
-        if _contains(findings.size(name, item.name), item.nominal, least_z):
-            found.append(f"the interval of {item.name} of {name}{at} contains its value without the effect")
-        if _is_too_large(findings, name):
-            found.append(f"{item.name} of {name} is more than ten times as large as declared")
+    members = [] if decision is None else decision.members()
+    rivals = [one.fit for one in members if one.is_listed and one.names != best.names]
+    # Of a set it is enough that one is clear: the others may imitate it.
+    is_clear = any(one.names and not _unclear(findings, one, least_z) for one in rivals)
+    found += [
+        f"the interval of {item.name} of {name}{at} contains its value without the effect"
+        for name, item in ([] if is_clear else _unclear(findings, best, least_z))
+    ]
+    found += [
+        f"{item.name} of {name} is more than ten times as large as declared"
+        for name, item in _strengths(findings, best)
+        if _is_too_large(findings, name)
+    ]
     if _leaves_error(findings):
         found.append("a model error remains")
     found += [f"the term {name} explains as much" for name in findings.rival_terms[:2]]
@@ -216,15 +226,26 @@ def _objections(findings: MachineFindings) -> list[str]:
     return found
 
 
-def _strengths(findings: MachineFindings) -> list[tuple[str, Parameter]]:
-    """Return each effect of the best explanation with its size."""
+def _strengths(findings: MachineFindings, explanation: MachineFit) -> list[tuple[str, Parameter]]:
+    """Return each effect of an explanation with its size."""
     cards = {card.name: card for card in findings.machine.effects}
-    return [(name, cards[name].parameters[0]) for name in findings.best.names]
+    return [(name, cards[name].parameters[0]) for name in explanation.names]
+
+
+def _unclear(
+    findings: MachineFindings, explanation: MachineFit, least_z: float
+) -> list[tuple[str, Parameter]]:
+    """Return the effects of an explanation whose intervals contain the null."""
+    return [
+        (name, item)
+        for name, item in _strengths(findings, explanation)
+        if _contains(size_of(explanation, ParameterKey(effect=name, name=item.name)), item.nominal, least_z)
+    ]
 
 
 def _is_too_large(findings: MachineFindings, name: str) -> bool:
     """Return whether an effect is more than ten times as large as declared."""
-    item = dict(_strengths(findings))[name]
+    item = dict(_strengths(findings, findings.best))[name]
     change = findings.size(name, item.name).value - item.nominal
     return abs(change) > MACHINES.decide.most_sizes * item.prior_sd
 
@@ -249,8 +270,8 @@ def _contains(size: Size, null: float, least_z: float) -> bool:
 def _leaves_error(findings: MachineFindings) -> bool:
     """Return True where an error of the model remains that is neither chance nor noise that is slow."""
     is_large = not all(one.is_good_enough for one in findings.budget_after)
-    is_certain = findings.p_remaining <= MACHINES.tests.alpha
-    return findings.structure > MACHINES.decide.structure or (is_certain and is_large)
+    is_structured = findings.structure > MACHINES.decide.structure
+    return findings.p_remaining <= MACHINES.tests.alpha and (is_structured or is_large)
 
 
 def _on_test_runs(findings: MachineFindings) -> list[str]:

@@ -30,7 +30,7 @@ MODEL = StateModel(
     start=lambda p, _: {"place": p.first_place, "speed": p.first_speed},
     output=lambda x, *_: {"scale": x.place, "rate": x.speed},
     step_s=STEP_S,
-    port_effects=(effects.coulomb_friction("force", velocity="speed", size=0.3, slow=SLOW_M_S),),
+    port_effects=(effects.coulomb_friction("force", velocity="speed", size=0.42, slow=SLOW_M_S),),
 )
 
 
