@@ -56,6 +56,7 @@ class MachineFindings:
         structure: Structure in the errors of the best explanation, over the tolerance; see `structure_of`.
         p_within_runs: Probability of what these leave if only the sensors err; 1 where effects are named.
         holdout: Result on the locked runs; None without explanation.
+        untouched: Result of the model itself on the locked runs, where there is no gap on the others.
         evidence: Of each effect of the explanation.
         decision: Between all explanations; None without a gap.
         rival_terms: Terms at outputs that explain what an effect explains, of a machine without equations.
@@ -85,6 +86,7 @@ class MachineFindings:
     structure: float = 0.0
     p_within_runs: float = 1.0
     holdout: Holdout | None = None
+    untouched: Holdout | None = None
     evidence: tuple[EffectEvidence, ...] = ()
     decision: Decision | None = None
     rival_terms: tuple[str, ...] = ()
@@ -148,10 +150,11 @@ def analyse_machine(
     )
     announce(first_answer(findings.p_gap, budget, findings.scores))
     if findings.p_gap > MACHINES.tests.alpha:
-        return findings
+        return _with_untouched(findings, rng)
     if findings.is_tolerable:
         own = findings.scatter.fit
-        return replace(findings, p_within_runs=gap_p(own, problem, score_effects(fits, own), rng))
+        p_within_runs = gap_p(own, problem, score_effects(fits, own), rng)
+        return _with_untouched(replace(findings, p_within_runs=p_within_runs), rng)
     unit_error = wrong_unit(problem, base.fit.point)
     if unit_error:
         return replace(findings, unit_error=unit_error)
@@ -193,6 +196,12 @@ def analyse_machine(
         best, problem = released_fit(problem, findings.best)
         findings = replace(findings, best=best, problem=problem)
     return findings
+
+
+def _with_untouched(findings: MachineFindings, rng: np.random.Generator) -> MachineFindings:
+    """Open the locked runs where the others show no gap: what is missing may act in one of them alone."""
+    base = findings.base
+    return replace(findings, untouched=hold_out(findings.machine, findings.locked, base, base, rng))
 
 
 def _listed(findings: MachineFindings, fits: Sequence[MachineFit]) -> list[Candidate]:

@@ -11,6 +11,7 @@ from rover_hil.gap.evidence.evidence import MachineFit
 from rover_hil.gap.evidence.score import Score, one_sided_z
 from rover_hil.gap.evidence.sizes import Size, near, size_of
 from rover_hil.gap.fit.base_parameters import HALF_WIDTHS
+from rover_hil.gap.fit.holdout import Holdout
 from rover_hil.gap.parameters import MACHINES
 from rover_hil.gap.search.drafts import DraftTerm
 from rover_hil.gap.search.orders import order_at_ports
@@ -90,6 +91,9 @@ def _where(findings: MachineFindings) -> list[dict[str, str | float | int]]:
 
 def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
     if findings.p_gap > MACHINES.tests.alpha or findings.is_tolerable:
+        untouched = _on_test_runs(findings, findings.untouched)
+        if untouched:
+            return Answer.UNNAMED, untouched
         unsure = [one for one in findings.budget_before if not one.is_good_enough]
         if unsure and findings.base.evidence.has_budget:
             return Answer.NOT_IDENTIFIABLE, [one.sentence() for one in unsure]
@@ -201,7 +205,7 @@ def _objections(findings: MachineFindings) -> list[str]:
     if decision is not None and decision.units.count < MACHINES.decide.least_units:
         count, kind = decision.units.count, decision.units.kind
         found.append(f"{count} {kind} are too few for a name, {MACHINES.decide.least_units} are needed")
-    found += _on_test_runs(findings)
+    found += _on_test_runs(findings, findings.holdout)
     least_z = math.sqrt(best.evidence.least_gain or 0.0)
     at = f", at {least_z:.2g} standard deviations," if least_z else ""
     members = [] if decision is None else decision.members()
@@ -274,9 +278,8 @@ def _leaves_error(findings: MachineFindings) -> bool:
     return findings.p_remaining <= MACHINES.tests.alpha and (is_structured or is_large)
 
 
-def _on_test_runs(findings: MachineFindings) -> list[str]:
+def _on_test_runs(findings: MachineFindings, holdout: Holdout | None) -> list[str]:
     """Return the channels whose error on the test runs is above the tolerance."""
-    holdout = findings.holdout
     if holdout is None or not findings.best.evidence.has_budget:
         return []
     found = []
@@ -345,6 +348,12 @@ def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str])
         return _agreement(findings, before, reasons)
     if not findings.best.names and answer is Answer.NOT_IDENTIFIABLE:
         return f"No gap was found, but these runs cannot exclude one: {'; '.join(reasons)}."
+    if answer is Answer.UNNAMED and findings.untouched is not None:
+        tests = ", ".join(run.name for run in findings.locked)
+        return (
+            f"There is a gap in the test runs alone ({tests}): {'; '.join(reasons)}. The other runs agree "
+            "with the model and do not show what is missing: make more runs like these."
+        )
     head = f"There is a gap ({before})"
     if answer is Answer.UNNAMED:
         why = f"; {reasons[0]}" if reasons else "; the runs do not agree on a cause"

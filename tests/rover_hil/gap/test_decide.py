@@ -87,6 +87,19 @@ def test_an_error_below_the_tolerance_is_not_explained() -> None:
     assert verdict.sentence.startswith("No gap above the tolerance")
 
 
+def test_a_law_that_acts_in_the_test_runs_alone_is_a_gap() -> None:
+    runs = measured_runs(8)
+    plan = analyse(axis_model(), runs).plan
+    assert plan is not None
+    odd = {one.name: one for one in measured_runs(8, dry=2.5)}
+    mixed = [odd[one.name] if one.name in plan.confirm else one for one in runs]
+    verdict = analyse(axis_model(), mixed).verdict
+    assert verdict.verdict is Answer.UNNAMED, verdict.sentence
+    assert verdict.sentence.startswith(f"There is a gap in the test runs alone ({', '.join(plan.confirm)})")
+    assert not verdict.effects
+    assert not verdict.next_run
+
+
 def base_structure(runs: list[Run]) -> float:
     model = axis_model(has_friction=False)
     problem = Problem(model, observe(model, runs))
