@@ -200,6 +200,8 @@ def analyse_machine(
 
 def _with_untouched(findings: MachineFindings, rng: np.random.Generator) -> MachineFindings:
     """Open the locked runs where the others show no gap: what is missing may act in one of them alone."""
+    if not findings.locked:
+        return findings
     base = findings.base
     return replace(findings, untouched=hold_out(findings.machine, findings.locked, base, base, rng))
 
