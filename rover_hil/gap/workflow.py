@@ -85,8 +85,9 @@ def _with_next_run(
     verdict = analysis.verdict
     if analysis.machine is None or (verdict.verdict is Answer.NAMED and not verdict.effects):
         return analysis
-    if analysis.machine.untouched is not None and verdict.verdict is Answer.UNNAMED:
-        return analysis  # what is missing is in no run of the search, which could distinguish causes
+    if analysis.machine.base_holdout is not None and verdict.verdict is Answer.UNNAMED:
+        # No run of the search shows what is missing: none can be planned to distinguish causes.
+        return analysis
     if isinstance(analysis.machine.machine, CalledMachine):
         next_run = propose_conditions(analysis.machine, answer)
         return replace(analysis, verdict=replace(verdict, next_run=next_run))

@@ -56,7 +56,7 @@ class MachineFindings:
         structure: Structure in the errors of the best explanation, over the tolerance; see `structure_of`.
         p_within_runs: Probability of what these leave if only the sensors err; 1 where effects are named.
         holdout: Result on the locked runs; None without explanation.
-        untouched: Result of the model itself on the locked runs, where there is no gap on the others.
+        base_holdout: Result of the model itself on the locked runs, where there is no gap on the others.
         evidence: Of each effect of the explanation.
         decision: Between all explanations; None without a gap.
         rival_terms: Terms at outputs that explain what an effect explains, of a machine without equations.
@@ -86,7 +86,7 @@ class MachineFindings:
     structure: float = 0.0
     p_within_runs: float = 1.0
     holdout: Holdout | None = None
-    untouched: Holdout | None = None
+    base_holdout: Holdout | None = None
     evidence: tuple[EffectEvidence, ...] = ()
     decision: Decision | None = None
     rival_terms: tuple[str, ...] = ()
@@ -126,7 +126,7 @@ def analyse_machine(
 ) -> MachineFindings:
     """Find where a machine and its runs disagree, and which effects are missing.
 
-    The locked runs are read only once an explanation is chosen.
+    The locked runs are read only once an explanation is chosen, or the others show no gap.
     """
     rng = np.random.default_rng(seed)
     problem = Problem(machine, observe(machine, runs))
@@ -150,11 +150,11 @@ def analyse_machine(
     )
     announce(first_answer(findings.p_gap, budget, findings.scores))
     if findings.p_gap > MACHINES.tests.alpha:
-        return _with_untouched(findings, rng)
+        return _with_base_holdout(findings, rng)
     if findings.is_tolerable:
         own = findings.scatter.fit
         p_within_runs = gap_p(own, problem, score_effects(fits, own), rng)
-        return _with_untouched(replace(findings, p_within_runs=p_within_runs), rng)
+        return _with_base_holdout(replace(findings, p_within_runs=p_within_runs), rng)
     unit_error = wrong_unit(problem, base.fit.point)
     if unit_error:
         return replace(findings, unit_error=unit_error)
@@ -198,12 +198,12 @@ def analyse_machine(
     return findings
 
 
-def _with_untouched(findings: MachineFindings, rng: np.random.Generator) -> MachineFindings:
+def _with_base_holdout(findings: MachineFindings, rng: np.random.Generator) -> MachineFindings:
     """Open the locked runs where the others show no gap: what is missing may act in one of them alone."""
     if not findings.locked:
         return findings
     base = findings.base
-    return replace(findings, untouched=hold_out(findings.machine, findings.locked, base, base, rng))
+    return replace(findings, base_holdout=hold_out(findings.machine, findings.locked, base, base, rng))
 
 
 def _listed(findings: MachineFindings, fits: Sequence[MachineFit]) -> list[Candidate]:

@@ -91,9 +91,9 @@ def _where(findings: MachineFindings) -> list[dict[str, str | float | int]]:
 
 def _answer(findings: MachineFindings) -> tuple[Answer, list[str]]:
     if findings.p_gap > MACHINES.tests.alpha or findings.is_tolerable:
-        untouched = _on_test_runs(findings, findings.untouched)
-        if untouched:
-            return Answer.UNNAMED, untouched
+        contradicting = _on_test_runs(findings, findings.base_holdout)
+        if contradicting:
+            return Answer.UNNAMED, contradicting
         unsure = [one for one in findings.budget_before if not one.is_good_enough]
         if unsure and findings.base.evidence.has_budget:
             return Answer.NOT_IDENTIFIABLE, [one.sentence() for one in unsure]
@@ -348,7 +348,7 @@ def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str])
         return _agreement(findings, before, reasons)
     if not findings.best.names and answer is Answer.NOT_IDENTIFIABLE:
         return f"No gap was found, but these runs cannot exclude one: {'; '.join(reasons)}."
-    if answer is Answer.UNNAMED and findings.untouched is not None:
+    if answer is Answer.UNNAMED and findings.base_holdout is not None:
         tests = ", ".join(run.name for run in findings.locked)
         return (
             f"There is a gap in the test runs alone ({tests}): {'; '.join(reasons)}. The other runs agree "
