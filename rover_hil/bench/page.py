@@ -244,8 +244,12 @@ class _Controls:
         self._pause.set_enabled(is_running and has_control)
         self._pause.set_text("Resume" if now.is_paused else "Pause")
         self._stop.set_enabled(is_running and has_control)
-        self._take_control.set_visibility(now.is_control_free and not has_control)
-        self._clear.set_visibility(bool(self.points))
+        for button, is_possible in (
+            (self._take_control, now.is_control_free and not has_control),
+            (self._clear, bool(self.points)),
+        ):
+            button.set_visibility(is_possible)
+            button.set_enabled(is_possible)
         self._stick.set_visibility(is_running and has_control and now.kind is Kind.BY_HAND)
         self._note.set_text(_note(now.state, has_control=has_control, is_real=is_real, is_armed=now.is_armed))
         self._report.set_visibility(bool(now.report_name))
@@ -316,4 +320,7 @@ def _table(name: str) -> None:
 
 
 def _button(text: str, action: Callable[[], None], colour: str) -> ui.button:
-    return ui.button(text, on_click=action, color=colour).props("no-caps unelevated dense padding='6px 12px'")
+    """Return a button that is disabled until `_refresh` knows whether its action is possible."""
+    button = ui.button(text, on_click=action, color=colour)
+    button.props("no-caps unelevated dense padding='6px 12px'").disable()
+    return button

@@ -12,9 +12,9 @@ from rover_hil.gap.data.pieces import stable_pieces
 from rover_hil.gap.data.problem import is_steady, split_point
 from rover_hil.gap.decision.analysis import analyse_machine
 from rover_hil.gap.decision.base_trial import machine_bases, machine_trial
-from rover_hil.gap.decision.verdict import decide_machine
+from rover_hil.gap.decision.verdict import decide_machine, is_gap_in_tests_alone
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.fit.base_parameters import Trial, doubted, judged, with_base_parameters
+from rover_hil.gap.fit.base_parameters import Trial, contradicted, doubted, judged, with_base_parameters
 from rover_hil.gap.fit.called_machine import CalledMachine, called_machine
 from rover_hil.gap.fit.released_fit import released_fit
 from rover_hil.gap.fit.steady import steady_machine
@@ -85,7 +85,7 @@ def _with_next_run(
     verdict = analysis.verdict
     if analysis.machine is None or (verdict.verdict is Answer.NAMED and not verdict.effects):
         return analysis
-    if analysis.machine.base_holdout is not None and verdict.verdict is Answer.UNNAMED:
+    if is_gap_in_tests_alone(analysis.machine, verdict.verdict):
         # No run of the search shows what is missing: none can be planned to distinguish causes.
         return analysis
     if isinstance(analysis.machine.machine, CalledMachine):
@@ -111,6 +111,8 @@ def _with_base_parameters(analysis: Analysis, seed: int, advance: Callable[[str]
     rows = judged(machine_bases(machine, fitted), trial_of)
     if machine.decision is not None:
         rows = doubted(rows, machine.decision.base_probability)
+    if is_gap_in_tests_alone(machine, verdict.verdict):
+        rows = contradicted(rows)
     return replace(analysis, verdict=with_base_parameters(verdict, rows))
 
 

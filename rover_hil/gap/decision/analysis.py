@@ -175,8 +175,8 @@ def analyse_machine(
         findings = _validated(findings, fits, locked, rng)
     if not findings.best.names:
         findings, fits = _without_wrong_priors(findings, fits, rng)
-        if findings.p_gap > MACHINES.tests.alpha:
-            return findings
+        if findings.p_gap > MACHINES.tests.alpha or findings.is_tolerable:
+            return _with_base_holdout(findings, rng)
         problem, own = findings.problem, findings.scatter.fit
         findings = replace(findings, p_within_runs=gap_p(own, problem, score_effects(fits, own), rng))
     left = _free_scores(problem, findings.best)

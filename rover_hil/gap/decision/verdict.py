@@ -45,7 +45,7 @@ def decide_machine(findings: MachineFindings) -> Verdict:
         rejected=_rejected(findings, answer),
         unnamed=_unnamed(findings, answer),
         detectable=_detectable(findings),
-        gap=_gap(findings),
+        gap=_gap(findings, answer),
         error_budget=_budget(findings),
         draft=[
             {"term": one.equation, **{key: getattr(one, key) for key in DRAFT_KEYS}}
@@ -348,7 +348,7 @@ def _sentence(findings: MachineFindings, answer: Answer, reasons: Sequence[str])
         return _agreement(findings, before, reasons)
     if not findings.best.names and answer is Answer.NOT_IDENTIFIABLE:
         return f"No gap was found, but these runs cannot exclude one: {'; '.join(reasons)}."
-    if answer is Answer.UNNAMED and findings.base_holdout is not None:
+    if is_gap_in_tests_alone(findings, answer):
         tests = ", ".join(run.name for run in findings.locked)
         return (
             f"There is a gap in the test runs alone ({tests}): {'; '.join(reasons)}. The other runs agree "
@@ -510,10 +510,16 @@ def _detectable(findings: MachineFindings) -> list[dict[str, str | float]]:
     ]
 
 
-def _gap(findings: MachineFindings) -> dict[str, Mapping[str, float | Sequence[float] | None]]:
-    if findings.holdout is None:
-        return {}
-    return {name: asdict(one) for name, one in findings.holdout.channels.items()}
+def is_gap_in_tests_alone(findings: MachineFindings, answer: Answer) -> bool:
+    """Return whether only the test runs contradict the model."""
+    return findings.base_holdout is not None and answer is Answer.UNNAMED
+
+
+def _gap(
+    findings: MachineFindings, answer: Answer
+) -> dict[str, Mapping[str, float | Sequence[float] | None]]:
+    tests = findings.base_holdout if is_gap_in_tests_alone(findings, answer) else findings.holdout
+    return {} if tests is None else {name: asdict(one) for name, one in tests.channels.items()}
 
 
 def _budget(findings: MachineFindings) -> dict[str, dict[str, float | str | None]]:

@@ -97,6 +97,12 @@ def _doubted(row: FittedBase, probability: float) -> FittedBase:
     return replace(row, is_named=False, equals=(), why=why)
 
 
+def contradicted(rows: Sequence[FittedBase]) -> list[FittedBase]:
+    """Return base parameters where a gap remains on the test runs: what is missing there may move them."""
+    why = "not decided, a gap remains on the test runs"
+    return [replace(row, is_named=False, equals=(), why=why) if _is_far(row) else row for row in rows]
+
+
 def far(rows: Sequence[FittedBase]) -> list[FittedBase]:
     """Return the base parameters that must be reported, the farthest first."""
     return sorted(filter(_is_far, rows), key=lambda one: -abs(one.pull))

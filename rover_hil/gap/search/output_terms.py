@@ -47,10 +47,9 @@ def equal_terms(
     more.
     """
     change = part.noise.whiten(_finite(problem.predict(best.fit.point) - problem.predict(part.fit.point)))
-    projection = Projection(part.fit)
-    effect = projection.apply(change)
     left = part.fit.residual - change
     gain = float(part.fit.residual @ part.fit.residual - left @ left) + _base_pulls(part) - _base_pulls(best)
+    effect = Projection(part.fit).apply(part.noise.whiten(_own_change(problem, part, best)))
     effect = effect / max(float(np.linalg.norm(effect)), 1e-300)
     terms = directions(problem.observations, part.noise, output_terms(machine, problem, part.fit.point))
     found = {}
@@ -62,6 +61,13 @@ def equal_terms(
         if explained >= MACHINES.search.set_share * gain:
             found[score.direction.name] = explained
     return sorted(found, key=lambda name: -found[name])
+
+
+def _own_change(problem: Problem, part: MachineFit, best: MachineFit) -> Array:
+    """Return what the effects that `best` adds change in the predictions, other parameters being equal."""
+    point = best.fit.point
+    without = {key: value for key, value in point.items() if not key.is_of_effect or key in part.fit.point}
+    return _finite(problem.predict(point) - problem.predict(without))
 
 
 def _base_pulls(found: MachineFit) -> float:

@@ -33,13 +33,16 @@ def _late(signal: Array, dt: float, size: float) -> Array:
 
 
 def _lagged(signal: Array, dt: float, size: float) -> Array:
-    """Return the signal behind a first-order lag that starts settled."""
+    """Return the signal behind a first-order lag that starts settled, in the middle of each step.
+
+    What it is at the end of a step would be early by half a step.
+    """
     if size <= 0.0:
         return signal
     result, value, keep = np.empty_like(signal), signal[:, 0], np.exp(-dt / size)
     for k in range(signal.shape[1]):
-        value = keep * value + (1.0 - keep) * signal[:, k]
-        result[:, k] = value
+        before, value = value, keep * value + (1.0 - keep) * signal[:, k]
+        result[:, k] = 0.5 * (before + value)
     return result
 
 

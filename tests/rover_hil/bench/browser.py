@@ -132,7 +132,7 @@ class Page:
         """Wait for a condition."""
         deadline_ns = self._clock.now_ns() + nanoseconds(WAIT_S)
         while not condition():
-            assert self._clock.now_ns() < deadline_ns, f"{what}: {self.mode!r}, {self.text('bench-words')!r}"
+            assert self._clock.now_ns() < deadline_ns, f"{what}: {self.mode!r}, {self._sentences()!r}"
             self._clock.sleep_until(self._clock.now_ns() + 50_000_000)
 
     def confirm(self) -> None:
@@ -173,6 +173,11 @@ class Page:
     def links(self, start: str) -> "list[WebElement]":
         """Return the links whose address begins so."""
         return self.driver.find_elements("css selector", f'a[href^="{start}"]')
+
+    def _sentences(self) -> list[str]:
+        """Return what the page says beside the mode, errors too; they disappear after seconds."""
+        notes = self.driver.find_elements("class name", "q-notification__message")
+        return [self.text("bench-words"), *(note.text for note in notes)]
 
     def _buttons(self) -> "list[WebElement]":
         return self.driver.find_elements("tag name", "button")

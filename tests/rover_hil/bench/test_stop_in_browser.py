@@ -1,8 +1,10 @@
 """The emergency stop in a real browser, with something broken between it and the rover."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import httpx
 import pytest
 
 from benchmarks.program.page_stop import (
@@ -19,7 +21,7 @@ from benchmarks.program.page_stop import (
     wait_for_end,
     wait_s,
 )
-from tests.rover_hil.bench.browser import Page, served, write_config
+from tests.rover_hil.bench.browser import Page, served, serving, write_config
 from tests.rover_hil.bench.network import Network, port_of, through
 
 pytestmark = [
@@ -117,6 +119,14 @@ def test_a_hidden_page_stops_nothing(served_page: tuple[Page, Network], tmp_path
     page.click("EMERGENCY STOP")
     wait_for_end(log_of(tmp_path))
     assert ended(log_of(tmp_path)) == ((), PRESSED)
+
+
+def test_the_page_comes_with_disabled_buttons_since_it_is_not_yet_in_control(tmp_path: Path) -> None:
+    with serving(tmp_path) as url:
+        page = httpx.get(url).text
+    buttons = re.findall(r'"tag":"q-btn","props":{([^}]*)}', page)
+    assert any('"label":"Start mission"' in button for button in buttons)
+    assert [button for button in buttons if '"disable":true' not in button] == []
 
 
 def test_a_second_page_that_answers_does_not_hide_that_the_page_in_control_hangs(

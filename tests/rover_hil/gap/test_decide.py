@@ -100,6 +100,21 @@ def test_a_law_that_acts_in_the_test_runs_alone_is_a_gap() -> None:
     assert not verdict.next_run
 
 
+def test_a_gap_in_the_test_runs_alone_has_a_vote_on_a_base_parameter() -> None:
+    model, runs = axis_model(), measured_runs(8)
+    gain, damping = model.parameters
+    model = replace(model, parameters=(replace(gain, nominal=1.6 * gain.nominal), damping))
+    sound = analyse(model, runs)
+    assert sound.verdict.verdict is Answer.NAMED
+    assert sound.plan is not None
+    odd = {one.name: one for one in measured_runs(8, dry=2.5)}
+    mixed = [odd[one.name] if one.name in sound.plan.confirm else one for one in runs]
+    verdict = analyse(model, mixed).verdict
+    assert verdict.verdict is Answer.UNNAMED, verdict.sentence
+    assert not any(one.is_named for one in verdict.base_parameters)
+    assert verdict.gap["speed_sensor"]["before"] == pytest.approx(0.51, abs=0.02)
+
+
 def base_structure(runs: list[Run]) -> float:
     model = axis_model(has_friction=False)
     problem = Problem(model, observe(model, runs))
