@@ -25,6 +25,8 @@ from tests.nature.ambiguous_ground.live_camera import LiveScene
 Floats = NDArray[np.float64]
 
 RMS_RATIO, RMS_M, SLIP_OFF = 0.5, 0.015, 0.05
+STUCK_M, STUCK_SHARE = 0.15, 0.1
+"""A rover is stuck where it truly moves less than this share of the last travel of its wheels."""
 LEAST_TIMES = 25
 SLIP_WINDOW_M = 0.05
 """Travel of the wheels over which the loop reports its slip, in the newest `SLIP_WINDOW_S` at most."""
@@ -56,6 +58,7 @@ class Result(NamedTuple):
         frames: Number of frames that were rendered.
         mode: The last one.
         stops: Number of stops.
+        is_stuck: It was truly stuck when it stopped for that reason, at the end.
         path_m: True length of the path.
         end_m: Error of the estimate at the end.
         rms_m: Rms error of the estimate over the true path.
@@ -76,6 +79,7 @@ class Result(NamedTuple):
     frames: int
     mode: Mode
     stops: int
+    is_stuck: bool
     path_m: float
     end_m: float
     rms_m: float
@@ -96,7 +100,8 @@ class Result(NamedTuple):
         """Whether the estimate of a right mission is within its bars."""
         is_near = self.rms_m <= max(RMS_RATIO * self.wheels_rms_m, RMS_M)
         has_slip = abs(self.slip_off) <= SLIP_OFF
-        return self.mode is Mode.FINISHED and not self.stops and is_near and has_slip
+        has_finished = self.mode is Mode.FINISHED and not self.stops
+        return (has_finished or self.is_stuck) and is_near and has_slip
 
     def names(self, causes: Iterable[str]) -> bool:
         """Return whether one of the causes was reported, for longer than the false alarms of right rigs.
@@ -128,6 +133,7 @@ def judge(driven: Driven, config: Config, scene: LiveScene) -> Result:
         frames=len(scene.truths),
         mode=driven.mode,
         stops=len(driven.stops()),
+        is_stuck=_is_stuck(driven, true, wheels),
         path_m=float(steps_m.sum()),
         end_m=float(errors_m[-1]),
         rms_m=_rms(errors_m[1:], steps_m),
@@ -143,6 +149,18 @@ def judge(driven: Driven, config: Config, scene: LiveScene) -> Result:
         reasons=_findings(reasons),
         unconfirmed=seen[-1][1].unconfirmed if seen else "",
     )
+
+
+def _is_stuck(driven: Driven, true: Floats, wheels: Floats) -> bool:
+    """Return whether the one stop is that of a stuck rover, and the truth agrees."""
+    stops = driven.stops()
+    if len(stops) != 1 or driven.mode is not Mode.EMERGENCY_STOP or "stuck" not in stops[0].output.reason:
+        return False
+    end = next(k for k, moment in enumerate(driven.moments) if moment is stops[0])
+    turned_m = np.hypot(wheels[: end + 1, 1] - wheels[end, 1], wheels[: end + 1, 2] - wheels[end, 2])
+    begin = int(np.flatnonzero(turned_m >= STUCK_M)[-1])
+    moved_m = float(np.hypot(*(true[end, 1:3] - true[begin, 1:3])))
+    return moved_m < STUCK_SHARE * STUCK_M
 
 
 def _nees(moment: Moment) -> float:

@@ -3,7 +3,6 @@
 from dataclasses import replace
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from controllers.ground_motion.choice import choose
@@ -110,7 +109,7 @@ class GroundMotionEstimator:
         self.moving_parts = MovingParts(len(self._flow.points_m()), parameters.moving_parts)
         self._repeating = RepeatingGround(ground, parameters.repeating)
         self._proof = StandingProof(ground.pixel_m, parameters.standing)
-        self._repeats = RepeatWatch(parameters.repeats)
+        self._repeats = RepeatWatch(self._visible, parameters.repeats)
         self._frames = ReferenceFrames(ground, parameters.validity)
         self._most_travel_m = parameters.validity.most_travel_share * ground.shape[0] * ground.pixel_m
         self._foot_m = (float(ground.rig.position_m[0]), float(ground.rig.position_m[1]))
@@ -166,6 +165,7 @@ class GroundMotionEstimator:
         self.pair = None
         before_ns = self._t_ns
         if before_ns is None:
+            self._repeats.begin(patch)
             self._restart(t_ns, patch, structure)
             return None
         if self._is_repeated(t_ns, patch):
@@ -232,13 +232,11 @@ class GroundMotionEstimator:
 
     def _is_repeated(self, t_ns: int, patch: Image) -> bool:
         """Return whether this is the frame before once more."""
-        grey = self._grey
         if t_ns == self._t_ns:
             return True
-        if grey is None:
+        if self._grey is None:
             return False
-        apart_grey = cv2.mean(cv2.absdiff(patch, grey), self._visible)[0]
-        return self._repeats.is_repeated(apart_grey, may_wait=self._may_wait())
+        return self._repeats.is_repeated(patch, self._grey, may_wait=self._may_wait())
 
     def _may_wait(self) -> bool:
         """Return whether the pair may stay open for a frame more: by the last motion, else by the wheels."""

@@ -274,11 +274,13 @@ def test_camera_turned_by_a_quarter_is_reported() -> None:
 def test_a_picture_that_is_sent_for_long_is_no_ground_that_stands() -> None:
     """Coded again each time; the wheels roll on."""
     drive, wide, rng = Drive(), wide_ground(), np.random.default_rng(7)
+    sent = np.zeros(GROUND.shape, np.uint8)
     for frame in range(12):
-        drive.show(patch_at(wide, frame * WHEEL_M))
+        noise = rng.normal(0, 1, GROUND.shape)
+        sent = np.asarray(np.clip(patch_at(wide, frame * WHEEL_M) + noise, 0, 254), np.uint8)
+        drive.show(sent, noisy=False)
     for _ in range(7):
-        coded = patch_at(wide, 11 * WHEEL_M) + rng.integers(0, 2, GROUND.shape)
-        drive.show(np.asarray(np.clip(coded, 0, 255), np.uint8))
+        drive.show(np.asarray(sent + rng.integers(0, 2, GROUND.shape), np.uint8), noisy=False)
 
     assert all(motion.is_valid for motion in drive.motions[2:11])
     assert not any(motion.is_valid for motion in drive.motions[11:])

@@ -1,43 +1,99 @@
 """Frames that are sent again differ less from the last one than frames did before."""
 
+import numpy as np
 import pytest
 
 from controllers.ground_motion.parameters import DEFAULTS
 from controllers.ground_motion.repeats import RepeatWatch
+from drivers.samples import Image
+
+SHAPE = (40, 50)
+VISIBLE = np.ones(SHAPE, np.uint8)
 
 
-def watch_after(differences: list[float]) -> RepeatWatch:
-    watch = RepeatWatch(DEFAULTS.repeats)
-    for grey in differences:
-        assert not watch.is_repeated(grey, may_wait=True)
-    return watch
+class Camera:
+    """Frames with noise of their own, and the watch that judges them."""
+
+    def __init__(self, seed: int = 1) -> None:
+        self._rng = np.random.default_rng(seed)
+        self.watch = RepeatWatch(VISIBLE, DEFAULTS.repeats)
+        self.last_new = self.ground()
+        self.watch.begin(self.last_new)
+
+    def ground(self) -> Image:
+        return self._rng.integers(60, 180, SHAPE).astype(np.uint8)
+
+    def noisy(self, ground: Image, noise_grey: float) -> Image:
+        return np.asarray(np.rint(ground + self._rng.normal(0.0, noise_grey, SHAPE)), np.uint8)
+
+    def take(self, patch: Image, *, may_wait: bool = True) -> bool:
+        """Return whether a frame is repeated."""
+        is_repeated = self.watch.is_repeated(patch, self.last_new, may_wait=may_wait)
+        if not is_repeated:
+            self.last_new = patch
+        return is_repeated
+
+    def drive(self) -> Image:
+        """Take frames of ground that moves; return the last one."""
+        for _ in range(8):
+            assert not self.take(self.ground())
+        return self.last_new
 
 
-@pytest.mark.parametrize(("grey", "is_repeated"), [(0.3, True), (2.9, True), (3.1, False), (14.0, False)])
-def test_a_frame_with_less_than_a_third_of_the_difference_is_repeated(grey: float, is_repeated: bool) -> None:
-    watch = watch_after([10.0] * 8)
-    assert watch.is_repeated(grey, may_wait=True) is is_repeated
+@pytest.mark.parametrize(("change", "is_repeated"), [(1, True), (11, True), (13, False), (30, False)])
+def test_a_frame_with_less_than_a_third_of_the_difference_is_repeated(change: int, is_repeated: bool) -> None:
+    """Of frames that differ by 40 grey levels."""
+    camera = Camera()
+    last = camera.drive()
+    assert camera.take(np.asarray(last + change, np.uint8)) is is_repeated
 
 
 def test_the_same_frame_is_repeated_as_often_as_it_comes() -> None:
-    watch = RepeatWatch(DEFAULTS.repeats)
-    assert all(watch.is_repeated(0.0, may_wait=False) for _ in range(20))
+    camera = Camera()
+    last = camera.drive()
+    assert all(camera.take(last, may_wait=False) for _ in range(20))
 
 
-def test_ground_that_stands_is_not_repeated_for_long() -> None:
-    """Four frames of noise, and then this is the difference of new frames."""
-    watch = watch_after([10.0] * 8)
-    assert [watch.is_repeated(1.2, may_wait=True) for _ in range(20)] == [True] * 4 + [False] * 16
+def test_three_frames_of_ground_that_stands_show_that_it_does() -> None:
+    camera = Camera()
+    ground = camera.drive()
+    camera.last_new = camera.noisy(ground, 1.2)
+    camera.watch.begin(camera.last_new)
+    assert [camera.take(camera.noisy(ground, 1.2)) for _ in range(9)] == [True] + [False] * 8
+    assert not camera.watch.is_undecided
 
 
-def test_frames_that_are_no_longer_awaited_are_undecided_before_they_are_of_ground_that_stands() -> None:
-    watch, undecided = watch_after([10.0] * 8), []
-    for _ in range(20):
-        watch.is_repeated(1.2, may_wait=True)
-        undecided.append(watch.is_undecided)
+def test_a_frame_that_is_coded_again_and_again_stays_repeated() -> None:
+    """Alike, so that its copies are equal, or each with an error of its own."""
+    camera = Camera()
+    last = camera.drive()
+    copy = camera.noisy(last, 0.5)
+    assert [camera.take(copy) for _ in range(4)] == [True] * 4
+    camera = Camera()
+    last = camera.drive()
+    assert [camera.take(camera.noisy(last, 0.5)) for _ in range(4)] == [True] * 4
+
+
+def filtered(camera: Camera, count: int) -> list[Image]:
+    """Return frames of standing ground behind a filter of noise over time, as cameras have it in the dark."""
+    ground, frames = camera.drive(), list[Image]()
+    noise = np.zeros(SHAPE)
+    for _ in range(count):
+        noise = 0.9 * noise + camera.noisy(np.full(SHAPE, 100, np.uint8), 2.0) - 100.0
+        frames.append(np.asarray(np.rint(ground + noise), np.uint8))
+    return frames
+
+
+def test_frames_that_depend_on_each_other_are_undecided_before_they_are_of_ground_that_stands() -> None:
+    camera, undecided, repeated = Camera(), [], []
+    for patch in filtered(camera, 20):
+        repeated.append(camera.take(patch))
+        undecided.append(camera.watch.is_undecided)
+    assert repeated == [True] * 4 + [False] * 16
     assert undecided == [False] * 4 + [True] * 5 + [False] * 11
 
 
 def test_a_pair_that_must_not_become_longer_is_not_left_open() -> None:
-    watch = watch_after([10.0] * 8)
-    assert not watch.is_repeated(0.3, may_wait=False)
+    camera = Camera()
+    last = camera.drive()
+    assert not camera.take(camera.noisy(last, 0.3), may_wait=False)
