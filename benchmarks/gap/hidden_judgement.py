@@ -1,14 +1,16 @@
 """One run of `gap` against its answer, from the documented output alone (docs/reference/gap_verdict.md)."""
 
 import ast
-import re
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from rover_hil.gap import effects
 from tests.nature.hidden_machines.verdicts import FEW
 
 NAMING = ("NAMED", "NAMED_SET")
+NONE = ["none of these"]
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,16 @@ class Outcome:
     exit_code: int
     message: str = ""
     drafts: list[str] = field(default_factory=list)
+    equations: list[str] = field(default_factory=list)
+    """Right terms of a hidden effect that is in no list."""
+
+    def is_right(self, names: list[str]) -> bool:
+        """Return whether an explanation is the hidden one; none is right where less than the noise shows."""
+        if not names:
+            return self.ratio <= 1.0
+        if self.hidden:
+            return sorted(names) == sorted(self.hidden)
+        return len(names) == 1 and sorted(names[0].split()) in [sorted(one.split()) for one in self.equations]
 
     @property
     def is_named_right(self) -> bool:
@@ -96,6 +108,7 @@ def outcome_of(
         exit_code=code,
         message="" if verdict else said,
         drafts=codes,
+        equations=equations_of(answer["terms"]),
     )
 
 
@@ -153,14 +166,24 @@ def read_draft(code: str) -> tuple[str, list[str], str]:
 
 
 def probabilities_of(verdict: Mapping[str, Any]) -> list[tuple[list[str], float]]:
-    """Return each explanation and its probability: `weight` of `next_runs[0].explanations`.
-
-    The rest, `something else`, is no explanation.
-    """
-    planned = verdict.get("next_runs") or [{}]
-    explanations = planned[0].get("explanations", [])
+    """Return each explanation and its probability; "none of these" is no explanation."""
     return [
-        (as_listed(re.split(r"\s*(?:\+|,| and )\s*", entry["name"]), verdict), float(entry["weight"]))
-        for entry in explanations
-        if entry["name"] != "something else"
+        (as_listed(entry["effects"], verdict), float(entry["probability"]))
+        for entry in verdict.get("probabilities", [])
+        if entry["effects"] != NONE
     ]
+
+
+def equations_of(terms: list[dict[str, Any]]) -> list[str]:
+    """Return the equations of right terms as the output writes them."""
+    units: defaultdict[str, str] = defaultdict(lambda: "1")
+    found = []
+    for term in terms:
+        for form in term["forms"]:
+            port, sources = term["port"], tuple(term["sources"])
+            if form == "product":
+                found.append(effects.product(port, sources=sources, size=1.0).build(units).name)
+            elif form != "threshold":
+                one = effects.term(port, source=" - ".join(sources), form=form, size=1.0, scale=1.0)
+                found.append(one.build(units).name)
+    return found

@@ -109,7 +109,7 @@ def sameness_rows(outcomes: list[Outcome]) -> list[Row]:
 def calibration_rows(outcomes: list[Outcome]) -> list[Row]:
     """Return how often explanations of a probability of 0.5 to 0.9 are right."""
     judged = [
-        (probability, sorted(names) == sorted(outcome.hidden))
+        (probability, outcome.is_right(names))
         for outcome in outcomes
         for names, probability in outcome.probabilities
         if LOW <= probability <= HIGH

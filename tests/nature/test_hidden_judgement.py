@@ -98,11 +98,40 @@ def test_nothing_written_is_bad_data_or_a_crash() -> None:
     assert outcome_of(ANSWER, 0, {}, 1.0, 2, "line 7").verdict == "CRASH"
 
 
+def unsure(*names: str) -> list[dict[str, Any]]:
+    return [
+        {"effects": list(names), "probability": 0.7},
+        {"effects": ["none of these"], "probability": 0.3},
+    ]
+
+
+def test_an_explanation_is_right_as_the_hidden_effect_as_its_equation_or_where_nothing_shows() -> None:
+    assert judged({**verdict("friction"), "probabilities": unsure("friction")}).probabilities == [
+        (["friction"], 0.7)
+    ]
+    listed = judged(verdict("friction"))
+    assert (listed.is_right(["friction"]), listed.is_right(["drag"]), listed.is_right([])) == (
+        True,
+        False,
+        False,
+    )
+    terms = [
+        {"port": "net", "sources": ["speed"], "forms": ["cube"]},
+        {"port": "net", "sources": ["angle", "speed"], "forms": ["product"]},
+    ]
+    outside = judged(verdict("drag"), {**ANSWER, "effects": [], "terms": terms})
+    right = [["net += c speed^3"], ["net += c speed angle"]]
+    assert [outside.is_right(one) for one in right] == [True, True]
+    assert not outside.is_right(["net += c speed |speed|"])
+    assert judged(verdict("drag"), {**ANSWER, "ratio": 0.6}).is_right([])
+
+
 def test_the_table_counts_names_sizes_and_sameness() -> None:
     right = judged(verdict("friction"))
     other = replace(judged(verdict("drag")), variant=1)
-    rare = {"explanations": [{"name": "friction", "weight": 0.7}, {"name": "something else", "weight": 0.3}]}
-    likely = replace(judged({**verdict("friction"), "next_runs": [rare]}), case="catalogue-1-1")
+    likely = replace(
+        judged({**verdict("friction"), "probabilities": unsure("friction")}), case="catalogue-1-1"
+    )
     text = table([right, other, likely])
     assert "| wrong NAMED or NAMED_SET | 3 | 33 %" in text
     assert "| in the catalogue: NAMED | 3 | 67 %" in text

@@ -30,7 +30,7 @@ def keys(kind: str, first: int) -> Iterator[Key]:
 
 def is_drive(key: Key) -> bool:
     """Return whether a case holds drives of a rover."""
-    return key[0] != "order" and key[1] % EVERY == AT
+    return key[0] not in ("order", "faint") and key[1] % EVERY == AT
 
 
 def case_of(seed: int, key: Key) -> str:

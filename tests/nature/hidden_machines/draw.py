@@ -10,8 +10,9 @@ from tests.nature.hidden_machines.kinds import MACHINES
 from tests.nature.hidden_machines.machine import Machine, Number, Values
 from tests.nature.hidden_machines.visible import Sight
 
-CLASSES = ("catalogue", "order", "outside", "none")
-RATIOS, PAIR_RATIOS = (0.5, 10.0), (1.5, 8.0)
+CLASSES = ("catalogue", "order", "outside", "none", "faint")
+"""Of `faint` the hidden effect is of the catalogue or outside, and shows about as much as the noise."""
+RATIOS, PAIR_RATIOS, FAINT_RATIOS = (0.5, 10.0), (1.5, 8.0), (0.6, 1.6)
 FEW_SHARE, FEW_RUNS = 0.15, (3, 4, 4, 5, 5)
 TOO_SURE = (5.0, 12.0)
 """Error of a wrong parameter, in prior standard deviations of its user."""
@@ -116,13 +117,14 @@ def _chosen(machine: Machine, kind: str, rng: np.random.Generator) -> list[tuple
     """Return the effects that are hidden, how much each shows, and its sign."""
     if kind == "none":
         return []
-    low, high = np.log(PAIR_RATIOS if kind == "order" else RATIOS)
+    low, high = np.log({"order": PAIR_RATIOS, "faint": FAINT_RATIOS}.get(kind, RATIOS))
     if kind == "order":
         pair = list(machine.pairs[int(rng.integers(len(machine.pairs)))])
         rng.shuffle(pair)
         effects = [machine.effect(name) for name in pair]
     else:
-        pool = machine.catalogue if kind == "catalogue" else machine.outside
+        pools = {"catalogue": machine.catalogue, "outside": machine.outside}
+        pool = pools.get(kind, (*machine.catalogue, *machine.outside))
         effects = [pool[int(rng.integers(len(pool)))]]
     result = []
     for effect in effects:

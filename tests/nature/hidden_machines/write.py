@@ -44,7 +44,9 @@ def answer(case: Case) -> dict[str, object]:
         for effect, _ in case.hidden
         for term in effect.terms
     ]
-    verdict, accepted, reason = expected(case.kind, case.runs, case.ratio, case.alike)
+    is_outside = bool(effects) and not any(effect["is_listed"] for effect in effects)
+    kind = "outside" if is_outside else case.kind
+    verdict, accepted, reason = expected(kind, case.runs, case.ratio, case.alike)
     return {
         "case": f"{case.kind}-{case.seed}-{case.number}",
         "class": case.kind,
