@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rover_hil.gap.data.problem import Problem, observe
-from rover_hil.gap.decision.decide import Candidate, Decision, decide, size_of_fit
+from rover_hil.gap.decision.decide import Candidate, Decision, decide, is_same_law, size_of_fit
 from rover_hil.gap.decision.first_answer import first_answer
 from rover_hil.gap.decision.structure import structure_of
 from rover_hil.gap.evidence.error_budget import ChannelError, error_budget
@@ -250,13 +250,6 @@ def _unlisted(
         )
         for one in found
     ]
-
-
-def is_same_law(one: MachineFit, other: MachineFit, base: MachineFit) -> bool:
-    """Return True where two explanations change the predictions of the base model alike."""
-    first, second = base.errors - one.errors, base.errors - other.errors
-    length = float(np.linalg.norm(first) * np.linalg.norm(second))
-    return abs(float(first @ second)) > MACHINES.terms.same_law * length
 
 
 def _without_wrong_priors(

@@ -8,7 +8,8 @@ from functools import partial
 import numpy as np
 
 from rover_hil.gap.data.problem import Problem
-from rover_hil.gap.decision.analysis import MachineFindings, is_same_law
+from rover_hil.gap.decision.analysis import MachineFindings
+from rover_hil.gap.decision.decide import is_same_law
 from rover_hil.gap.evidence.evidence import MachineFit
 from rover_hil.gap.evidence.score import one_sided_z
 from rover_hil.gap.evidence.sizes import size_of

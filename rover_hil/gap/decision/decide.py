@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from rover_hil.gap.data.problem import Observations, Problem
 from rover_hil.gap.decision.structure import force_densities
@@ -134,6 +135,7 @@ def decide(problem: Problem, candidates: Sequence[Candidate], best: MachineFit) 
     weights = rng.dirichlet(np.ones(units.count), MACHINES.decide.draws)
     densities = units.count * weights @ np.stack([one.densities for one in predicted]).T
     # Their prior probabilities: of the kind of law, and of base parameters away from nominal.
+    densities = _levelled(densities, candidates)
     densities -= [math.log(one.tried) + 0.5 * one.fit.pulls for one in candidates]
     luck = rng.gumbel(size=densities.shape)
     excess = np.stack([_excess(one, weights) for one in predicted], axis=1)
@@ -204,6 +206,34 @@ def _tolerances(observations: Observations) -> Array:
 def size_of_fit(found: MachineFit) -> int:
     """Return the number of its effects, and of the base parameters far from what was known of them."""
     return len(found.names) + len(far_parameters(found.fit))
+
+
+def is_same_law(one: MachineFit, other: MachineFit, base: MachineFit) -> bool:
+    """Return True where two explanations change the predictions of the base model alike."""
+    first, second = base.errors - one.errors, base.errors - other.errors
+    length = float(np.linalg.norm(first) * np.linalg.norm(second))
+    return abs(float(first @ second)) > MACHINES.terms.same_law * length
+
+
+def _levelled(densities: Array, candidates: Sequence[Candidate]) -> Array:
+    """Return the densities where explanations of one size that the runs do not distinguish have the greater.
+
+    They predict the same as well as each other; without a unit the free shapes of one may do anything there.
+    """
+    base = next((one.fit for one in candidates if not one.names), None)
+    if base is None:
+        return densities
+    least = float(chi2.ppf(MACHINES.decide.whole_set, 1))
+    levelled: Array = densities.copy()
+    for place, one in enumerate(candidates):
+        for other in range(place):
+            rival = candidates[other]
+            is_other = one.names and rival.names and one.names != rival.names and one.size == rival.size
+            is_equal = is_other and abs(one.fit.fit.cost - rival.fit.fit.cost) < least
+            if is_equal and is_same_law(one.fit, rival.fit, base):
+                both = [place, other]
+                levelled[:, both] = levelled[:, both].max(axis=1, keepdims=True)
+    return levelled
 
 
 def winners_of(

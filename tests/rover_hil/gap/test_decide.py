@@ -79,6 +79,18 @@ def test_the_probability_of_a_name_and_of_none_are_stated() -> None:
     assert named.probabilities[-1] == {"effects": ["none of these"], "probability": 0.0}
 
 
+def test_laws_that_predict_the_same_are_equally_probable() -> None:
+    """Where stretches of runs are left out, a free shape may do anything there."""
+    model = axis_model()
+    fading = effects.stribeck_friction("acceleration", velocity="speed", size=2.0, speed=10.0, slow=0.05)
+    model = replace(model, port_effects=(*model.port_effects, fading))
+    verdict = analyse(model, measured_runs(6, dry=2.5)).verdict
+    assert verdict.verdict is Answer.NAMED_SET
+    shares = {str(one["effects"]): one["probability"] for one in verdict.probabilities}
+    for law in ("coulomb_friction", "stribeck_friction"):
+        assert shares[str([law])] == pytest.approx(0.5, abs=0.1)
+
+
 def test_an_error_below_the_tolerance_is_not_explained() -> None:
     model = axis_model()
     loose = replace(model, channels=(replace(model.channels[0], tolerance=2.0),))
