@@ -5,6 +5,8 @@ from dataclasses import replace
 from controllers.ground_motion.flow import Followed, PatchMotion
 from controllers.ground_motion.parameters import ValidityParameters
 
+MAY_STAND = "ground that stands cannot be distinguished from what is fixed in the picture"
+
 
 def choose(
     followed: Followed, apart_pixels: float, numbers: ValidityParameters
@@ -41,7 +43,7 @@ def choose(
     least_share = numbers.clear_still_share if sharp and not creeps else numbers.least_still_share
     most_sd_pixels = numbers.creeping_sd_pixels if creeps else numbers.most_still_sd_pixels
     if still.share < least_share or still.moved_sd_pixels > most_sd_pixels:
-        return None, "ground that stands cannot be distinguished from what is fixed in the picture"
+        return None, MAY_STAND
     return still, ""
 
 

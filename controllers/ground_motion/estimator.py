@@ -182,7 +182,7 @@ class GroundMotionEstimator:
         period_m = self._repeating.period_m(self._travel_m)
         if found is None:
             repeats = bool(period_m) and not self._travels_too_far()
-            reason = REPEATS if repeats else self._wheels.miss(self._travel_m, reason)
+            reason = REPEATS if repeats else self._wheels.miss(self._travel_m, self._proof.doubt(reason))
             reason = self._mirrored(picture) or reason
             self._restart(t_ns, patch, structure)
             return self._invalid(before_ns, t_ns, reason)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from controllers.ground_motion.choice import MAY_STAND
 from controllers.ground_motion.ground_patch import Floats, Patch
 from controllers.ground_motion.parameters import StandingParameters
 
@@ -45,6 +46,11 @@ class StandingProof:
         self._rolled: Floats = np.zeros(2)
         self._moved: Floats = np.zeros(2)
         self._seen_pixels = 0.0
+
+    def doubt(self, reason: str) -> str:
+        """Return why nothing is measured, and that the ground was not seen to move where it was not."""
+        has_moved = self._seen_pixels >= self._numbers.seen_pixels
+        return reason if has_moved or reason != MAY_STAND else f"no motion confirmed: {reason}"
 
     def begin(self, structure: Patch) -> None:
         """Take a frame before which nothing is examined: the motion until then is not known, or was seen."""
