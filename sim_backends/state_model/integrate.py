@@ -17,6 +17,8 @@ from sim_backends.state_model.sample_times import sample_times_s
 from sim_backends.state_model.tape import make_tape
 from sim_backends.state_model.tracing import Graph, Source, Traced, TracedStack
 
+FINER = 4
+"""Parts of the time between samples in which signals behind a delay or a lag are known: each straight."""
 CHECKED = 5
 """Samples, spread over the runs, at which recorded equations are compared with those that were given."""
 
@@ -60,7 +62,10 @@ class Simulation:
         self._model = model
         self._runs = runs
         self._points = points
-        times = [sample_times_s(run, model.step_s) for run in runs]
+        is_late = any(one.action in (Action.DELAY, Action.LAG) for one in model.port_effects)
+        # Without them too where the model has any: what finer steps explain is no delay.
+        self._parts = FINER if is_late else 1
+        times = [_refined(sample_times_s(run, model.step_s), self._parts) for run in runs]
         self._sizes = [one.size for one in times]
         self._samples = max(self._sizes)
         self._times_s = _table(times, self._samples + 1)
@@ -80,7 +85,7 @@ class Simulation:
         return [
             [
                 {
-                    name: np.where(np.isfinite(row := values[point, run, : self._sizes[run]]), row, np.nan)
+                    name: np.where(np.isfinite(row := values[point, run, self._of(run)]), row, np.nan)
                     for name, values in channels.items()
                 }
                 for run in range(len(self._runs))
@@ -95,9 +100,22 @@ class Simulation:
         series = {name: self._input_at_samples(name)[0] for name in self._inputs}
         series |= {name: values[0] for name, values in zip(self._model.states, states, strict=False)}
         return [
-            {name: values[run, : self._sizes[run]] for name, values in series.items()}
+            {name: values[run, self._of(run)] for name, values in series.items()}
             for run in range(len(self._runs))
         ]
+
+    def _of(self, run: int) -> slice:
+        """Return where the samples of a run are."""
+        return slice(0, self._sizes[run], self._parts)
+
+    def _samples_of(self, name: str, size: int) -> Array:
+        """Return an input of all runs at the samples, continued to one length."""
+        rows = [run.inputs[name] for run in self._runs]
+        if self._parts > 1 and not self._model.is_held:
+            rows = [_refined(one, self._parts) for one in rows]
+        elif self._parts > 1:
+            rows = [np.repeat(one, self._parts)[: 1 - self._parts] for one in rows]
+        return np.stack([_padded(one, size) for one in rows])
 
     def _active_effects(self) -> dict[str, list[Active]]:
         """Return, by port, the effects that are not at their null at every point, and their parameters."""
@@ -170,7 +188,7 @@ class Simulation:
         The steps go on after the last sample, where the last value holds, so that it can be read there.
         """
         active, model = self._active.get(name, []), self._model
-        samples = np.stack([_padded(run.inputs[name], self._samples + 1) for run in self._runs])
+        samples = self._samples_of(name, self._samples + 1)
         delay_s = _delay_s(active)
         series = mean_over_steps(samples, self._times_s, delay_s, model.substeps, is_held=model.is_held)
         widths_s = np.repeat(self._widths_s, model.substeps, axis=1) / model.substeps
@@ -181,7 +199,7 @@ class Simulation:
         if self._model.is_held:
             return self._inputs[name][..., :: self._model.substeps]
         active = self._active.get(name, [])
-        samples = np.stack([_padded(run.inputs[name], self._samples) for run in self._runs])
+        samples = self._samples_of(name, self._samples)
         series = delayed(samples[None], self._times_s[:, :-1], _delay_s(active))
         return _signal_effects(active, series, partial(lagged_samples, widths_s=self._widths_s))
 
@@ -208,7 +226,7 @@ class Simulation:
     def _over_steps(self, samples: Array) -> Array:
         """Return a force in the middle of each integration step."""
         substeps = self._model.substeps
-        middle = (np.arange((self._samples - 1) * substeps) + 0.5) / substeps
+        middle = (np.arange((self._samples - 1) * substeps) + 0.5) / (substeps * self._parts)
         return np.interp(middle, np.arange(samples.size), samples)
 
     def _integrate(self) -> Array:
@@ -451,6 +469,12 @@ def _table(times: Sequence[Array], size: int) -> Array:
 def _continued(times_s: Array, size: int) -> Array:
     step_s = times_s[-1] - times_s[-2] if times_s.size > 1 else 1.0
     return np.append(times_s, times_s[-1] + step_s * np.arange(1, size - times_s.size + 1))
+
+
+def _refined(values: Array, parts: int) -> Array:
+    """Return a series with straight lines in so many parts between its values."""
+    fine = np.arange((values.size - 1) * parts + 1) / parts
+    return values if parts == 1 else np.interp(fine, np.arange(values.size), values)
 
 
 def _padded(values: Array, size: int) -> Array:

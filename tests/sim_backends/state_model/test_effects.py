@@ -285,3 +285,23 @@ def test_a_released_parameter_takes_its_error() -> None:
     found = simulated(model, run_of(WAVE), {"wrong_mass": {"error": 0.4}})
     direct = model.predict([run_of(WAVE)], {"mass": 2.4}, {})[0]
     np.testing.assert_allclose(found["seen_speed"], direct["seen_speed"], atol=1e-12)
+
+
+@pytest.mark.parametrize("port", ["push", "seen_speed"])
+def test_a_lag_as_fast_as_the_machine_and_its_samples_is_exact(port: str) -> None:
+    """Of a mass with a damper whose time constant is one sample, too, pushed from the third sample on."""
+    damping = 2.0 / STEP_S
+    model = mass(effects.lag(port, size=STEP_S, longest=0.5), damping=damping, substeps=1)
+    run = run_of(np.array([0.0, 0.0, *np.full(38, damping)]))
+    found = simulated(model, run, {"lag": {"time": STEP_S}})["seen_speed"]
+    since = np.maximum(np.arange(40) - 2.0, 0.0)
+    np.testing.assert_allclose(found, 1.0 - (1.0 + since) * np.exp(-since), atol=0.005)
+
+
+def test_a_delay_between_samples_of_a_machine_as_fast_as_they_are_is_exact() -> None:
+    damping = 2.0 / STEP_S
+    model = mass(effects.delay("seen_speed", size=STEP_S, longest=0.5), damping=damping, substeps=1)
+    run = run_of(np.array([0.0, 0.0, *np.full(38, damping)]))
+    found = simulated(model, run, {"delay": {"time": 0.4 * STEP_S}})["seen_speed"]
+    since = np.maximum(np.arange(40) - 2.4, 0.0)
+    np.testing.assert_allclose(found, 1.0 - np.exp(-since), atol=0.01)
