@@ -709,11 +709,16 @@ def test_a_ground_camera_gets_a_rig_by_rulers(
 @pytest.mark.parametrize(
     "given",
     [
-        (*TO_THE_CAMERA, "ground", "back", "0.5", "65", "-0.2", "0", "60", "no", "12.6"),
-        (*TO_THE_CAMERA, "ground", "left", "0.5", "65", "0", "0.2", "60", "yes", "12.6"),
-        TRACE,
+        pytest.param(
+            (*TO_THE_CAMERA, "ground", "back", "0.5", "65", "-0.2", "0", "60", "no", "12.6"),
+            marks=pytest.mark.nightly,
+            id="back",
+        ),
+        pytest.param(
+            (*TO_THE_CAMERA, "ground", "left", "0.5", "65", "0", "0.2", "60", "yes", "12.6"), id="left"
+        ),
+        pytest.param(TRACE, marks=pytest.mark.nightly, id="trace"),
     ],
-    ids=["back", "left", "trace"],
 )
 def test_the_simulated_ground_camera_measures_the_slip(
     command: Command, answers: list[str], on_ports: list[probing.Found], given: tuple[str, ...]
