@@ -50,7 +50,7 @@ class Outcome:
             return self.ratio <= 1.0
         if self.hidden:
             return sorted(names) == sorted(self.hidden)
-        return len(names) == 1 and sorted(names[0].split()) in [sorted(one.split()) for one in self.equations]
+        return all(any(_is_equation(name, one) for one in self.equations) for name in names)
 
     @property
     def is_named_right(self) -> bool:
@@ -174,8 +174,13 @@ def probabilities_of(verdict: Mapping[str, Any]) -> list[tuple[list[str], float]
     ]
 
 
+def _is_equation(name: str, right: str) -> bool:
+    """Return whether an explanation is a right term; factors may stand in any order."""
+    return sorted(name.split()) == sorted(right.split()) or ("max(" in right and name.startswith(f"{right} "))
+
+
 def equations_of(terms: list[dict[str, Any]]) -> list[str]:
-    """Return the equations of right terms as the output writes them."""
+    """Return the equations of right terms as the output writes them; of a threshold, up to its place."""
     units: defaultdict[str, str] = defaultdict(lambda: "1")
     found = []
     for term in terms:
@@ -183,7 +188,9 @@ def equations_of(terms: list[dict[str, Any]]) -> list[str]:
             port, sources = term["port"], tuple(term["sources"])
             if form == "product":
                 found.append(effects.product(port, sources=sources, size=1.0).build(units).name)
-            elif form != "threshold":
+            elif form == "threshold":
+                found.append(f"{port} += c max({' - '.join(sources)}")
+            else:
                 one = effects.term(port, source=" - ".join(sources), form=form, size=1.0, scale=1.0)
                 found.append(one.build(units).name)
     return found

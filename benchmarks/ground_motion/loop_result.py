@@ -25,7 +25,7 @@ from tests.nature.ambiguous_ground.live_camera import LiveScene
 Floats = NDArray[np.float64]
 
 RMS_RATIO, RMS_M, SLIP_OFF = 0.5, 0.015, 0.05
-STUCK_M, STUCK_SHARE = 0.15, 0.1
+STUCK, STUCK_M, STUCK_SHARE = re.compile("rover: stuck"), 0.15, 0.1
 """A rover is stuck where it truly moves less than this share of the last travel of its wheels."""
 LEAST_TIMES = 25
 SLIP_WINDOW_M = 0.05
@@ -154,11 +154,13 @@ def judge(driven: Driven, config: Config, scene: LiveScene) -> Result:
 def _is_stuck(driven: Driven, true: Floats, wheels: Floats) -> bool:
     """Return whether the one stop is that of a stuck rover, and the truth agrees."""
     stops = driven.stops()
-    if len(stops) != 1 or driven.mode is not Mode.EMERGENCY_STOP or "stuck" not in stops[0].output.reason:
+    if len(stops) != 1 or driven.mode is not Mode.EMERGENCY_STOP or not STUCK.match(stops[0].output.reason):
         return False
     end = next(k for k, moment in enumerate(driven.moments) if moment is stops[0])
-    turned_m = np.hypot(wheels[: end + 1, 1] - wheels[end, 1], wheels[: end + 1, 2] - wheels[end, 2])
-    begin = int(np.flatnonzero(turned_m >= STUCK_M)[-1])
+    rolled_m = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(_travelled(wheels[: end + 1]))))))
+    if rolled_m[-1] < STUCK_M:
+        return False
+    begin = int(np.flatnonzero(rolled_m <= rolled_m[-1] - STUCK_M)[-1])
     moved_m = float(np.hypot(*(true[end, 1:3] - true[begin, 1:3])))
     return moved_m < STUCK_SHARE * STUCK_M
 

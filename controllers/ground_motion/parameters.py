@@ -96,6 +96,7 @@ class RepeatParameters:
     same_grey: float = 0.02  # two frames that differ less are one; the noise of a camera gives more
     share: float = 0.3  # of the median of the differences before: a frame coded again differs less
     kept: int = 8  # differences
+    least_own_noise: int = 2  # frames in a row with noise of their own that show that the ground stands
     most_in_a_row: int = 4  # of them, for which the pair waits
     most_undecided: int = 9  # more of them are of ground that stands
 

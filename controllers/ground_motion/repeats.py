@@ -7,8 +7,9 @@ the travel is measured over all of it.
 
 Three frames of ground that stands differ equally from each other, and not more than from the last new one,
 since the noise of each is its own. Of one picture that is coded again and again, two copies differ by nothing
-where they are coded alike, and by the root of two of their difference from it where they are not. Behind a
-filter of noise over time nothing distinguishes both, until ground that stands for long shows the noise.
+where they are coded alike, and by the root of two of their difference from it where they are not; the premise
+is that the picture itself was seen as it was, or coded like one of its copies. Behind a filter of noise over
+time nothing distinguishes the two, until ground that stands for long shows the noise.
 """
 
 import math
@@ -40,13 +41,14 @@ class RepeatWatch:
         self._differences: deque[float] = deque(maxlen=parameters.kept)
         self._in_a_row = 0
         self._seen: deque[Image] = deque(maxlen=2)
-        self._new: Image | None = None
+        self._references: list[Image] = []
+        self._own_in_a_row = 0
         self.is_undecided = False
 
     def begin(self, patch: Image) -> None:
         """Take a frame that is not judged."""
         self._seen.append(patch)
-        self._new = patch
+        self._references = [patch]
 
     def is_repeated(self, patch: Image, last_new: Image, *, may_wait: bool) -> bool:
         """Return whether a frame is a repeated one.
@@ -65,11 +67,14 @@ class RepeatWatch:
             return True
         is_less = bool(self._differences) and grey < numbers.share * median(self._differences)
         if not is_less:
-            self._in_a_row, self._new = 0, patch
+            self._begin_row(patch)
             self._differences.append(grey)
             return False
         self._in_a_row += 1
-        if has_own_noise:
+        self._own_in_a_row = self._own_in_a_row + 1 if has_own_noise else 0
+        if self._in_a_row == 1:
+            self._references.append(patch)
+        if self._own_in_a_row >= numbers.least_own_noise:
             self._stands(patch, self._apart_grey(patch, newest))
             return False
         if may_wait and self._in_a_row <= numbers.most_in_a_row:
@@ -81,20 +86,25 @@ class RepeatWatch:
 
     def _stands(self, patch: Image, noise_grey: float) -> None:
         """Note that frames are new, and what noise alone makes of their difference."""
-        self._in_a_row, self._new = 0, patch
+        self._begin_row(patch)
         self._differences.clear()
         self._differences.append(noise_grey)
+
+    def _begin_row(self, patch: Image) -> None:
+        """Take a frame that is new: copies are compared with it, and with the first that differs little."""
+        self._in_a_row = self._own_in_a_row = 0
+        self._references = [patch]
 
     def _has_own_noise(self, patch: Image) -> bool:
         """Return whether the noise of a frame is that of no frame before, and as large as theirs.
 
-        The newest frame that was certainly new may be one from before the motion ended.
+        The last new frame may be one from before the motion ended; the first of the row is not.
         """
         before, newest = (self._noise_grey(patch, each) for each in self._seen)
-        if self._new is None or min(before, newest) < self._numbers.same_grey:
+        if min(before, newest) < self._numbers.same_grey:
             return False
         is_equal = abs(math.log(before / newest)) < math.log(EQUAL)
-        return is_equal and newest < EQUAL * self._noise_grey(patch, self._new)
+        return is_equal and all(newest < EQUAL * self._noise_grey(patch, one) for one in self._references)
 
     def _noise_grey(self, patch: Image, other: Image) -> float:
         """Return the standard deviation of the difference of two frames: brightness may change."""

@@ -14,7 +14,7 @@ from rover_hil.gap.decision.analysis import analyse_machine
 from rover_hil.gap.decision.base_trial import machine_bases, machine_trial
 from rover_hil.gap.decision.verdict import decide_machine, is_gap_in_tests_alone
 from rover_hil.gap.findings import Analysis
-from rover_hil.gap.fit.base_parameters import Trial, contradicted, doubted, judged, with_base_parameters
+from rover_hil.gap.fit.base_parameters import Trial, doubted, judged, with_base_parameters
 from rover_hil.gap.fit.called_machine import CalledMachine, called_machine
 from rover_hil.gap.fit.released_fit import released_fit
 from rover_hil.gap.fit.steady import steady_machine
@@ -111,9 +111,9 @@ def _with_base_parameters(analysis: Analysis, seed: int, advance: Callable[[str]
     rows = judged(machine_bases(machine, fitted), trial_of)
     if machine.decision is not None:
         rows = doubted(rows, machine.decision.base_probability)
-    if is_gap_in_tests_alone(machine, verdict.verdict):
-        rows = contradicted(rows)
-    return replace(analysis, verdict=with_base_parameters(verdict, rows))
+    has_gap_in_tests = is_gap_in_tests_alone(machine, verdict.verdict)
+    verdict = with_base_parameters(verdict, rows, has_gap_in_tests=has_gap_in_tests)
+    return replace(analysis, verdict=verdict)
 
 
 def _analyse(

@@ -47,7 +47,7 @@ class Equations:
         condition_units: Conditions, as in `Model`; `p` holds them too.
         is_held: Inputs hold their value until the next sample, as a digital output does; otherwise they are
             interpolated, as a measured signal.
-        substeps: Integration steps per sample.
+        substeps: Integration steps per sample, or per quarter of one where an effect is a delay or a lag.
         effect_substeps: The same where an effect acts that needs more.
         known_forces: Forces that act besides the equations: run, then port, to values at the samples.
     """

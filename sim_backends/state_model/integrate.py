@@ -63,7 +63,7 @@ class Simulation:
         self._runs = runs
         self._points = points
         is_late = any(one.action in (Action.DELAY, Action.LAG) for one in model.port_effects)
-        # Without them too where the model has any: what finer steps explain is no delay.
+        # Also at points without the effect: otherwise the finer steps alone would look like a delay.
         self._parts = FINER if is_late else 1
         times = [_refined(sample_times_s(run, model.step_s), self._parts) for run in runs]
         self._sizes = [one.size for one in times]

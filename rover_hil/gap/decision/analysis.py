@@ -106,7 +106,7 @@ class MachineFindings:
 
     @property
     def is_tolerable(self) -> bool:
-        """True where the base model errs less than its tolerance with parameters as they were known."""
+        """True where the base model errs less than its tolerance, and its parameters are as its priors."""
         if not self.base.evidence.has_budget or self.base.evidence.is_learned:
             return False
         return all(one.is_good_enough for one in self.budget_before) and not far_parameters(self.base.fit)
@@ -149,12 +149,8 @@ def analyse_machine(
         scatter=scatter,
     )
     announce(first_answer(findings.p_gap, budget, findings.scores))
-    if findings.p_gap > MACHINES.tests.alpha:
-        return _with_base_holdout(findings, rng)
-    if findings.is_tolerable:
-        own = findings.scatter.fit
-        p_within_runs = gap_p(own, problem, score_effects(fits, own), rng)
-        return _with_base_holdout(replace(findings, p_within_runs=p_within_runs), rng)
+    if findings.p_gap > MACHINES.tests.alpha or findings.is_tolerable:
+        return _with_base_holdout(_with_scatter(findings, fits, rng), rng)
     unit_error = wrong_unit(problem, base.fit.point)
     if unit_error:
         return replace(findings, unit_error=unit_error)
@@ -175,10 +171,9 @@ def analyse_machine(
         findings = _validated(findings, fits, locked, rng)
     if not findings.best.names:
         findings, fits = _without_wrong_priors(findings, fits, rng)
+        findings, problem = _with_scatter(findings, fits, rng), findings.problem
         if findings.p_gap > MACHINES.tests.alpha or findings.is_tolerable:
             return _with_base_holdout(findings, rng)
-        problem, own = findings.problem, findings.scatter.fit
-        findings = replace(findings, p_within_runs=gap_p(own, problem, score_effects(fits, own), rng))
     left = _free_scores(problem, findings.best)
     findings = replace(
         findings,
@@ -196,6 +191,14 @@ def analyse_machine(
         best, problem = released_fit(problem, findings.best)
         findings = replace(findings, best=best, problem=problem)
     return findings
+
+
+def _with_scatter(findings: MachineFindings, fits: MachineFits, rng: np.random.Generator) -> MachineFindings:
+    """Return what a gap is if parameters may differ between runs, where there is one."""
+    if findings.p_gap > MACHINES.tests.alpha:
+        return findings
+    own = findings.scatter.fit
+    return replace(findings, p_within_runs=gap_p(own, findings.problem, score_effects(fits, own), rng))
 
 
 def _with_base_holdout(findings: MachineFindings, rng: np.random.Generator) -> MachineFindings:

@@ -135,10 +135,10 @@ def decide(problem: Problem, candidates: Sequence[Candidate], best: MachineFit) 
     weights = rng.dirichlet(np.ones(units.count), MACHINES.decide.draws)
     densities = units.count * weights @ np.stack([one.densities for one in predicted]).T
     # Their prior probabilities: of the kind of law, and of base parameters away from nominal.
-    densities = _levelled(densities, candidates)
+    excess = np.stack([_excess(one, weights) for one in predicted], axis=1)
+    densities, excess = _levelled(densities, excess, candidates)
     densities -= [math.log(one.tried) + 0.5 * one.fit.pulls for one in candidates]
     luck = rng.gumbel(size=densities.shape)
-    excess = np.stack([_excess(one, weights) for one in predicted], axis=1)
     sizes = np.array([one.size for one in candidates])
     tolerances = _tolerances(problem.observations)
     winners = winners_of(densities, excess, sizes, tolerances, best.evidence.least_gain, luck)
@@ -215,25 +215,29 @@ def is_same_law(one: MachineFit, other: MachineFit, base: MachineFit) -> bool:
     return abs(float(first @ second)) > MACHINES.terms.same_law * length
 
 
-def _levelled(densities: Array, candidates: Sequence[Candidate]) -> Array:
-    """Return the densities where explanations of one size that the runs do not distinguish have the greater.
+def _levelled(densities: Array, excess: Array, candidates: Sequence[Candidate]) -> tuple[Array, Array]:
+    """Return densities and excesses; those of explanations that the runs do not distinguish are the better.
 
-    They predict the same as well as each other; without a unit the free shapes of one may do anything there.
+    They are of one size and of the list, predict the same, and fit as well as each other; without a unit the
+    free shapes of one may do anything there.
     """
     base = next((one.fit for one in candidates if not one.names), None)
     if base is None:
-        return densities
+        return densities, excess
     least = float(chi2.ppf(MACHINES.decide.whole_set, 1))
-    levelled: Array = densities.copy()
+
+    def is_equal(one: Candidate, other: Candidate) -> bool:
+        is_pair = one.is_listed and other.is_listed and one.size == other.size and one.names != other.names
+        if not (is_pair and one.names and other.names):
+            return False
+        return abs(one.fit.cost - other.fit.cost) < least and is_same_law(one.fit, other.fit, base)
+
+    levelled, errors, draws = densities.copy(), excess.copy(), np.arange(len(densities))
     for place, one in enumerate(candidates):
-        for other in range(place):
-            rival = candidates[other]
-            is_other = one.names and rival.names and one.names != rival.names and one.size == rival.size
-            is_equal = is_other and abs(one.fit.fit.cost - rival.fit.fit.cost) < least
-            if is_equal and is_same_law(one.fit, rival.fit, base):
-                both = [place, other]
-                levelled[:, both] = levelled[:, both].max(axis=1, keepdims=True)
-    return levelled
+        equals = [place, *(k for k, other in enumerate(candidates) if is_equal(one, other))]
+        best = np.array(equals)[densities[:, equals].argmax(axis=1)]
+        levelled[:, place], errors[:, place] = densities[draws, best], excess[draws, best]
+    return levelled, errors
 
 
 def winners_of(

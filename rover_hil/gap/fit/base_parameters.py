@@ -97,7 +97,7 @@ def _doubted(row: FittedBase, probability: float) -> FittedBase:
     return replace(row, is_named=False, equals=(), why=why)
 
 
-def contradicted(rows: Sequence[FittedBase]) -> list[FittedBase]:
+def _contradicted(rows: Sequence[FittedBase]) -> list[FittedBase]:
     """Return base parameters where a gap remains on the test runs: what is missing there may move them."""
     why = "not decided, a gap remains on the test runs"
     return [replace(row, is_named=False, equals=(), why=why) if _is_far(row) else row for row in rows]
@@ -113,8 +113,18 @@ def _is_far(row: FittedBase) -> bool:
     return abs(row.pull) > FAR_SD and not row.ci95[0] <= row.nominal <= row.ci95[1]
 
 
-def with_base_parameters(verdict: Verdict, rows: Sequence[FittedBase]) -> Verdict:
-    """Return a verdict on effects with the base parameters in it."""
+def with_base_parameters(
+    verdict: Verdict, rows: Sequence[FittedBase], *, has_gap_in_tests: bool = False
+) -> Verdict:
+    """Return a verdict on effects with the base parameters in it.
+
+    Args:
+        verdict: On the effects.
+        rows: The base parameters.
+        has_gap_in_tests: Only the test runs contradict the model; then no base parameter is the finding.
+    """
+    if has_gap_in_tests:
+        rows = _contradicted(rows)
     verdict = replace(verdict, base_parameters=list(rows))
     reported = far(rows)
     if not reported:
@@ -124,8 +134,8 @@ def with_base_parameters(verdict: Verdict, rows: Sequence[FittedBase]) -> Verdic
     head = _head(named, open_)
     if named and answer is not Answer.NAMED:
         head = head.replace("Wrong", "Probably wrong", 1)
-    sentences = [head, _rest(verdict, named)]
-    is_open = verdict.verdict is Answer.UNNAMED and not _is_tolerable(verdict)
+    sentences = [head, verdict.sentence if has_gap_in_tests else _rest(verdict, named)]
+    is_open = verdict.verdict is Answer.UNNAMED and (has_gap_in_tests or not _is_tolerable(verdict))
     if (verdict.unnamed or is_open) and not named:
         sentences.reverse()  # the gap is the finding, and what is missing may have moved the value
     return replace(verdict, verdict=answer, confidence_set=members, sentence=" ".join(sentences))

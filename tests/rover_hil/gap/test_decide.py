@@ -79,6 +79,18 @@ def test_the_probability_of_a_name_and_of_none_are_stated() -> None:
     assert named.probabilities[-1] == {"effects": ["none of these"], "probability": 0.0}
 
 
+def test_an_error_below_the_tolerance_beside_a_wrong_parameter_is_no_difference_between_runs() -> None:
+    model = axis_model()
+    gain, damping = model.parameters
+    channel = replace(model.channels[0], tolerance=2.0)
+    wrong = replace(gain, nominal=1.6 * gain.nominal)
+    verdict = analyse(
+        replace(model, parameters=(wrong, damping), channels=(channel,)), measured_runs(8, dry=2.5)
+    ).verdict
+    assert verdict.verdict is Answer.NAMED
+    assert "no gap above the tolerance" in verdict.sentence
+
+
 def test_laws_that_predict_the_same_are_equally_probable() -> None:
     """Where stretches of runs are left out, a free shape may do anything there."""
     model = axis_model()
@@ -112,7 +124,7 @@ def test_a_law_that_acts_in_the_test_runs_alone_is_a_gap() -> None:
     assert not verdict.next_run
 
 
-def test_a_gap_in_the_test_runs_alone_has_a_vote_on_a_base_parameter() -> None:
+def test_a_gap_in_the_test_runs_alone_forbids_the_name_of_a_base_parameter() -> None:
     model, runs = axis_model(), measured_runs(8)
     gain, damping = model.parameters
     model = replace(model, parameters=(replace(gain, nominal=1.6 * gain.nominal), damping))
@@ -123,6 +135,7 @@ def test_a_gap_in_the_test_runs_alone_has_a_vote_on_a_base_parameter() -> None:
     mixed = [odd[one.name] if one.name in sound.plan.confirm else one for one in runs]
     verdict = analyse(model, mixed).verdict
     assert verdict.verdict is Answer.UNNAMED, verdict.sentence
+    assert verdict.sentence.startswith("There is a gap in the test runs alone (")
     assert not any(one.is_named for one in verdict.base_parameters)
     assert verdict.gap["speed_sensor"]["before"] == pytest.approx(0.51, abs=0.02)
 
