@@ -236,7 +236,9 @@ def _levelled(densities: Array, excess: Array, candidates: Sequence[Candidate]) 
     for place, one in enumerate(candidates):
         equals = [place, *(k for k, other in enumerate(candidates) if is_equal(one, other))]
         best = np.array(equals)[densities[:, equals].argmax(axis=1)]
-        levelled[:, place], errors[:, place] = densities[draws, best], excess[draws, best]
+        # Together they are as probable before as one: copies of a law would make it more probable.
+        levelled[:, place] = densities[draws, best] - math.log(len(equals))
+        errors[:, place] = excess[draws, best]
     return levelled, errors
 
 
