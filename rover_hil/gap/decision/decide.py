@@ -18,7 +18,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from rover_hil.gap.data.problem import Observations, Problem
 from rover_hil.gap.decision.structure import force_densities
@@ -136,7 +135,6 @@ def decide(problem: Problem, candidates: Sequence[Candidate], best: MachineFit) 
     densities = units.count * weights @ np.stack([one.densities for one in predicted]).T
     # Their prior probabilities: of the kind of law, and of base parameters away from nominal.
     excess = np.stack([_excess(one, weights) for one in predicted], axis=1)
-    densities, excess = _levelled(densities, excess, candidates)
     densities -= [math.log(one.tried) + 0.5 * one.fit.pulls for one in candidates]
     luck = rng.gumbel(size=densities.shape)
     sizes = np.array([one.size for one in candidates])
@@ -213,33 +211,6 @@ def is_same_law(one: MachineFit, other: MachineFit, base: MachineFit) -> bool:
     first, second = base.errors - one.errors, base.errors - other.errors
     length = float(np.linalg.norm(first) * np.linalg.norm(second))
     return abs(float(first @ second)) > MACHINES.terms.same_law * length
-
-
-def _levelled(densities: Array, excess: Array, candidates: Sequence[Candidate]) -> tuple[Array, Array]:
-    """Return densities and excesses; those of explanations that the runs do not distinguish are the better.
-
-    They are of one size and of the list, predict the same, and fit as well as each other; without a unit the
-    free shapes of one may do anything there.
-    """
-    base = next((one.fit for one in candidates if not one.names), None)
-    if base is None:
-        return densities, excess
-    least = float(chi2.ppf(MACHINES.decide.whole_set, 1))
-
-    def is_equal(one: Candidate, other: Candidate) -> bool:
-        is_pair = one.is_listed and other.is_listed and one.size == other.size and one.names != other.names
-        if not (is_pair and one.names and other.names):
-            return False
-        return abs(one.fit.cost - other.fit.cost) < least and is_same_law(one.fit, other.fit, base)
-
-    levelled, errors, draws = densities.copy(), excess.copy(), np.arange(len(densities))
-    for place, one in enumerate(candidates):
-        equals = [place, *(k for k, other in enumerate(candidates) if is_equal(one, other))]
-        best = np.array(equals)[densities[:, equals].argmax(axis=1)]
-        # Together they are as probable before as one: copies of a law would make it more probable.
-        levelled[:, place] = densities[draws, best] - math.log(len(equals))
-        errors[:, place] = excess[draws, best]
-    return levelled, errors
 
 
 def winners_of(

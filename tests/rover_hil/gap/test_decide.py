@@ -91,18 +91,6 @@ def test_an_error_below_the_tolerance_beside_a_wrong_parameter_is_no_difference_
     assert "no gap above the tolerance" in verdict.sentence
 
 
-def test_laws_that_predict_the_same_are_equally_probable() -> None:
-    """Where stretches of runs are left out, a free shape may do anything there."""
-    model = axis_model()
-    fading = effects.stribeck_friction("acceleration", velocity="speed", size=2.0, speed=10.0, slow=0.05)
-    model = replace(model, port_effects=(*model.port_effects, fading))
-    verdict = analyse(model, measured_runs(6, dry=2.5)).verdict
-    assert verdict.verdict is Answer.NAMED_SET
-    shares = {str(one["effects"]): one["probability"] for one in verdict.probabilities}
-    for law in ("coulomb_friction", "stribeck_friction"):
-        assert shares[str([law])] == pytest.approx(0.5, abs=0.1)
-
-
 def test_an_error_below_the_tolerance_is_not_explained() -> None:
     model = axis_model()
     loose = replace(model, channels=(replace(model.channels[0], tolerance=2.0),))
