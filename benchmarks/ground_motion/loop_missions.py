@@ -26,9 +26,8 @@ Columns; errors are of the position, in plan view, and weighted by the true path
   than a tenth of the last 0.15 m of the wheels; rms at most half of the wheels' or at most 15 mm, and slip
   off by at most 0.05. Way, of the Robotinos that did not get stuck: finished, and the true path within 45 mm
   (rms) and 100 mm (closure) of the wanted one, as in `benchmarks.gates.floors`; the El-Dorado slides down
-  side slopes. Of
-  wrong missions: whether the cause was reported in 25 cycles or more, is a reason of that many frames, or is
-  stated at the end as motion that the ground leaves open.
+  side slopes. Of wrong missions: whether the cause was reported in 25 cycles or more, is a reason of that
+  many frames, or is stated at the end as motion that the ground leaves open.
 
 Before the table are all reports with their numbers of cycles, other reasons of the ground motion with their
 numbers of frames, and what the mission has not confirmed about the camera by its end. Exit code 1 where a

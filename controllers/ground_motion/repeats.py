@@ -6,10 +6,11 @@ did so far is one sent again, or one of a rover that has just stopped: in both c
 the travel is measured over all of it.
 
 Three frames of ground that stands differ equally from each other, and not more than from the last new one,
-since the noise of each is its own. Of one picture that is coded again and again, two copies differ by nothing
-where they are coded alike, and by the root of two of their difference from it where they are not; the premise
-is that the picture itself was seen as it was, or coded like one of its copies. Behind a filter of noise over
-time nothing distinguishes the two, until ground that stands for long shows the noise.
+since the noise of each is its own; twice in a row this shows that the ground stands. Of one picture that is
+coded again and again, two copies differ by nothing where they are coded alike, and by the root of two of
+their difference from it where they are not. The premise, which nothing tests: the first picture itself was
+not given noise of its own on its way. Behind a filter of noise over time nothing distinguishes the two, until
+ground that stands for long shows the noise.
 """
 
 import math
